@@ -5,6 +5,7 @@ makes ``resources/translations/kochab_de.qm``, which the window loads in a Germa
 """
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,18 @@ from tests.patterns import REPOSITORY
 
 FOLDER = REPOSITORY / "resources" / "translations"
 SOURCE = REPOSITORY / "app" / "kochab"
+ERRORS = re.compile(r"^class (\w+Error)\((?:\w+\.)?\w*Error\)", re.MULTILINE)
 SAMPLES = REPOSITORY / "resources" / "samples" / "samples.json"
+
+
+MARKERS = ("tr_noop", "tr_n", "refuse", "warn", "confirm")
+"""What takes a text for people beside ``tr``; so do the errors of :mod:`kochab.core.errors`."""
+
+
+def markers() -> list[str]:
+    """All names whose first argument is a text for people."""
+    found = {name for path in SOURCE.rglob("*.py") for name in ERRORS.findall(path.read_text(encoding="utf-8"))}
+    return [*MARKERS, "KochabError", *sorted(found)]
 
 
 def qt_tool(name: str, *arguments: str) -> None:
@@ -31,10 +43,13 @@ def data_texts() -> Iterator[str]:
     from kochab.attitude import ESTIMATORS
     from kochab.core.registry import options_of
     from kochab.detection import DETECTORS
+    from kochab.gear.mounts import DRIVERS
     from kochab.identification import IDENTIFIERS
 
     for sample in json.loads(SAMPLES.read_text(encoding="utf-8")).values():
         yield from sample.values()
+    for driver in DRIVERS.loaded().values():
+        yield driver.title
     for registry in (IDENTIFIERS, DETECTORS, ESTIMATORS):
         for name in registry:
             for option in options_of(registry.load(name)):
@@ -50,7 +65,7 @@ def collect(file: Path) -> None:
         names = Path(folder) / "files.txt"
         sources = [*sorted(SOURCE.rglob("*.py")), data]
         names.write_text("\n".join(map(str, sources)), encoding="utf-8")
-        aliases = ("-tr-function-alias", "tr+=tr_noop,tr+=tr_n")
+        aliases = ("-tr-function-alias", ",".join(f"tr+={name}" for name in markers()))
         language = file.stem.partition("_")[2]
         qt_tool(
             "lupdate", *aliases, "-locations", "none", "-no-obsolete", "-target-language", language, f"@{names}",

@@ -19,9 +19,8 @@ from kochab.lab.bench.polar_frames import Night, Overhead
 from kochab.polar.horizon import Refraction
 from kochab.polar.live import LivePhase
 from kochab.polar.measure import MeasureSettings, measure
-from kochab.polar.one_camera import seen_by, with_one_camera
 from kochab.polar.rotations import ARCSEC, direction
-from kochab.polar.sighting import Sighting, to_local
+from kochab.polar.sighting import Sighting, seen_by, to_local, with_one_camera
 
 SITE, AIR = Site(40.0, 11.5, 500.0), Refraction(960.0, 5.0)
 AXIS = direction(np.radians(40.4), np.radians(-0.3))

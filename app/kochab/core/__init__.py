@@ -38,12 +38,12 @@ def tr(text: str, note: str = "", /, **values: object) -> str:
 
     ``note`` tells two English texts apart that other languages say differently.
     """
-    return _filled(_said(text, note, -1) or text, values)
+    return _filled(_said(text, note, -1), text, values)
 
 
 def tr_n(one: str, many: str, n: int, /, **values: object) -> str:
     """The same for a text that counts ``n`` things, which stands in it as ``{n}``: one of them, or any other number."""
-    return _filled(_said(one, many, n) or (one if n == 1 else many), {"n": n, **values})
+    return _filled(_said(one, many, n), one if n == 1 else many, {"n": n, **values})
 
 
 def tr_noop(text: str, note: str = "", /) -> str:
@@ -70,10 +70,15 @@ def _said(text: str, note: str, n: int) -> str | None:
     return None if _translate is None or not text or _english.get() else _translate(text, note, n)
 
 
-def _filled(text: str, values: dict[str, object]) -> str:
+def _filled(said: str | None, text: str, values: dict[str, object]) -> str:
     if _points:
         values = {name: _Shown(v) if isinstance(v, Number) else v for name, v in values.items()}  # type: ignore[arg-type]
-    return text.format(**values) if values else text
+    if not values:
+        return said or text
+    try:
+        return (said or text).format(**values)
+    except (LookupError, ValueError):  # a translation with places of its own: its error must not hide this sentence
+        return text.format(**values)
 
 
 def data_folder(name: str) -> Path:

@@ -170,7 +170,7 @@ def parse_ra_deg(text: str) -> float:
     value = _sexagesimal(numbers) * (15.0 if hours else 1.0)
     if negative or not 0.0 <= value <= 360.0:
         typed = short_name(text.strip())
-        raise UsageError(tr("{text} is not a right ascension; give 0 to 360° or 0h to 24h.", text=typed))
+        raise UsageError("{text} is not a right ascension; give 0 to 360° or 0h to 24h.", text=typed)
     return value % 360.0
 
 
@@ -180,7 +180,7 @@ def parse_dec_deg(text: str) -> float:
     value = _sexagesimal(numbers) * (-1.0 if negative else 1.0)
     if not -90.0 <= value <= 90.0 or "h" in text.lower():
         typed = short_name(text.strip())
-        raise UsageError(tr("{text} is not a declination; give −90° to +90°.", text=typed))
+        raise UsageError("{text} is not a declination; give −90° to +90°.", text=typed)
     return value
 
 
@@ -235,7 +235,7 @@ def parse_positive(text: str, what: str, most: float) -> float:
     except ValueError:
         value = float("nan")
     if not 0.0 < value <= most:
-        raise UsageError(tr("{what} must be a number above 0 and at most {most:g}.", what=what, most=most))
+        raise UsageError("{what} must be a number above 0 and at most {most:g}.", what=what, most=most)
     return value
 
 
@@ -249,5 +249,5 @@ def _numbers(text: str, wrong: str) -> tuple[list[float], bool]:
 
 def _sexagesimal(numbers: list[float]) -> float:
     if any(n >= 60.0 for n in numbers[1:]):
-        raise UsageError(tr("Minutes and seconds must be below 60."))
+        raise UsageError("Minutes and seconds must be below 60.")
     return sum(n / 60.0**i for i, n in enumerate(numbers))

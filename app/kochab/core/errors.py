@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from kochab.core import tr
+
 # Controls, line ends, turns of the writing's direction, and bytes of a name that are no letters.
 _UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
@@ -13,7 +15,13 @@ def printable(text: str) -> str:
 
 
 class KochabError(Exception):
-    """Anything a person can act on; its text is one clear sentence, shown as it stands."""
+    """Anything a person can act on; its text is one clear sentence, shown in their language.
+
+    Translators read ``text`` as it stands in the call; ``values`` come into its places, see :func:`kochab.core.tr`.
+    """
+
+    def __init__(self, text: str = "", /, **values: object) -> None:
+        super().__init__(tr(text, **values))
 
     def __str__(self) -> str:
         return printable(super().__str__())
@@ -31,7 +39,9 @@ class DamagedPatternsError(CatalogueError):
     """A pattern volume holds what nobody wrote there; ``folder`` is where it lies."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(f"The patterns in {folder} are missing or damaged and cannot be used: install Kochab again.")
+        super().__init__(
+            "The patterns in {folder} are missing or damaged and cannot be used: install Kochab again.", folder=folder
+        )
         self.folder = folder
 
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 from math import radians
 from typing import Protocol
 
+from kochab.core import tr_noop
 from kochab.core.frame import Site
 
 
@@ -14,14 +15,14 @@ class Epoch(StrEnum):
     """The equator and equinox a mount's coordinates belong to."""
 
     J2000 = "J2000"
-    DATE = "of date"
+    DATE = tr_noop("of date")
 
 
 class Direction(StrEnum):
     """Where the telescope is moved on the sky; east is towards greater right ascension."""
 
-    NORTH = "north"
-    SOUTH = "south"
+    NORTH = tr_noop("north")
+    SOUTH = tr_noop("south")
     EAST = "east"
     WEST = "west"
 
@@ -34,8 +35,8 @@ class Direction(StrEnum):
 class PierSide(StrEnum):
     """The side of the pier that the telescope is on."""
 
-    EAST = "east"
-    WEST = "west"
+    EAST = tr_noop("east")
+    WEST = tr_noop("west")
 
     @property
     def opposite(self) -> "PierSide":

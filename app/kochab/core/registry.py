@@ -87,7 +87,9 @@ class Option:
             return None
         if not self._allowed(value):
             text = ",".join(map(str, value)) if isinstance(value, tuple) else value
-            raise UsageError(f"{self.name} cannot be {text}; allowed: {self.range_text}.")
+            raise UsageError(
+                "{name} cannot be {text}; allowed: {range}.", name=self.name, text=text, range=self.range_text
+            )
         return value
 
     def _allowed(self, value: Any) -> bool:
@@ -153,7 +155,7 @@ def checked(method: type, values: Mapping[str, Any]) -> dict[str, Any]:
     for name in values:
         if name not in known:
             there = f"there are {', '.join(known)}" if known else "there are none"
-            raise UsageError(f"There is no option {name}; {there}.")
+            raise UsageError("There is no option {name}; {there}.", name=name, there=there)
     return {
         name: known[name].parse(value) if isinstance(value, str) else known[name].check(value)
         for name, value in values.items()
@@ -201,7 +203,9 @@ class Registry(Mapping[str, str], Generic[T]):
     def check(self, name: str) -> None:
         """Raise :class:`UsageError`, which lists the names there are, when ``name`` is none of them."""
         if name not in self:
-            raise UsageError(f"There is no {self.kind} '{name}'; choose one of {', '.join(self)}.")
+            raise UsageError(
+                "There is no {kind} '{name}'; choose one of {value}.", kind=self.kind, name=name, value=", ".join(self)
+            )
 
     def load(self, name: str) -> Any:
         """The class, or the function, registered as ``name``.
@@ -216,7 +220,13 @@ class Registry(Mapping[str, str], Generic[T]):
                 raise
             _log().debug("%s", self[name], exc_info=True)
             cause = f"{type(error).__name__}: {error}"
-            raise UsageError(f"The {self.kind} '{name}' ({self[name]}) cannot be loaded: {cause}") from error
+            raise UsageError(
+                "The {kind} '{name}' ({value}) cannot be loaded: {cause}",
+                kind=self.kind,
+                name=name,
+                value=self[name],
+                cause=cause,
+            ) from error
 
     def loaded(self) -> dict[str, Any]:
         """Every class by its name; one that cannot be loaded is left out with a warning."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats, Ints, Table
 from kochab.core.attitude import Attitude, unit, unit_vectors
 from kochab.core.camera import Camera
@@ -181,17 +182,17 @@ class Solution:
 class Reason(StrEnum):
     """Why there is no solution."""
 
-    TOO_FEW_STARS = "too few stars"
-    TRAILED = "trailed"
-    OUT_OF_FOCUS = "out of focus"
-    CLOUDED_OR_DARK = "clouded or dark"
-    FIELD_TOO_SMALL = "field too small for the catalogue"
-    NO_PATTERN_AGREED = "no pattern agreed"
-    DISTORTION_TOO_STRONG = "distortion too strong"
-    CANCELLED = "cancelled"
-    TIMED_OUT = "timed out"
-    OUTSIDE_RADIUS = "outside the search radius"
-    ANOTHER_FIELD = "not the field of view given"
+    TOO_FEW_STARS = tr_noop("too few stars")
+    TRAILED = tr_noop("trailed")
+    OUT_OF_FOCUS = tr_noop("out of focus")
+    CLOUDED_OR_DARK = tr_noop("clouded or dark")
+    FIELD_TOO_SMALL = tr_noop("field too small for the catalogue")
+    NO_PATTERN_AGREED = tr_noop("no pattern agreed")
+    DISTORTION_TOO_STRONG = tr_noop("distortion too strong")
+    CANCELLED = tr_noop("cancelled")
+    TIMED_OUT = tr_noop("timed out")
+    OUTSIDE_RADIUS = tr_noop("outside the search radius")
+    ANOTHER_FIELD = tr_noop("not the field of view given")
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +218,12 @@ class NoSolution:
         rows += [("Tried", self.tried)] * bool(self.tried)
         rows += [(name.replace("_", " "), f"{value:.4g}") for name, value in self.measured.items()]
         return _html("No solution", rows) + _notes(self.warnings)
+
+
+def no_solution_text(failure: NoSolution) -> str:
+    """Why and what to do, as a sentence each."""
+    reason = tr(failure.reason)
+    return f"{reason[:1].upper()}{reason[1:]}: {failure.advice}"
 
 
 SolveNow = Callable[[], Task[Solution | NoSolution]]

@@ -52,7 +52,7 @@ class Header:
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if isinstance(value, bool) or not isinstance(value, int):
-            raise FrameError(f"is a damaged FITS file: its header has no valid {name}.")
+            raise FrameError("is a damaged FITS file: its header has no valid {name}.", name=name)
         return value
 
     def number(self, name: str, default: float) -> float:
@@ -65,7 +65,7 @@ class Header:
         """The array's shape in numpy's order (last axis first); ``prefix`` Z for compressed."""
         count = self.integer(f"{prefix}NAXIS")
         if not 0 <= count <= 999:
-            raise FrameError(f"is a damaged FITS file: it claims {count} axes.")
+            raise FrameError("is a damaged FITS file: it claims {count} axes.", count=count)
         sizes = [self.integer(f"{prefix}NAXIS{i + 1}") for i in range(count)]
         if any(s < 0 for s in sizes):
             raise FrameError("is a damaged FITS file: it claims an axis of negative length.")
@@ -231,14 +231,14 @@ def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
             break
         fields = header.integer("TFIELDS", 0)
         if not 0 <= fields <= _MAX_FIELDS:  # astropy makes room for each column
-            raise FrameError(f"is a damaged FITS file: it claims a table of {fields} columns.")
+            raise FrameError("is a damaged FITS file: it claims a table of {fields} columns.", fields=fields)
         data = file.tell()
         yield start, header
         size = abs(header.integer("BITPIX", 8)) // 8 * header.integer("GCOUNT", 1)
         whole = header.shape()
         size *= header.integer("PCOUNT", 0) + (math.prod(whole) if whole else 0)
         if size > _MOST_BYTES:
-            raise FrameError(f"is a damaged FITS file: it claims {size:.2g} bytes of data.")
+            raise FrameError("is a damaged FITS file: it claims {size:.2g} bytes of data.", size=size)
         file.seek(data + max(0, -(-size // BLOCK) * BLOCK))
 
 
@@ -256,7 +256,7 @@ def find_image(file: BinaryIO) -> FitsImage:
             if len(shape) >= 2 and all(shape):
                 bitpix = header.integer(f"{prefix}BITPIX")
                 if bitpix not in _TYPES:
-                    raise FrameError(f"is a damaged FITS file: BITPIX is {bitpix}.")
+                    raise FrameError("is a damaged FITS file: BITPIX is {bitpix}.", bitpix=bitpix)
                 both = Header({**primary.values, **values}, {**primary.comments, **header.comments}, header.unparsed)
                 return FitsImage(both, index, start, file.tell(), shape, bitpix, compressed)
             if any(s == 0 for s in shape) and len(shape) >= 2:
@@ -294,7 +294,7 @@ def _read_plain(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Ar
         filled = file.readinto(part.view(np.uint8).data)  # type: ignore[attr-defined]
         if filled != part.nbytes:
             share = 100 * (start * stored.itemsize + filled) // out.nbytes
-            raise FrameError(f"is cut short: {share} % of its image is there.")
+            raise FrameError("is cut short: {share} % of its image is there.", share=share)
         _swap(part)
         if offset_type is not None:
             part ^= half
@@ -371,12 +371,12 @@ def _check_tiles(image: FitsImage, wanted: tuple[int, ...], available: int) -> N
     tile = [header.integer(f"ZTILE{i}", whole[-1] if i == 1 else 1) for i in axes]
     sizes = list(zip(reversed(whole), tile, strict=True))
     if any(not 1 <= side <= max(size, 1) for size, side in sizes):
-        raise FrameError(f"is a damaged FITS file: it claims tiles of {tile} pixels.")
+        raise FrameError("is a damaged FITS file: it claims tiles of {tile} pixels.", tile=tile)
     if math.prod(tile) > max(math.prod(wanted), _MAX_TILE_PX):
-        raise FrameError(f"packs {math.prod(tile)} pixels into one tile, more than Kochab unpacks.")
+        raise FrameError("packs {prod} pixels into one tile, more than Kochab unpacks.", prod=math.prod(tile))
     row, rows = header.integer("NAXIS1"), header.integer("NAXIS2")
     if rows != math.prod(-(-size // side) for size, side in sizes):
-        raise FrameError(f"is a damaged FITS file: it has {rows} tiles, which is not all.")
+        raise FrameError("is a damaged FITS file: it has {rows} tiles, which is not all.", rows=rows)
     if row * rows > available:
         raise FrameError("is cut short: its table of tiles is not all there.")
 

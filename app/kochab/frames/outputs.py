@@ -29,7 +29,9 @@ def refuse_overwriting(targets: Iterable[Name], inputs: Iterable[Name] = (), ove
     for target in map(Path, targets):
         refuse_input(target, names)
         if target.is_file() and not overwrite:
-            raise UsageError(f"{target} exists already: name another file, or add --overwrite to replace it.")
+            raise UsageError(
+                "{target} exists already: name another file, or add --overwrite to replace it.", target=target
+            )
 
 
 def refuse_input(target: Name, inputs: Iterable[Name]) -> None:
@@ -38,7 +40,7 @@ def refuse_input(target: Name, inputs: Iterable[Name]) -> None:
     Raises UsageError when ``target`` is one of ``inputs``.
     """
     if any(same_file(target, name) for name in inputs):
-        raise UsageError(f"{target} is an input file and is never overwritten: name another file.")
+        raise UsageError("{target} is an input file and is never overwritten: name another file.", target=target)
 
 
 def is_solution_file(path: Name) -> bool:

@@ -118,11 +118,15 @@ def _read(reader: Reader, path: Path, foreign: str) -> Frame:
             return _foreign(reader, path, foreign) if foreign else reader(path)
     except FrameError as error:
         text = str(error)
-        raise (error if printable(path.name) in text else FrameError(f"{path.name} {text}")) from None
+        raise (
+            error if printable(path.name) in text else FrameError("{name} {text}", name=path.name, text=text)
+        ) from None
     except MemoryError:
-        raise FrameError(f"{path.name} does not fit into the {memory_text()} there is for reading it.") from None
+        raise FrameError(
+            "{name} does not fit into the {memory} there is for reading it.", name=path.name, memory=memory_text()
+        ) from None
     except OSError as error:
-        raise FrameError(f"{path.name} cannot be read: {_plain(error)}.") from None
+        raise FrameError("{name} cannot be read: {plain}.", name=path.name, plain=_plain(error)) from None
 
 
 def _foreign(reader: Reader, path: Path, whose: str) -> Frame:
@@ -136,33 +140,35 @@ def _foreign(reader: Reader, path: Path, whose: str) -> Frame:
         raise
     except Exception as error:  # another package's code may raise anything
         cause = f"{type(error).__name__}: {_plain(error)}"
-        raise FrameError(f"{path.name} cannot be read: a fault in the {whose}, {cause}.") from error
+        raise FrameError(
+            "{name} cannot be read: a fault in the {whose}, {cause}.", name=path.name, whose=whose, cause=cause
+        ) from error
     return frame
 
 
 def _sniff(path: Path) -> str:
     try:
         if path.is_dir():
-            raise FrameError(f"{path} is a folder, not an image.")
+            raise FrameError("{path} is a folder, not an image.", path=path)
         if path.exists() and not path.is_file():  # a pipe would keep us waiting for ever
-            raise FrameError(f"{path} is a pipe or a device, not a file.")
+            raise FrameError("{path} is a pipe or a device, not a file.", path=path)
         with path.open("rb") as file:
             head = file.read(64)
     except FileNotFoundError:
-        raise FrameError(f"{path} does not exist.") from None
+        raise FrameError("{path} does not exist.", path=path) from None
     except PermissionError:
-        raise FrameError(f"Can't open {path}: permission denied.") from None
+        raise FrameError("Can't open {path}: permission denied.", path=path) from None
     except (OSError, ValueError) as error:
-        raise FrameError(f"Can't open {path}: {_plain(error)}.") from None
+        raise FrameError("Can't open {path}: {plain}.", path=path, plain=_plain(error)) from None
     if not head:
-        raise FrameError(f"{path.name} is empty.")
+        raise FrameError("{name} is empty.", name=path.name)
     suffix = path.suffix.lower()
     if kind := kind_of(head, suffix):
         return kind
     if suffix[1:] in FORMATS.others():
         return suffix[1:]
     known = "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC or camera RAW"
-    raise FrameError(f"Can't open {path.name}: not a supported image ({known}).")
+    raise FrameError("Can't open {name}: not a supported image ({known}).", name=path.name, known=known)
 
 
 def kind_of(head: bytes, suffix: str) -> str | None:

@@ -37,22 +37,34 @@ def check_size(width: int, height: int, bytes_px: int = 1, packed_bytes: int | N
     that is free, or packed by more than `MAX_PACKED`.
     """
     if width < 2 or height < 2:
-        raise FrameError(f"holds no picture: it is {width} x {height} pixels.")
+        raise FrameError("holds no picture: it is {width} x {height} pixels.", width=width, height=height)
     if width * height > MAX_PIXELS or max(width, height) > MAX_SIDE_PX:
         raise FrameError(
-            f"claims {width} x {height} pixels, more than the {MAX_PIXELS // 1_000_000} million Kochab opens."
+            "claims {width} x {height} pixels, more than the {max} million Kochab opens.",
+            width=width,
+            height=height,
+            max=MAX_PIXELS // 1_000_000,
         )
     size, free = width * height * bytes_px, free_bytes()
     if packed_bytes is not None and size > max(_LARGE_BYTES, MAX_PACKED * packed_bytes):
         raise FrameError(
-            f"claims {width} x {height} pixels, {size / 1e9:.1f} GB, packed into {packed_bytes / 1e6:.2g} MB:"
-            " no camera's image packs so small."
+            "claims {width} x {height} pixels, {size:.1f} GB, packed into {packed:.2g} MB: no "
+            "camera's image packs so small.",
+            width=width,
+            height=height,
+            size=size / 1e9,
+            packed=packed_bytes / 1e6,
         )
     limit = MAX_BYTES if free is None or size > MAX_BYTES else free / 2
     if size > limit:
         raise FrameError(
-            f"claims {width} x {height} pixels of {8 * bytes_px} bits, {size / 1e9:.1f} GB, more"
-            f" than the {limit / 1e9:.1f} GB there is room for."
+            "claims {width} x {height} pixels of {bytes} bits, {size:.1f} GB, more than the "
+            "{limit:.1f} GB there is room for.",
+            width=width,
+            height=height,
+            bytes=8 * bytes_px,
+            size=size / 1e9,
+            limit=limit / 1e9,
         )
 
 

@@ -197,7 +197,9 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
     try:
         sandbox = _kept() or _Sandbox()
     except OSError as error:
-        raise FrameError(f"{name} cannot be read: no process starts to read it ({error.strerror}).") from None
+        raise FrameError(
+            "{name} cannot be read: no process starts to read it ({strerror}).", name=name, strerror=error.strerror
+        ) from None
     try:
         memory_bytes = max(LEAST_BYTES, min(MOST_BYTES, free_bytes() or MOST_BYTES))
         answer = sandbox.call((function, arguments, None if WATCHED else memory_bytes, timeout_s))
@@ -206,15 +208,21 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
             if WATCHED and time.monotonic() > seen + _WATCH_S:
                 if sandbox.resident_bytes() > memory_bytes:
                     room = f"{memory_bytes / 1e9:.1f} GB"
-                    raise FrameError(f"{name} does not fit into the {room} there is for reading it.")
+                    raise FrameError(
+                        "{name} does not fit into the {room} there is for reading it.", name=name, room=room
+                    )
                 seen = time.monotonic()
             if deadline is not None and time.monotonic() > deadline:
-                raise FrameError(f"{name} was not read within {timeout_s:g} s. Is it damaged? Else allow more time.")
+                raise FrameError(
+                    "{name} was not read within {timeout:g} s. Is it damaged? Else allow more time.",
+                    name=name,
+                    timeout=timeout_s,
+                )
             yield Progress("read", None, name)
             with contextlib.suppress(TimeoutError):
                 answer.exception(_POLL_S)
         if answer.exception() is not None:
-            raise FrameError(f"{name} cannot be read: its decoder crashed, or the memory ran out.")
+            raise FrameError("{name} cannot be read: its decoder crashed, or the memory ran out.", name=name)
     except BaseException:  # also when this task is closed
         sandbox.kill()
         raise

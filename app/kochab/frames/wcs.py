@@ -74,10 +74,10 @@ def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target
             out.write(before + _with_wcs(header, solution))
             shutil.copyfileobj(file, out, _COPIED_BYTES)
     except FrameError as error:
-        raise FrameError(f"{name} {error}") from None
+        raise FrameError("{name} {error}", name=name, error=error) from None
     except (OSError, EOFError, zlib.error) as error:
         text = getattr(error, "strerror", None) or str(error)
-        raise FrameError(f"{target} cannot be written: {text.rstrip('.')}.") from None
+        raise FrameError("{target} cannot be written: {text}.", target=target, text=text.rstrip(".")) from None
 
 
 def _with_wcs(header: bytes, solution: Solution) -> bytes:

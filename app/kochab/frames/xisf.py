@@ -70,7 +70,7 @@ def _samples(file: Any, meta: Mapping[str, Any], packed_bytes: int) -> Any:
     check_size(width, height, channels * dtype.itemsize, packed_bytes)
     count = width * height * channels
     if not 1 <= channels <= 16:
-        raise FrameError(f"claims {channels} colour channels.")
+        raise FrameError("claims {channels} colour channels.", channels=channels)
     if "compression" in meta and int(meta["compression"][1]) != count * dtype.itemsize:
         raise FrameError("is a damaged XISF: its sizes do not agree.")
     samples = file.read_image(0, data_format="channels_first")

@@ -8,15 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from kochab.core import tr, tr_noop
 from kochab.core.mount import Ability, MountState, TrackingRate
 
-CONNECT = "Connect a mount first, or practise with a simulated telescope."
-CONNECTING = "Wait until the mount has answered."
-LEAVING = "Wait until the mount is disconnected."
-LOST = "Connection to the mount lost. Check its cable and power; Kochab reconnects automatically."
-BUSY = "The mount is busy: {}. Wait, or stop it."
-PARKED = "The mount is parked: unpark it first."
-BY_HAND = "Polar alignment by hand (F4) is running. End it first, or let the mount turn the axis."
+CONNECT = tr_noop("Connect a mount first, or practise with a simulated telescope.")
+CONNECTING = tr_noop("Wait until the mount has answered.")
+LEAVING = tr_noop("Wait until the mount is disconnected.")
+LOST = tr_noop("Connection to the mount lost. Check its cable and power; Kochab reconnects automatically.")
+BUSY = tr_noop("The mount is busy: {}. Wait, or stop it.")
+PARKED = tr_noop("The mount is parked: unpark it first.")
+BY_HAND = tr_noop("Polar alignment by hand (F4) is running. End it first, or let the mount turn the axis.")
 PHASES = {"off": CONNECT, "connecting": CONNECTING, "leaving": LEAVING, "lost": LOST}
 
 
@@ -24,18 +25,18 @@ class Need(Enum):
     """What an action needs beside the mount's abilities; the value is the reason against it."""
 
     UNPARKED = PARKED
-    IS_PARKED = "The mount is not parked."
-    HOME_CONFIRMED = (
+    IS_PARKED = tr_noop("The mount is not parked.")
+    HOME_CONFIRMED = tr_noop(
         "Home position not confirmed. Use Sync…, or point the tube at the pole, counterweight down,"
         " and reconnect with “At home” ticked."
     )
     NOT_BY_HAND = BY_HAND
-    CAMERA = "Choose a camera above first."
-    CAMERA_OR_SOLUTION = "Choose a camera above, or open a frame that solves."
-    SOLVED_FRAME = "Solve a frame first: its solution shows where the star is."
-    SYNC_TO_UNDO = "No sync to undo."
-    AGREEMENT = "The mount’s clock or site contradicts this computer’s: see above."
-    SYNCED = "The mount’s position shifted with its new clock or site: sync first, see above."
+    CAMERA = tr_noop("Choose a camera above first.")
+    CAMERA_OR_SOLUTION = tr_noop("Choose a camera above, or open a frame that solves.")
+    SOLVED_FRAME = tr_noop("Solve a frame first: its solution shows where the star is.")
+    SYNC_TO_UNDO = tr_noop("No sync to undo.")
+    AGREEMENT = tr_noop("The mount’s clock or site contradicts this computer’s: see above.")
+    SYNCED = tr_noop("The mount’s position shifted with its new clock or site: sync first, see above.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,40 +70,52 @@ _REST = (Need.UNPARKED, Need.HOME_CONFIRMED, Need.NOT_BY_HAND)
 TRACK = "track the stars, the Moon or the Sun, or stop tracking"
 _NUDGE = (Ability.MOVE, Need.UNPARKED)
 _ROWS = (
-    Action("goto", "slewing to the target", "slew to coordinates or to a name", _SLEW, moves=True, frame_after=True),
+    Action(
+        "goto",
+        tr_noop("slewing to the target"),
+        "slew to coordinates or to a name",
+        _SLEW,
+        moves=True,
+        frame_after=True,
+    ),
     Action(
         "centre",
-        "centring",
+        tr_noop("centring"),
         "slew to a target, solve and correct until it is centred",
         (*_SLEW, Need.CAMERA),
         moves=True,
     ),
-    Action("spiral", "searching", "search around here in a square spiral", _SLEW, moves=True),
-    Action("bring", "moving the star", "", (*_SLEW, Need.SOLVED_FRAME), moves=True, frame_after=True),
-    Action("nudge", "nudging", "", _NUDGE, (Ability.PULSE,), moves=True, frame_after=True),
-    Action("nudge dec", "nudging", "", (*_NUDGE, Need.NOT_BY_HAND), (Ability.PULSE,), moves=True, frame_after=True),
+    Action("spiral", tr_noop("searching"), "search around here in a square spiral", _SLEW, moves=True),
+    Action("bring", tr_noop("moving the star"), "", (*_SLEW, Need.SOLVED_FRAME), moves=True, frame_after=True),
+    Action("nudge", tr_noop("nudging"), "", _NUDGE, (Ability.PULSE,), moves=True, frame_after=True),
+    Action(
+        "nudge dec", tr_noop("nudging"), "", (*_NUDGE, Need.NOT_BY_HAND), (Ability.PULSE,), moves=True, frame_after=True
+    ),
     Action(
         "sync",
-        "solving twice",
+        tr_noop("solving twice"),
         "sync the mount on a solved frame",
         (Ability.SYNC, Need.UNPARKED, Need.AGREEMENT, Need.NOT_BY_HAND, Need.CAMERA_OR_SOLUTION),
         instead=(Ability.GOTO, Need.CAMERA),  # a mount that cannot be synced slews by the offset
     ),
-    Action("accept", "syncing", needs=(Need.NOT_BY_HAND,), may_slew=True),  # refused, it becomes a slew
-    Action("undo", "undoing the sync", "", (Ability.SYNC, Need.SYNC_TO_UNDO)),
-    Action("recover", "recovering", "solve blind and sync a lost mount, unattended", (Ability.SYNC,)),
-    Action("park", "parking", "slew to the mount's park position", (Ability.PARK, *_REST), moves=True),
-    Action("unpark", "unparking", "let a parked mount move again", (Ability.UNPARK, Need.IS_PARKED)),
-    Action("flip", "flipping", "flip a German mount where it points", _SLEW, moves=True, frame_after=True),
-    Action("home", "going home", "slew to the mount's home", (Ability.HOME, *_REST), moves=True),
-    *(Action(f"track {rate}", "switching tracking", TRACK, (rate.ability, Need.UNPARKED)) for rate in TrackingRate),
-    Action("set clock", "setting the clock", "set the mount's clock to this computer's", (Ability.SET_CLOCK,)),
-    Action("set site", "setting the site", "set the mount's site to yours", (Ability.SET_SITE,)),
-    Action("take", "taking a frame", "", (Need.CAMERA,)),
-    Action("model", "fitting a pointing model", "make a pointing model from frames in several places", _SLEW),
-    Action("why", "diagnosing", "find the cause of a pointing offset", (Need.CAMERA,)),
-    Action(POLAR, "polar alignment (F4), which turns the RA axis", "", (Need.NOT_BY_HAND,), moves=True),
-    Action("stop", "stopping", "stop every motion, now"),
+    Action("accept", tr_noop("syncing"), needs=(Need.NOT_BY_HAND,), may_slew=True),  # refused, it becomes a slew
+    Action("undo", tr_noop("undoing the sync"), "", (Ability.SYNC, Need.SYNC_TO_UNDO)),
+    Action("recover", tr_noop("recovering"), "solve blind and sync a lost mount, unattended", (Ability.SYNC,)),
+    Action("park", tr_noop("parking"), "slew to the mount's park position", (Ability.PARK, *_REST), moves=True),
+    Action("unpark", tr_noop("unparking"), "let a parked mount move again", (Ability.UNPARK, Need.IS_PARKED)),
+    Action("flip", tr_noop("flipping"), "flip a German mount where it points", _SLEW, moves=True, frame_after=True),
+    Action("home", tr_noop("going home"), "slew to the mount's home", (Ability.HOME, *_REST), moves=True),
+    *(
+        Action(f"track {rate}", tr_noop("switching tracking"), TRACK, (rate.ability, Need.UNPARKED))
+        for rate in TrackingRate
+    ),
+    Action("set clock", tr_noop("setting the clock"), "set the mount's clock to this computer's", (Ability.SET_CLOCK,)),
+    Action("set site", tr_noop("setting the site"), "set the mount's site to yours", (Ability.SET_SITE,)),
+    Action("take", tr_noop("taking a frame"), "", (Need.CAMERA,)),
+    Action("model", tr_noop("fitting a pointing model"), "make a pointing model from frames in several places", _SLEW),
+    Action("why", tr_noop("diagnosing"), "find the cause of a pointing offset", (Need.CAMERA,)),
+    Action(POLAR, tr_noop("polar alignment (F4), which turns the RA axis"), "", (Need.NOT_BY_HAND,), moves=True),
+    Action("stop", tr_noop("stopping"), "stop every motion, now"),
     Action("site", quick=True),
     Action("camera", quick=True),
     Action("limits", quick=True),
@@ -137,7 +150,7 @@ class MountSituation:
     def missing(self, need: Ability | Need) -> str:
         """Why ``need`` is not met; empty when it is."""
         if isinstance(need, Ability):
-            return (self.lacks or {}).get(need, "")
+            return tr((self.lacks or {}).get(need, ""))
         met = {
             Need.UNPARKED: self.state is None or not self.state.parked,
             Need.IS_PARKED: self.state is None or self.state.parked is not False,
@@ -150,14 +163,14 @@ class MountSituation:
             Need.AGREEMENT: not self.doubt,
             Need.SYNCED: not self.until_sync,
         }[need]
-        return "" if met else need.value
+        return "" if met else tr(need.value)
 
 
 def reason_against_order(name: str, now: MountSituation) -> str:
     """Why this cannot be ordered now; empty when it can, also while the line is being opened."""
-    away = "" if now.phase == "connecting" else PHASES.get(now.phase, "")
+    away = "" if now.phase == "connecting" else tr(PHASES.get(now.phase, ""))
     by_hand = now.missing(Need.NOT_BY_HAND) if Need.NOT_BY_HAND in action(name).needs else ""
-    return away or (BUSY.format(now.busy) if now.busy else "") or by_hand
+    return away or (tr(BUSY).format(now.busy) if now.busy else "") or by_hand
 
 
 def reasons_against(now: MountSituation) -> dict[str, str]:
@@ -167,12 +180,12 @@ def reasons_against(now: MountSituation) -> dict[str, str]:
 
 def _reason(row: Action, now: MountSituation) -> str:
     if row.name == "stop":  # over a line that is lost, too
-        return CONNECT if now.phase in ("off", "connecting", "leaving") else ""
+        return tr(CONNECT) if now.phase in ("off", "connecting", "leaving") else ""
     if now.phase in PHASES:
-        return PHASES[now.phase]
+        return tr(PHASES[now.phase])
     for need in row.needs:
         missing = now.missing(need)
         replaced = isinstance(need, Ability) and row.instead and not any(map(now.missing, row.instead))
         if missing and not replaced:
             return missing
-    return BUSY.format(now.busy) if now.busy and not row.quick else ""
+    return tr(BUSY).format(now.busy) if now.busy and not row.quick else ""

@@ -12,6 +12,7 @@ from queue import Empty, SimpleQueue
 from time import monotonic, sleep
 from typing import Any
 
+from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.progress import Progress, Task
 from kochab.gear import mount_events as events
@@ -49,8 +50,8 @@ LISTEN_S = 0.05
 REPORT_S = 0.05
 RETRY_S = 2.0
 WATCH_S = 5.0
-STOPPED = "Stopped."
-LOST = "Connection to the mount lost."
+STOPPED = tr_noop("Stopped.")
+LOST = tr_noop("Connection to the mount lost.")
 
 
 class MountLine:

@@ -163,7 +163,9 @@ def read_horizon(path: str) -> Horizon:
         ]
         return horizon(line[:2] for line in lines if line)
     except (OSError, ValueError) as error:
-        raise UsageError(f"{path} is not a horizon: it needs lines of azimuth and altitude, in degrees.") from error
+        raise UsageError(
+            "{path} is not a horizon: it needs lines of azimuth and altitude, in degrees.", path=path
+        ) from error
 
 
 def _site(value: Any) -> Site:
@@ -201,7 +203,7 @@ def save_profile(profile: EquipmentProfile) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, json.dumps({"format": FORMAT, **profile.as_json()}, indent=1))
     except OSError as error:
-        raise KochabError(f"{path} cannot be written: {error.strerror}.") from error
+        raise KochabError("{path} cannot be written: {strerror}.", path=path, strerror=error.strerror) from error
     return path
 
 
@@ -219,7 +221,7 @@ def remove_profile(name: str) -> bool:
     except FileNotFoundError:
         return False
     except OSError as error:
-        raise KochabError(f"{path} cannot be deleted: {error.strerror}.") from error
+        raise KochabError("{path} cannot be deleted: {strerror}.", path=path, strerror=error.strerror) from error
     return True
 
 
@@ -238,9 +240,9 @@ def _read(path: Path) -> EquipmentProfile:
     try:
         return from_json(json.loads(path.read_text("utf-8")))
     except OSError as error:
-        raise KochabError(f"{path} cannot be read: {error.strerror}.") from error
+        raise KochabError("{path} cannot be read: {strerror}.", path=path, strerror=error.strerror) from error
     except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError, UsageError) as error:
-        raise KochabError(f"{path} is damaged: delete it, or save this profile again.") from error
+        raise KochabError("{path} is damaged: delete it, or save this profile again.", path=path) from error
 
 
 # -- What the window uses: the profile that was chosen, or the values of last time -------------

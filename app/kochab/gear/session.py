@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from kochab.core import config_folder
+from kochab.core import config_folder, tr, tr_noop
 from kochab.core.capture import CameraSource, CaptureSettings
 from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
@@ -22,7 +22,7 @@ from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_port
 from kochab.gear.mounts.serial_line import PORTS
 
-DRIVER_DEFAULT = "default"
+DRIVER_DEFAULT = tr_noop("default")
 EPOCHS = {DRIVER_DEFAULT: None, str(Epoch.DATE): Epoch.DATE, str(Epoch.J2000): Epoch.J2000}
 EPOCH_NAMES = {"J2000": Epoch.J2000, "date": Epoch.DATE}  # as the command line writes them
 EXPOSURE_S = 2.0
@@ -66,7 +66,9 @@ class MountSelection:
         """From what stands in the fields; UsageError says what is wrong."""
         port, baud = port.strip(), baud.strip()
         if not port and driver not in SERVERS:
-            raise UsageError(f"Choose a port, or type one: {PORTS}; “Find my mount” looks on all of them.")
+            raise UsageError(
+                "Choose a port, or type one: {ports}; “Find my mount” looks on all of them.", ports=tr(PORTS)
+            )
         rate = None if baud in ("", DRIVER_DEFAULT) else parse_baud(baud)
         return cls(port, driver, rate, EPOCHS.get(epoch), home, equatorial)
 
@@ -74,16 +76,16 @@ class MountSelection:
 def parse_baud(text: str) -> int:
     """A baud rate as it is typed; UsageError when it is none."""
     if not text.isdecimal() or not BAUDS[0] <= int(text) <= BAUDS[1]:
-        raise UsageError(f"“{text}” is not a baud rate: most mounts use 9600 or 115200.")
+        raise UsageError("“{text}” is not a baud rate: most mounts use 9600 or 115200.", text=text)
     return int(text)
 
 
 class Meridian(StrEnum):
     """The texts are on the screen."""
 
-    STAYS = "German mount: ask before a flip"
-    FLIPS = "German mount: a goto may flip it"
-    CROSSES = "Fork or wedge: no flip needed"
+    STAYS = tr_noop("German mount: ask before a flip")
+    FLIPS = tr_noop("German mount: a goto may flip it")
+    CROSSES = tr_noop("Fork or wedge: no flip needed")
 
 
 def limits_at(meridian: Meridian) -> Limits:
@@ -140,7 +142,9 @@ def _only_port() -> str:
         return ports[0]
     if not ports:
         raise PortError("There is no serial port: plug in the mount's cable, or give --port.")
-    raise UsageError(f"There are {len(ports)} ports, give one with --port: {', '.join(ports)}.")
+    raise UsageError(
+        "There are {ports} ports, give one with --port: {ports2}.", ports=len(ports), ports2=", ".join(ports)
+    )
 
 
 # -- What a mount's line leads to: a mount on a port, or a simulated telescope -----------------
@@ -245,7 +249,7 @@ class PracticeOpening(Opening):
 
 # -- Finding ports and mounts: questions only, nothing moves -----------------------------------
 
-NO_PORTS = (
+NO_PORTS = tr_noop(
     "There is no serial port: plug in the USB cable of the mount and switch it on. A mount on the "
     "network is typed as tcp://HOST:PORT, the Wi-Fi of a Sky-Watcher as udp://HOST:11880."
 )
@@ -253,7 +257,7 @@ NO_PORTS = (
 
 def find_ports() -> Task[list[PortInfo]]:
     """The serial ports with what USB tells of them."""
-    yield Progress("looking for ports")
+    yield Progress(tr_noop("looking for ports"))
     return list_ports()
 
 
@@ -274,9 +278,10 @@ def find_mounts(typed: str) -> Task[tuple[list[PortInfo], list[Diagnosis]]]:
 def search_text(found: list[Diagnosis]) -> str:
     """What came of it, with the exact fix where nothing answers."""
     if not found:
-        return NO_PORTS
+        return tr(NO_PORTS)
     told = []
     for one in found:
-        name = f"{one.name} on {one.port}" + (f" at {one.baud} baud" if one.baud else "")
+        text = tr("{name} on {port} at {baud} baud") if one.baud else tr("{name} on {port}")
+        name = text.format(name=one.name, port=one.port, baud=one.baud)
         told.append(". ".join(w for w in (name if one.found else "", one.advice) if w))
     return "\n".join(told)

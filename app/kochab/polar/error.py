@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kochab.core import number, tr, tr_n, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.errors import UsageError
@@ -164,7 +165,7 @@ class Imaging:
         """From three numbers: ``600 mm, 3.76 µm, 300 s``; raises UsageError."""
         numbers = [float(n) for n in re.findall(r"\d+(?:\.\d+)?", text)]
         if len(numbers) != 3 or min(numbers) <= 0.0:
-            raise UsageError(f"{text} is not focal length, pixel and exposure, as in 600 mm, 3.76 µm, 300 s.")
+            raise UsageError("{text} is not focal length, pixel and exposure, as in 600 mm, 3.76 µm, 300 s.", text=text)
         return cls(*numbers)
 
     @property
@@ -182,22 +183,38 @@ class Imaging:
 def good_enough(error: PolarError, imaging: Imaging) -> str:
     """What the error does to such frames, and when to stop: below a pixel."""
     trail, rotation = (error.total_arcsec * each for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
-    does = (
-        f"{imaging.exposure_s:g} s at {imaging.focal_mm:g} mm: up to {trail:.1f} px of trail, guided {rotation:.1f} px"
-    )
     alone, guided = (angle_in_words(MOST_PX / each) for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
+    does = tr(
+        "{exposure:g} s at {focal:g} mm: up to {trail:.1f} px of trail, guided {rotation:.1f} px in the corners.",
+        exposure=imaging.exposure_s,
+        focal=imaging.focal_mm,
+        trail=trail,
+        rotation=rotation,
+    )
+    advice = tr("Go on: stop at {guided} if you guide, at {alone} if not.", guided=guided, alone=alone)
     if trail <= MOST_PX:
-        return f"{does} in the corners. Good enough: stop."
-    if rotation <= MOST_PX:
-        return f"{does} in the corners. Good enough if you guide; if not, stop at {alone}."
-    return f"{does} in the corners. Go on: stop at {guided} if you guide, at {alone} if not."
+        advice = tr("Good enough: stop.")
+    elif rotation <= MOST_PX:
+        advice = tr("Good enough if you guide; if not, stop at {alone}.", alone=alone)
+    return f"{does} {advice}"
 
 
 # -- Polar errors and bolt turns in words that hold from every side of the mount ---------------
 
-EIGHTHS = ["", "an eighth", "a quarter", "three eighths", "half", "five eighths", "three quarters"]
-EIGHTHS += ["seven eighths"]
-NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+EIGHTHS = (
+    ("", ""),
+    (tr_noop("an eighth of a turn"), tr_noop("{turns} and an eighth turns")),
+    (tr_noop("a quarter turn"), tr_noop("{turns} and a quarter turns")),
+    (tr_noop("three eighths of a turn"), tr_noop("{turns} and three eighths turns")),
+    (tr_noop("half a turn"), tr_noop("{turns} and a half turns")),
+    (tr_noop("five eighths of a turn"), tr_noop("{turns} and five eighths turns")),
+    (tr_noop("three quarters of a turn"), tr_noop("{turns} and three quarters turns")),
+    (tr_noop("seven eighths of a turn"), tr_noop("{turns} and seven eighths turns")),
+)
+NUMBERS = (
+    *(tr_noop("no"), tr_noop("one"), tr_noop("two"), tr_noop("three"), tr_noop("four"), tr_noop("five")),
+    *(tr_noop("six"), tr_noop("seven"), tr_noop("eight"), tr_noop("nine"), tr_noop("ten")),
+)
 
 FINEST_DEG = 2.0  # a hand cannot turn a bolt by less
 
@@ -215,18 +232,15 @@ def turns_in_words(turns: float) -> str:
     if abs(abs(turns) * 8.0 - eighths) > 1e-6 or eighths == 0:
         return f"{abs(turns) * 360.0:.0f}°"
     whole, rest = divmod(eighths, 8)
-    part = EIGHTHS[rest]
     if not whole:
-        return {2: "a quarter turn", 4: "half a turn"}.get(rest, f"{part} of a turn")
-    number = NUMBERS[whole] if whole < len(NUMBERS) else str(whole)
-    if rest:
-        return f"{number} and {'a half' if rest == 4 else part} turns"
-    return f"{number} turn" + "s" * (whole > 1)
+        return tr(EIGHTHS[rest][0])
+    count = tr(NUMBERS[whole]) if whole < len(NUMBERS) else str(whole)
+    return tr(EIGHTHS[rest][1], turns=count) if rest else tr_n("{count} turn", "{count} turns", whole, count=count)
 
 
 def rotation_in_words(turns: float) -> str:
     """Which way a bolt turns, looking at its head: positive is clockwise."""
-    return "clockwise" if turns > 0 else "anticlockwise"
+    return tr("clockwise") if turns > 0 else tr("anticlockwise")
 
 
 def angle_in_words(arcsec: float) -> str:
@@ -234,7 +248,7 @@ def angle_in_words(arcsec: float) -> str:
     size = abs(arcsec)
     if size < 99.5:
         return f"{size:.0f}″"
-    return f"{size / 60.0:.1f}′" if size < 5400.0 else f"{size / 3600.0:.2f}°"
+    return f"{number(size / 60.0, '.1f')}′" if size < 5400.0 else f"{number(size / 3600.0, '.2f')}°"
 
 
 def total_in_words(error: PolarError) -> str:
@@ -244,8 +258,8 @@ def total_in_words(error: PolarError) -> str:
 
 def split_in_words(error: PolarError) -> str:
     """What the ± of the total is made of; the squares of both add up to its own."""
-    noise, flexure = error.sigma_total_arcsec, error.flexure_along_arcsec
-    return f"{angle_in_words(noise)} measurement, {angle_in_words(flexure)} possible flexure"
+    noise, flexure = angle_in_words(error.sigma_total_arcsec), angle_in_words(error.flexure_along_arcsec)
+    return tr("{noise} measurement, {flexure} possible flexure", noise=noise, flexure=flexure)
 
 
 class Cure(NamedTuple):
@@ -257,10 +271,10 @@ class Cure(NamedTuple):
 
 
 CURES = {  # of a negative and of a positive error
-    Knob.ALTITUDE: (Cure("raise", "▲", "raise the axis"), Cure("lower", "▼", "lower the axis")),
+    Knob.ALTITUDE: (Cure("raise", "▲", tr_noop("raise the axis")), Cure("lower", "▼", tr_noop("lower the axis"))),
     Knob.AZIMUTH: (
-        Cure("clockwise", "↻", "clockwise, seen from above"),
-        Cure("anticlockwise", "↺", "anticlockwise, seen from above"),
+        Cure("clockwise", "↻", tr_noop("clockwise, seen from above")),
+        Cure("anticlockwise", "↺", tr_noop("anticlockwise, seen from above")),
     ),
 }
 
@@ -278,16 +292,18 @@ def knob_in_words(error: PolarError, knob: Knob) -> str:
 
 def altitude_in_words(error: PolarError) -> str:
     """What has to be done in altitude."""
-    side = "high" if error.altitude_arcsec > 0 else "low"
-    return f"{knob_in_words(error, Knob.ALTITUDE)} too {side}: {cure(error, Knob.ALTITUDE).way}"
+    high = tr("{error} too high: lower the axis", error=knob_in_words(error, Knob.ALTITUDE))
+    low = tr("{error} too low: raise the axis", error=knob_in_words(error, Knob.ALTITUDE))
+    return high if error.altitude_arcsec > 0 else low
 
 
 def azimuth_in_words(error: PolarError) -> str:
     """What has to be done in azimuth."""
-    way = f"rotate the mount {cure(error, Knob.AZIMUTH).way}"
-    return f"{knob_in_words(error, Knob.AZIMUTH)} too far {towards(error)}: {way}"
+    way = tr(cure(error, Knob.AZIMUTH).way)
+    text = tr("{error} too far {side}: rotate the mount {way}")
+    return text.format(error=knob_in_words(error, Knob.AZIMUTH), side=towards(error), way=way)
 
 
 def towards(error: PolarError) -> str:
     """East or west: where the axis stands beside the pole."""
-    return "east" if error.axis[0] > error.pole[0] else "west"
+    return tr("east") if error.axis[0] > error.pole[0] else tr("west")

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.frame import Site
 from kochab.polar.rotations import alt_az, direction
@@ -99,9 +100,9 @@ class Pole(StrEnum):
     the two near latitude 20 degrees.
     """
 
-    REFRACTED = "refracted"
-    TRUE = "true"
-    HALF_WAY = "half-way"
+    REFRACTED = tr_noop("refracted")
+    TRUE = tr_noop("true")
+    HALF_WAY = tr_noop("half-way")
 
 
 def northern(site: Site) -> bool:
@@ -132,7 +133,24 @@ def observed_at(site: Site, refraction: Refraction, hour_rad: Floats, declinatio
     return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
 
 
+POLES = {
+    Pole.REFRACTED: (
+        tr_noop("refracted north pole at altitude {altitude:.2f}°"),
+        tr_noop("refracted south pole at altitude {altitude:.2f}°"),
+    ),
+    Pole.TRUE: (
+        tr_noop("true north pole at altitude {altitude:.2f}°"),
+        tr_noop("true south pole at altitude {altitude:.2f}°"),
+    ),
+    Pole.HALF_WAY: (
+        tr_noop("half-way north pole at altitude {altitude:.2f}°"),
+        tr_noop("half-way south pole at altitude {altitude:.2f}°"),
+    ),
+}
+
+
 def name_of(pole: Pole, site: Site) -> str:
     """Words for a screen: which pole, of which sky."""
-    sky = "north" if northern(site) else "south"
-    return f"{pole} {sky} pole at altitude {np.degrees(alt_az(pole_direction(site, pole))[0]):.2f}°"
+    north, south = POLES[pole]
+    altitude = np.degrees(alt_az(pole_direction(site, pole))[0])
+    return tr(north if northern(site) else south, altitude=altitude)

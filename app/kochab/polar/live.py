@@ -16,14 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kochab.attitude import small_rotation
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import northern
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
-from kochab.polar.one_camera import seen_by
 from kochab.polar.rotations import ARCSEC, about, alt_az, cross_matrix, rotation_vector, tangents, wrapped_rad
-from kochab.polar.sighting import LocalAttitude
+from kochab.polar.sighting import LocalAttitude, seen_by
 
 # -- What moved between two live frames: a bolt, the RA axis, or the declination axis ----------
 # Any small rotation can be made of two bolts and a turn about RA, so one movement of the
@@ -207,24 +207,31 @@ class LivePhase:
         if self._declination_rad:
             yield PolarFinding(
                 PolarFindingKind.DEC_MOVED,
-                f"Declination moved by {angle_in_words(self._declination_rad / ARCSEC)}, and the error shown is off by"
-                " as much. Lock it and measure again.",
+                tr(
+                    "Declination moved by {angle}, and the error shown is off by as much. Lock it and measure again.",
+                    angle=angle_in_words(self._declination_rad / ARCSEC),
+                ),
                 spoils=True,
             )
         elif abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
             yield PolarFinding(
                 PolarFindingKind.SLIPPING,
-                f"RA turned by {abs(np.degrees(theta)):.1f}° on its own. Lock its clutch; the error shown is still"
-                " right.",
+                tr(
+                    "RA turned by {degrees:.1f}° on its own. Lock its clutch; the error shown is still right.",
+                    degrees=abs(np.degrees(theta)),
+                ),
             )
         if moved_deg > LARGE_MOVE_DEG:
             yield PolarFinding(
                 PolarFindingKind.REMEASURE,
-                f"The axis has moved by {moved_deg:.1f}° since it was measured. Measure again before the fine"
-                " adjustment.",
+                tr(
+                    "The axis has moved by {moved:.1f}° since it was measured. Measure again before the fine "
+                    "adjustment.",
+                    moved=moved_deg,
+                ),
             )
         if error.below_uncertainty:
-            yield PolarFinding(PolarFindingKind.DONE, "Stop: the error is within its uncertainty.")
+            yield PolarFinding(PolarFindingKind.DONE, tr("Stop: the error is within its uncertainty."))
 
 
 def _beyond(measurement: Measurement) -> Floats:

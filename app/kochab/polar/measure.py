@@ -17,9 +17,8 @@ from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, doubted, find_mov
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction
-from kochab.polar.one_camera import cropped, same_optics, with_one_camera
 from kochab.polar.rotations import ARCSEC, about, rotation_vector
-from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics, to_local, with_one_camera
 
 
 class PolarFindingKind(StrEnum):

@@ -222,7 +222,9 @@ def write_report(path: str | Path, history: History) -> None:
         write_atomically(page, report_html(history))
         write_atomically(page.with_suffix(".json"), history.as_json())
     except OSError as error:
-        raise KochabError(f"Can't write the report {path}: {error.strerror or type(error).__name__}.") from None
+        raise KochabError(
+            "Can't write the report {path}: {strerror}.", path=path, strerror=error.strerror or type(error).__name__
+        ) from None
 
 
 def _summary(history: History, measured: list[Entry]) -> str:

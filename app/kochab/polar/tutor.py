@@ -10,6 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.polar.error import FINEST_DEG, Knob, PolarError, angle_in_words, rotation_in_words, sayable, turns_in_words
 
 # -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
@@ -84,6 +85,18 @@ class Bolt:
         return replace(after, backlash_turns=float(np.clip(lost_turns, 0.0, MOST_BACKLASH_TURNS)))
 
 
+TESTS = {
+    Knob.ALTITUDE: tr_noop("Test: turn the altitude bolt {turns} {way}, then let go."),
+    Knob.AZIMUTH: tr_noop("Test: turn the left azimuth bolt {turns} {way}, then let go."),
+}
+TURNS = {
+    Knob.ALTITUDE: tr_noop("Turn the altitude bolt {turns} {way}. {left} to go."),
+    Knob.AZIMUTH: tr_noop("Turn the left azimuth bolt {turns} {way}. {left} to go."),
+}
+BACKWARDS = {
+    Knob.ALTITUDE: tr_noop("Turn the altitude bolt {turns} {way} (backlash included). {left} to go."),
+    Knob.AZIMUTH: tr_noop("Turn the left azimuth bolt {turns} {way} (backlash included). {left} to go."),
+}
 ALTITUDE_BOLT = Bolt(Knob.ALTITUDE, "altitude bolt")
 AZIMUTH_BOLT = Bolt(Knob.AZIMUTH, "left azimuth bolt")
 
@@ -183,8 +196,12 @@ class BoltTutor:
         last = self._last[0]
         if last is None or last in open_:
             return chosen
-        good = f"{last.capitalize()} is good ({angle_in_words(error.knob_arcsec(last))})."
-        return replace(chosen, words=f"{good} Now {chosen.knob}. {chosen.words}")
+        text = (
+            tr("Altitude is good ({angle}). Now azimuth. {words}")
+            if last is Knob.ALTITUDE
+            else tr("Azimuth is good ({angle}). Now altitude. {words}")
+        )
+        return replace(chosen, words=text.format(angle=angle_in_words(error.knob_arcsec(last)), words=chosen.words))
 
     def _chosen(self, open_: list[Knob], off: dict[Knob, float], error: PolarError) -> Instruction:
         """The bolt at hand first, then the larger error, and last one that went a little too far.
@@ -207,7 +224,7 @@ class BoltTutor:
         bolt, value = self.bolts[knob], error.knob_arcsec(knob)
         if bolt.arcsec_a_turn is None:
             turns = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC] * (bolt.direction or 1)
-            words = f"Test: turn the {bolt.name} {turns_in_words(turns)} {rotation_in_words(turns)}, then let go."
+            words = tr(TESTS[bolt.knob], turns=turns_in_words(turns), way=rotation_in_words(turns))
             return Instruction(TutorStep.TEST, words, bolt.name, knob, turns)
         near = abs(value) < NEAR * self.tolerance_arcsec(error, knob)
         share = (1.0 if near else CONFIDENT) if bolt.sure else CAUTIOUS
@@ -217,10 +234,8 @@ class BoltTutor:
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
         reverses = bolt.direction == -np.sign(turns) and bolt.backlash_turns >= finest
-        words = (
-            f"Turn the {bolt.name} {turns_in_words(turns)} {rotation_in_words(turns)}"
-            f"{' (backlash included)' * bool(reverses)}. {angle_in_words(value)} to go."
-        )
+        text = (BACKWARDS if reverses else TURNS)[bolt.knob]
+        words = tr(text, turns=turns_in_words(turns), way=rotation_in_words(turns), left=angle_in_words(value))
         return Instruction(TutorStep.TURN, words, bolt.name, knob, turns)
 
 
@@ -234,7 +249,8 @@ def _sky_share(error: PolarError, knob: Knob) -> float:
 def _stop(error: PolarError, goal_arcsec: float) -> Instruction:
     total, sigma = error.total_arcsec, error.uncertainty_arcsec
     if error.below_uncertainty and total > goal_arcsec:
-        why = f"the error is within its uncertainty ({angle_in_words(sigma)})"
+        text = tr("Stop: the error is within its uncertainty ({sigma}). Tighten the bolts, then measure again.")
     else:
-        why = f"{angle_in_words(total)} ± {angle_in_words(sigma)} from the pole"
-    return Instruction(TutorStep.STOP, f"Stop: {why}. Tighten the bolts, then measure again.")
+        text = tr("Stop: {total} ± {sigma} from the pole. Tighten the bolts, then measure again.")
+    words = text.format(total=angle_in_words(total), sigma=angle_in_words(sigma))
+    return Instruction(TutorStep.STOP, words)

@@ -57,7 +57,11 @@ class PhonePage:
             try:
                 self._server = _Server(socket.create_server((address, port)), self.answer)
             except OSError as error:
-                raise PortError(f"Can't serve the phone page at {address}: {error.strerror or error}.") from None
+                raise PortError(
+                    "Can't serve the phone page at {address}: {strerror}.",
+                    address=address,
+                    strerror=error.strerror or error,
+                ) from None
         return self.url
 
     def stop(self) -> None:

@@ -64,7 +64,9 @@ class SimulatedCamera(CameraSource):
         rig = RUNNING.get(address or names[-1])
         if rig is None:
             raise PortError(
-                f"No practice telescope is called '{address}' here; choose one of {', '.join([*names, 'new'])}."
+                "No practice telescope is called '{address}' here; choose one of {value}.",
+                address=address,
+                value=", ".join([*names, "new"]),
             )
         return cls(rig, settings)
 

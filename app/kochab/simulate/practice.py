@@ -40,7 +40,7 @@ def _within(word: str, most: float) -> float:
     """The number that was typed, no larger than a hand would turn anything."""
     value = float(word)
     if not abs(value) <= most:
-        raise UsageError(f"{word} is not between {-most:g} and {most:g}.")
+        raise UsageError("{word} is not between {most:g} and {most2:g}.", word=word, most=-most, most2=most)
     return value
 
 
@@ -128,12 +128,16 @@ class PracticeNight:
     ) -> None:
         if driver not in RESPONDERS:
             names = ", ".join(sorted(RESPONDERS))
-            raise UsageError(f"There is no simulated mount '{driver}'; choose one of {names}.")
+            raise UsageError(
+                "There is no simulated mount '{driver}'; choose one of {names}.", driver=driver, names=names
+            )
         if folder is not None:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
-                raise UsageError(f"{folder} cannot be used as a folder: {error.strerror}.") from None
+                raise UsageError(
+                    "{folder} cannot be used as a folder: {strerror}.", folder=folder, strerror=error.strerror
+                ) from None
         self.driver, self.folder = driver, folder
         self.rig = PracticeRig(rig)
         self.camera = announce(self.rig)
@@ -169,7 +173,7 @@ class PracticeNight:
         try:
             return self._do(action.lower(), words)
         except (ValueError, IndexError):
-            raise UsageError(f"'{line.strip()}' is not complete or not a number; type help.") from None
+            raise UsageError("'{line}' is not complete or not a number; type help.", line=line.strip()) from None
 
     def _do(self, action: str, words: list[str]) -> str:
         mount = self.rig.mount
@@ -200,14 +204,16 @@ class PracticeNight:
             case "fault":
                 count = int(words[1]) if len(words) > 1 else 1
                 if not 1 <= count <= MOST_FAULTS:
-                    raise UsageError(f"{count} is not a count of answers from 1 to {MOST_FAULTS}.")
+                    raise UsageError(
+                        "{count} is not a count of answers from 1 to {most}.", count=count, most=MOST_FAULTS
+                    )
                 self.faults.next(words[0], count)
                 return f"{words[0].capitalize()} for the next {count}."
             case "score":
                 return self.score().as_text()
             case "help":
                 return "\n".join(HELP)
-        raise UsageError(f"There is no command '{action}'; type help.")
+        raise UsageError("There is no command '{action}'; type help.", action=action)
 
     def stop(self) -> None:
         """End it, give the port back and finish the file being written; may be called twice."""

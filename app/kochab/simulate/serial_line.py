@@ -87,7 +87,9 @@ class SocketEnd:
         try:
             self._listener = socket.create_server(("127.0.0.1", self._number))
         except OSError as error:
-            raise PortError(f"TCP port {self._number} cannot be used: {error.strerror}.") from error
+            raise PortError(
+                "TCP port {number} cannot be used: {strerror}.", number=self._number, strerror=error.strerror
+            ) from error
         self._listener.setblocking(False)
         self._number = self._listener.getsockname()[1]
 

@@ -221,7 +221,7 @@ class Catalogue:
         return row
 
     def _damaged(self) -> CatalogueError:
-        return CatalogueError(f"{self.container.path} is damaged: its index does not fit its stars.")
+        return CatalogueError("{path} is damaged: its index does not fit its stars.", path=self.container.path)
 
     def find(self, name: str) -> int | Floats:
         """The row of a star, or the ICRS vector (3,) of an NGC, IC or Messier object.

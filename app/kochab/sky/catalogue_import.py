@@ -75,12 +75,14 @@ def decode(data: bytes, name: str) -> NDArray[np.float64]:
     """RA, Dec (deg), magnitude and BP-RP (4, N) of one file."""
     size = data[HEADER - 1] if len(data) >= HEADER else 0  # a space stands for 11
     if size not in (5, 6) or (len(data) - HEADER) % size:
-        raise CatalogueError(f"{name} is not an ASTAP star file with records of 5 or 6 bytes, or is cut short.")
+        raise CatalogueError(
+            "{name} is not an ASTAP star file with records of 5 or 6 bytes, or is cut short.", name=name
+        )
     rows = np.frombuffer(data, np.uint8, offset=HEADER).reshape(-1, size).astype(np.int64)
     ra = rows[:, 0] | rows[:, 1] << 8 | rows[:, 2] << 16
     mark = ra == MARK
     if len(rows) and not mark[0]:
-        raise CatalogueError(f"{name} does not begin with a section, so it is damaged.")
+        raise CatalogueError("{name} does not begin with a section, so it is damaged.", name=name)
     section = np.maximum.accumulate(np.where(mark, np.arange(len(rows)), 0))
     star = ~mark
     high, mag = rows[section, 3] - 128, (rows[section, 4] - 16) / 10.0
@@ -112,14 +114,16 @@ def read_gaia(path: Path) -> Task[ForeignStars]:
             yield Progress("Reading the catalogue", None, f"{i * STEP:,} stars")
             blocks.append(block)
     except (OSError, EOFError, UnicodeDecodeError, csv.Error) as error:
-        raise CatalogueError(f"{path.name} cannot be read as CSV ({error}).") from error
+        raise CatalogueError("{name} cannot be read as CSV ({error}).", name=path.name, error=error) from error
     if not blocks:
-        raise CatalogueError(f"{path.name} holds no stars.")
+        raise CatalogueError("{name} holds no stars.", name=path.name)
     table = np.concatenate(blocks, axis=1)
     ra, dec, g, pm_ra, pm_dec, colour, epoch = table[:, np.isfinite(table[:3]).all(axis=0) & (np.abs(table[1]) <= 90.0)]
     epochs = np.unique(epoch[np.isfinite(epoch)])
     if len(epochs) > 1:
-        raise CatalogueError(f"{path.name} mixes epochs {epochs[0]:g} and {epochs[-1]:g}.")
+        raise CatalogueError(
+            "{name} mixes epochs {epochs:g} and {epochs2:g}.", name=path.name, epochs=epochs[0], epochs2=epochs[-1]
+        )
     v, bv = v_of_gaia(g, colour)
     pm = np.nan_to_num(np.stack([pm_ra, pm_dec], axis=1))
     flag = np.where(np.isfinite(pm_ra), MOVING, 0).astype(np.uint8)
@@ -134,7 +138,7 @@ def _blocks(path: Path) -> Iterator[Floats]:
         head = [name.strip().lower() for name in next(rows, [])]
         lacking = [name for name in NEEDED if name not in head]
         if lacking:
-            raise CatalogueError(f"{path.name} lacks the column {lacking[0]}.")
+            raise CatalogueError("{name} lacks the column {lacking}.", name=path.name, lacking=lacking[0])
         at = [head.index(name) if name in head else None for name in COLUMNS]
         numbers = ([_number(row, i) for i in at] for row in rows)
         while block := [*islice(numbers, STEP)]:
@@ -165,7 +169,7 @@ def read_indexes(files: list[Path]) -> Task[ForeignStars]:
         columns = {name.upper(): values for name, values in tags.items()}
         name = next((n for n in MAGNITUDES if n in columns), None)
         if name is None:
-            raise CatalogueError(f"{path.name} holds no magnitudes (the LIGHT series do not).")
+            raise CatalogueError("{name} holds no magnitudes (the LIGHT series do not).", name=path.name)
         names.add(name)
         parts.append(np.column_stack([vector, columns[name].astype(np.float64)]))
     if len(names) != 1:
@@ -186,7 +190,7 @@ def user_folder(name: str) -> Path:
     from platformdirs import user_data_path
 
     if not name or Path(name).name != name:
-        raise CatalogueError(f"{name!r} cannot be the name of a catalogue.")
+        raise CatalogueError("{name!r} cannot be the name of a catalogue.", name=name)
     return user_data_path("kochab") / "catalogs" / name
 
 
@@ -207,10 +211,11 @@ def read_foreign(path: Path) -> Task[ForeignStars]:
         if path.name.lower().endswith((".csv", ".csv.gz", ".ecsv", ".ecsv.gz")):
             return read_gaia(path)
     else:
-        raise CatalogueError(f"{path} does not exist.")
+        raise CatalogueError("{path} does not exist.", path=path)
     raise CatalogueError(
-        f"{path} is no catalogue that can be imported: ASTAP .290 or .1476 files, astrometry.net "
-        "index files, or a Gaia CSV."
+        "{path} is no catalogue that can be imported: ASTAP .290 or .1476 files, astrometry.net "
+        "index files, or a Gaia CSV.",
+        path=path,
     )
 
 
@@ -235,7 +240,9 @@ def combine(
     mag = foreign.stars.mag
     stars = foreign.stars.take((mag > COMPLETE) & (mag <= (MAG_MOST if mag_limit is None else mag_limit)))
     if len(stars) > MOST:
-        raise CatalogueError(f"{len(stars):,} stars are too many to import; keep the brighter with --mag-limit.")
+        raise CatalogueError(
+            "{stars:,} stars are too many to import; keep the brighter with --mag-limit.", stars=len(stars)
+        )
     shipped = open_catalogue()
     yield Progress("Looking for stars that are there already", 0.65)
     new = stars.take(_absent(shipped, stars.vector, at))
@@ -253,7 +260,9 @@ def combine(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CatalogueError(f"{folder} cannot be made: {error.strerror or error}.") from None
+        raise CatalogueError(
+            "{folder} cannot be made: {strerror}.", folder=folder, strerror=error.strerror or error
+        ) from None
     yield Progress("Writing the catalogue", 0.85)
     write_deep(folder / "deep.kcat", StarList.joined([old, new]), link)
     facts = {

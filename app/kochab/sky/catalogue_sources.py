@@ -53,13 +53,13 @@ def read_stars(path: Path) -> StarList:
     data = path.read_bytes()
     head = np.frombuffer(data, "<i4", 8) if len(data) >= 32 else np.zeros(8, "<i4")
     if int(head[0]) & 0xFFFFFFFF != MAGIC or int(head[1]) not in SIZES:
-        raise CatalogueError(f"{path.name} is not a Stellarium star file of type 0 or 1.")
+        raise CatalogueError("{name} is not a Stellarium star file of type 0 or 1.", name=path.name)
     kind, level, low, span, steps = (int(head[i]) for i in (1, 4, 5, 6, 7))
     zones = 20 * 4**level
     counts = np.frombuffer(data, "<u4", zones, 32).astype(np.int64)
     body = np.frombuffer(data, np.uint8, offset=32 + 4 * zones)
     if len(body) != SIZES[kind] * int(counts.sum()):
-        raise CatalogueError(f"{path.name} is cut short or damaged.")
+        raise CatalogueError("{name} is cut short or damaged.", name=path.name)
     rows = body.reshape(-1, SIZES[kind])
     x, y, pm_ra, pm_dec, bv, step, parallax, ident = _type0(rows) if kind == 0 else _type1(rows)
     vector, plane = _positions(level, kind, np.repeat(np.arange(zones), counts), x, y)
@@ -142,10 +142,12 @@ def read_index(path: Path) -> tuple[Floats, dict[str, Array]]:
             columns = {n: np.array(tags[n]) for n in tags.names if np.issubdtype(tags[n].dtype, np.number)}
     except Exception as error:  # a damaged header fails in astropy in a dozen ways
         why = " ".join(str(error).split())[:200]
-        raise CatalogueError(f"{path.name} is not an index file with a star table ({why}).") from error
+        raise CatalogueError(
+            "{name} is not an index file with a star table ({why}).", name=path.name, why=why
+        ) from error
     length = np.linalg.norm(vector, axis=1, keepdims=True)
     if len(vector) == 0 or not np.all(np.abs(length - 1.0) < 1e-3):
-        raise CatalogueError(f"{path.name} holds stars that are not directions.")
+        raise CatalogueError("{name} holds stars that are not directions.", name=path.name)
     return vector / length, {n: c for n, c in columns.items() if len(c) == len(vector)}
 
 
@@ -217,12 +219,12 @@ def read_sources(folder: Path) -> Sources:
     """Read every source below ``folder``, wherever the packages put them."""
     paths = sorted(folder.rglob("stars_[0-3]_*.cat"))
     if not paths:
-        raise CatalogueError(f"The sources in {folder} lack Stellarium's stars_*.cat.")
+        raise CatalogueError("The sources in {folder} lack Stellarium's stars_*.cat.", folder=folder)
     stars = StarList.joined([read_stars(path) for path in paths])
     for name in SINGLE_FILES:
         found = sorted(folder.rglob(name))
         if not found:
-            raise CatalogueError(f"The sources in {folder} lack {name}.")
+            raise CatalogueError("The sources in {folder} lack {name}.", folder=folder, name=name)
         paths.append(found[0])
     files = {path.name: path for path in paths}
     tycho, columns = read_index(files["index-tycho2-07.littleendian.fits"])
@@ -260,7 +262,7 @@ def _lines(path: Path) -> Iterator[str]:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise CatalogueError(f"{path} cannot be read: {error.strerror}.") from error
+        raise CatalogueError("{path} cannot be read: {strerror}.", path=path, strerror=error.strerror) from error
     return (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
 
 

@@ -36,15 +36,20 @@ def read_elements(path: Path) -> SmallBodies:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        raise CatalogueError(f"Can't read {path.name}: not a text file of orbital elements.") from None
+        raise CatalogueError("Can't read {name}: not a text file of orbital elements.", name=path.name) from None
     rows: list[Row] = []
     for where, read in _lines(path, text):
         try:
             rows.append(read())
         except (ValueError, KeyError, TypeError, IndexError, OverflowError):
-            raise CatalogueError(f"Can't read {path.name}: {where} has no usable elements ({NEEDED}).") from None
+            raise CatalogueError(
+                "Can't read {name}: {where} has no usable elements ({needed}).",
+                name=path.name,
+                where=where,
+                needed=NEEDED,
+            ) from None
     if not rows:
-        raise CatalogueError(f"Can't read {path.name}: it has no orbital elements.")
+        raise CatalogueError("Can't read {name}: it has no orbital elements.", name=path.name)
     return bodies_of(rows)
 
 
@@ -71,7 +76,7 @@ def sbdb_json(path: Path, text: str) -> list[dict[str, Any]]:
         answer = json.loads(text)
         return [dict(zip(answer["fields"], row, strict=True)) for row in answer["data"]]
     except (ValueError, KeyError, TypeError):
-        raise CatalogueError(f"Can't read {path.name}: no answer of JPL's Small-Body Database.") from None
+        raise CatalogueError("Can't read {name}: no answer of JPL's Small-Body Database.", name=path.name) from None
 
 
 def sbdb_row(given: Mapping[str, Any]) -> Row:

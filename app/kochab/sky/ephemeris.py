@@ -76,7 +76,7 @@ def read_ephemeris(path: Path) -> Ephemeris:
         }
         return Ephemeris(series)
     except (KeyError, TypeError, ValueError):
-        raise CatalogueError(f"The ephemeris {path} is damaged.") from None
+        raise CatalogueError("The ephemeris {path} is damaged.", path=path) from None
 
 
 @cache

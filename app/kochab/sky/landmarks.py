@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.solution import Solution
@@ -98,7 +99,11 @@ def name_of_field(solution: Solution) -> str:
     if seen.any():
         score = known.mag[near] - known.fame_mag[near] + TO_EDGE_MAG * away**2
         best = near[np.argmin(np.where(seen, score, np.inf))]
-        return f"{known.names[best]} in {constellation_at(known.vectors[best])}"
+        return _within(known.names[best], constellation_at(known.vectors[best]))
     constellation = constellation_at(solution.centre_vector)
     named = [star for star in solution.stars if star.name and star.mag < STAR_MAG and wide < STAR_FIELD_DEG]
-    return f"{min(named, key=lambda star: star.mag).name} in {constellation}" if named else constellation
+    return _within(min(named, key=lambda star: star.mag).name, constellation) if named else constellation
+
+
+def _within(name: str, constellation: str) -> str:
+    return tr("{name} in {constellation}", name=name, constellation=constellation)

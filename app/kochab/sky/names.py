@@ -75,7 +75,7 @@ class StarNames:
             rows = (line.split("\t") for line in lines)
             return {int(hip): (name, given, also) for hip, name, given, also in rows}
         except (OSError, ValueError):
-            raise CatalogueError(f"The table of star names {path} is missing or damaged.") from None
+            raise CatalogueError("The table of star names {path} is missing or damaged.", path=path) from None
 
     def label(self, row: int) -> tuple[str, str]:
         """("HIP n", name) of a row of the bright list, the name as people say it.
@@ -85,7 +85,7 @@ class StarNames:
         """
         numbers = self.bright.column("hip")
         if row >= len(numbers):
-            raise CatalogueError(f"The catalogue in {self.folder} is damaged: a star has no name.")
+            raise CatalogueError("The catalogue in {folder} is damaged: a star has no name.", folder=self.folder)
         hip, letter = int(numbers[row]), ""
         if row and int(numbers[row - 1]) == hip:
             letter = COMPONENTS[int(self.bright.column("component")[row]) % len(COMPONENTS)]
@@ -116,7 +116,7 @@ class StarNames:
         place = self._objects.get(key.replace(" ", ""))
         if place is not None:
             return place
-        raise UsageError(f"No star or object in the catalogue is called {name.strip()!r}.")
+        raise UsageError("No star or object in the catalogue is called {name!r}.", name=name.strip())
 
     def _numbered(self, key: str) -> int | None:
         for prefix in ("hip", "hd", "hr", "sao"):
@@ -124,7 +124,7 @@ class StarNames:
             if key.startswith(prefix) and rest.isdecimal():
                 at = np.flatnonzero(self.bright.column(prefix) == int(rest))
                 if int(rest) == 0 or not len(at):
-                    raise UsageError(f"The catalogue has no {prefix.upper()} {rest}.")
+                    raise UsageError("The catalogue has no {prefix} {rest}.", prefix=prefix.upper(), rest=rest)
                 return int(at[0])
         return None
 

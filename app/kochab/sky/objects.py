@@ -56,6 +56,6 @@ def read_objects(path: Path) -> SkyObjects:
         if not (np.isfinite(ra).all() and np.isfinite(dec).all()):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
-        raise CatalogueError(f"The table of objects {path} is missing or damaged.") from None
+        raise CatalogueError("The table of objects {path} is missing or damaged.", path=path) from None
     shape = (unit_vectors(ra, dec), mag, major, minor, pa)
     return SkyObjects(texts["name"], texts["type"], *shape, texts["messier"], texts["common"], texts["also"])

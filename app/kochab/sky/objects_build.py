@@ -77,7 +77,7 @@ def read_openngc(database: Path) -> list[SkyObject]:
         with closing(sqlite3.connect(f"file:{database}?mode=ro", uri=True)) as connection:
             rows = connection.execute(query).fetchall()
     except sqlite3.Error as error:
-        raise CatalogueError(f"{database.name} cannot be read: {error}.") from error
+        raise CatalogueError("{name} cannot be read: {error}.", name=database.name, error=error) from error
     found = []
     for name, kind, ra, dec, mag, major, minor, pa, messier, common in rows:
         one = SkyObject(designation(name), kind, float(np.degrees(ra)), float(np.degrees(dec)), mag, major, minor, pa)
@@ -125,7 +125,9 @@ def read_stellarium(path: Path) -> list[SkyObject]:
             one.also = [word.replace("Sh2 ", "Sh2-") for word in given]
             found.append(one)
     except (OSError, EOFError, struct.error, UnicodeDecodeError) as error:
-        raise CatalogueError(f"{path.name} is not Stellarium's table of objects ({error}).") from error
+        raise CatalogueError(
+            "{name} is not Stellarium's table of objects ({error}).", name=path.name, error=error
+        ) from error
     return found
 
 

@@ -76,7 +76,7 @@ def _chains(path: Path) -> list[tuple[str, Floats]]:
         places = [(head, np.array(rest.split(), dtype=np.float64).reshape(-1, 2)) for head, rest in lines]
         return [(head, unit_vectors(*place.T)) for head, place in places]
     except (OSError, ValueError):
-        raise CatalogueError(f"The table {path} is missing or damaged.") from None
+        raise CatalogueError("The table {path} is missing or damaged.", path=path) from None
 
 
 def _figures(path: Path, stars: NamedStars, names: "StarNames") -> tuple[Floats, ...]:
@@ -88,7 +88,7 @@ def _figures(path: Path, stars: NamedStars, names: "StarNames") -> tuple[Floats,
         at = [np.searchsorted(numbers, np.array(row, dtype=numbers.dtype)) for row in rows]
         return tuple(unit_vectors(ra[row] * (360.0 / 2**32), dec[row] * (360.0 / 2**32)) for row in at)
     except (OSError, ValueError, IndexError):
-        raise CatalogueError(f"The list of constellation figures {path} is missing or damaged.") from None
+        raise CatalogueError("The list of constellation figures {path} is missing or damaged.", path=path) from None
 
 
 def _circle(pole: Floats) -> Floats:

@@ -81,7 +81,7 @@ def read_small_bodies(path: Path) -> SmallBodies:
         if {len(epoch), len(magnitude), len(slope)} != {len(names)}:
             raise ValueError
     except ValueError:
-        raise CatalogueError(f"The table of asteroids and comets {path} is damaged.") from None
+        raise CatalogueError("The table of asteroids and comets {path} is damaged.", path=path) from None
     return SmallBodies(names, state, epoch, magnitude, slope)
 
 

@@ -40,7 +40,7 @@ def read_spk(path: Path) -> Ephemeris:
     """
     raw = path.read_bytes()
     if raw[:7] != b"DAF/SPK" or raw[88:96] != b"LTL-IEEE":
-        raise CatalogueError(f"{path} is no ephemeris in SPK form.")
+        raise CatalogueError("{path} is no ephemeris in SPK form.", path=path)
     words = np.frombuffer(raw, "<f8", len(raw) // 8)
     first = int(np.frombuffer(raw, "<i4", 1, 76)[0])
     found = {}
@@ -54,7 +54,7 @@ def read_spk(path: Path) -> Ephemeris:
         coefficients = records[:, 2:].reshape(int(count), 3, -1) / AU_KM
         found[target, centre] = Series(2451545.0 + start_s / 86400.0, length_s / 86400.0, coefficients)
     if not {(301, 3), (399, 3), *((number, 0) for number in SPK.values())} <= found.keys():
-        raise CatalogueError(f"{path} lacks the Sun, the Moon or a planet.")
+        raise CatalogueError("{path} lacks the Sun, the Moon or a planet.", path=path)
     moon, earth = found[301, 3], found[399, 3]
     series = {name: found[number, 0] for name, number in SPK.items()}
     from_earth = Series(moon.start_jd, moon.days, moon.coefficients - earth.coefficients)

@@ -208,7 +208,9 @@ def save_profile(profile: Profile, folder: Path | None = None) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, json.dumps(content, indent=1))
     except OSError as error:
-        raise KochabError(f"The camera profile cannot be saved in {path.parent}: {error.strerror}.") from error
+        raise KochabError(
+            "The camera profile cannot be saved in {parent}: {strerror}.", parent=path.parent, strerror=error.strerror
+        ) from error
     return path
 
 
@@ -239,7 +241,7 @@ def load_profile(name: str, width: int, height: int, folder: Path | None = None)
             raise ValueError("numbers that no camera has")
         return profile
     except _DAMAGED as error:
-        raise KochabError(f"{path} is not a camera profile; delete it to start a new one.") from error
+        raise KochabError("{path} is not a camera profile; delete it to start a new one.", path=path) from error
 
 
 # -- The tracker's camera: better with every frame, and doubted when a frame contradicts it ----

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from kochab.core import tr
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
@@ -128,10 +129,15 @@ def _findings(case: Evidence) -> Iterator[Finding]:
     yield from _field(case)
     clear = int(np.count_nonzero(_clear(case.detections)))
     if clear < FEWEST_STARS:
-        found = "stars found" if clear == len(case.detections) else "stars stand out of the noise"
+        found = tr("stars found") if clear == len(case.detections) else tr("stars stand out of the noise")
         yield (
             Reason.TOO_FEW_STARS,
-            f"Only {clear} {found}, {FEWEST_STARS} or more are needed: expose longer or use a wider field.",
+            tr(
+                "Only {clear} {found}, {fewest} or more are needed: expose longer or use a wider field.",
+                clear=clear,
+                found=found,
+                fewest=FEWEST_STARS,
+            ),
         )
 
 
@@ -147,7 +153,7 @@ def _no_stars(case: Evidence) -> Iterator[Finding]:
         yield from _focus(case)
         yield (
             Reason.CLOUDED_OR_DARK,
-            "No stars above the background: check for clouds, a closed cover or dew, then expose longer.",
+            tr("No stars above the background: check for clouds, a closed cover or dew, then expose longer."),
         )
 
 
@@ -156,8 +162,11 @@ def _daylight(case: Evidence) -> Iterator[Finding]:
     if light is not None and light.background_share > DAY_SHARE:
         yield (
             Reason.CLOUDED_OR_DARK,
-            f"The background is at {100 * light.background_share:.0f} % of full scale (daylight, cloud "
-            "or a long exposure): wait for a dark sky or expose much shorter.",
+            tr(
+                "The background is at {background:.0f} % of full scale (daylight, cloud or a long "
+                "exposure): wait for a dark sky or expose much shorter.",
+                background=100 * light.background_share,
+            ),
         )
 
 
@@ -189,12 +198,12 @@ def _aligned(twice: NDArray[np.complex128]) -> bool:
 def _trail(case: Evidence, length_px: float, angle_deg: float) -> Finding:
     case.measured["trail_px"] = length_px
     _note(case.measured, "trail_angle_deg", angle_deg)
-    at = f"at {angle_deg:.0f} deg" if math.isfinite(angle_deg) else "in arcs"
+    at = tr("at {angle_deg:.0f} deg", angle_deg=angle_deg) if math.isfinite(angle_deg) else tr("in arcs")
     exposure = case.hint.exposure_s if case.hint else None
-    advice = "wait 5 s after the slew, then expose again; expose shorter if the mount does not track."
+    advice = tr("wait 5 s after the slew, then expose again; expose shorter if the mount does not track.")
     if exposure is not None and exposure > 20.0:
-        advice = f"track the sky, or expose shorter than {exposure:g} s."
-    return Reason.TRAILED, f"Stars trail {length_px:.0f} px {at}: {advice}"
+        advice = tr("track the sky, or expose shorter than {exposure:g} s.", exposure=exposure)
+    return Reason.TRAILED, tr("Stars trail {length:.0f} px {at}: {advice}", length=length_px, at=at, advice=advice)
 
 
 def _discs(case: Evidence) -> Iterator[Finding]:
@@ -211,7 +220,7 @@ def _wide(width_px: float) -> Iterator[Finding]:
     if width_px > OUT_OF_FOCUS_PX:
         yield (
             Reason.OUT_OF_FOCUS,
-            f"Stars are {width_px:.0f} px wide: focus until they are under 5 px, then expose again.",
+            tr("Stars are {width:.0f} px wide: focus until they are under 5 px, then expose again.", width=width_px),
         )
 
 
@@ -227,13 +236,17 @@ def _field(case: Evidence) -> Iterator[Finding]:
     if expected < FEWEST_CATALOGUE_STARS and deg < 2.0:
         yield (
             Reason.FIELD_TOO_SMALL,
-            f"The field is {deg:.2f} deg wide and the catalogue has about {expected:.0f} stars "
-            "there: use a shorter focal length or a reducer.",
+            tr(
+                "The field is {deg:.2f} deg wide and the catalogue has about {expected:.0f} stars there: use "
+                "a shorter focal length or a reducer.",
+                deg=deg,
+                expected=expected,
+            ),
         )
     if deg > FISHEYE_DEG and len(case.detections) >= 20:
         yield (
             Reason.DISTORTION_TOO_STRONG,
-            f"A field of {deg:.0f} deg is too distorted: crop the central 60 deg and solve that.",
+            tr("A field of {deg:.0f} deg is too distorted: crop the central 60 deg and solve that.", deg=deg),
         )
 
 
@@ -246,8 +259,12 @@ def _glare(case: Evidence, least: float) -> Iterator[Finding]:
         case.measured["glare_share"] = light.glare_share
         yield (
             Reason.TOO_FEW_STARS,
-            f"Only {stars} stars found: a bright patch (the Moon, a lamp, one very bright object) covers "
-            f"{100 * light.glare_share:.1f} % of the frame. Point away from it.",
+            tr(
+                "Only {stars} stars found: a bright patch (the Moon, a lamp, one very bright object) covers "
+                "{glare:.1f} % of the frame. Point away from it.",
+                stars=stars,
+                glare=100 * light.glare_share,
+            ),
         )
 
 
@@ -257,11 +274,11 @@ def _no_visible_fault(case: Evidence, stated: Finding) -> Finding:
     if reason is not Reason.NO_PATTERN_AGREED:
         return stated
     if case.frame is None:
-        return (reason, "Check the frame's size, that y runs down, and that the brightest star comes first.")
+        return (reason, tr("Check the frame's size, that y runs down, and that the brightest star comes first."))
     scale = case.hint is not None and case.hint.scale_arcsec_px is not None
     if not scale:
-        return (reason, "Give the field of view if you know it, and check that the image shows stars.")
-    return reason, advice or "Check that the image shows stars, not lights or noise."
+        return (reason, tr("Give the field of view if you know it, and check that the image shows stars."))
+    return reason, advice or tr("Check that the image shows stars, not lights or noise.")
 
 
 def implied_field_deg(evidence: Evidence) -> float | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from kochab.attitude import ESTIMATORS
 from kochab.attitude.fit import Fit, FocalPrior, refine
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Frame, Hint
@@ -152,8 +153,10 @@ def _solve(
             elif refusal is None or found.searched:  # without the hint it may lack what it needs
                 refusal = found
     except TimedOut:
-        advice = "Give the field of view or the pixel scale, or allow more time."
-        refusal = NoSolution(Reason.TIMED_OUT, advice, f"searched for {options.timeout_s or 0.0:g} s")
+        advice = tr("Give the field of view or the pixel scale, or allow more time.")
+        refusal = NoSolution(
+            Reason.TIMED_OUT, advice, tr("searched for {timeout_s:g} s", timeout_s=options.timeout_s or 0.0)
+        )
     yield Progress("diagnose", 0.9)
     from kochab.solver.diagnosis import Evidence, diagnose
 
@@ -211,7 +214,7 @@ def _identify(
 ) -> Task[Identification | NoSolution]:
     from kochab.identification import IDENTIFIERS
 
-    yield Progress("identify", 0.3, "with a hint" if hint else "blind")
+    yield Progress("identify", 0.3, tr("with a hint") if hint else tr("blind"))
     with clock.stage("identify"):
         identifier = IDENTIFIERS.make(options.method, **options.method_options)
         return (yield from clock.watch(identifier.identify(detections, hint, year)))
@@ -233,9 +236,12 @@ def _conclude(
     if stretched is not None:
         return NoSolution(
             Reason.DISTORTION_TOO_STRONG,
-            f"The image is stretched by {100.0 * stretched:.1f} % in one direction, its pixels are not square: "
-            "resize it back, then solve again.",
-            tried=f"{len(matches)} stars matched in a part of the frame",
+            tr(
+                "The image is stretched by {stretched:.1f} % in one direction, its pixels are not square: "
+                "resize it back, then solve again.",
+                stretched=100.0 * stretched,
+            ),
+            tried=tr("{matches} stars matched in a part of the frame", matches=len(matches)),
             measured={"stretch_share": stretched},
         )
     seen = matches
@@ -243,7 +249,7 @@ def _conclude(
     if options.aberration:
         moment = options.hint.time_utc if options.hint else None
         if moment is None:
-            warnings = ("Aberration is not corrected: the frame has no date.",)
+            warnings = (tr("Aberration is not corrected: the frame has no date."),)
         else:
             seen, fit = geometric_fit(matches, fit, moment, focal, options.worst_px)
     if options.attitude is not None:
@@ -298,7 +304,7 @@ def with_estimate(
             matches.xy[order], matches.vectors[order], fit.camera
         )
     except ValueError as error:
-        return fit, f"{name}: {error} Used the least-squares fit instead."
+        return fit, tr("{name}: {error} Used the least-squares fit instead.", name=name, error=error)
     seen = fit.camera.project(matches.vectors @ attitude.matrix.T)
     residuals = matches.xy - seen
     rms = float(np.sqrt(np.mean(np.sum(residuals**2, axis=1))))
@@ -322,7 +328,7 @@ def with_doubts(
     if options.hint is not None and given is not options.hint:  # the field replaced its scale
         doubts += _scale_doubt(result, options.hint, "given")
     if options.use_header:
-        doubts += contradictions(result, header, "in the header")
+        doubts += contradictions(result, header, tr("in the header"))
     return replace(result, warnings=(*result.warnings, *doubts))
 
 
@@ -349,7 +355,11 @@ def within_radius(
     away = apart_deg(centre_deg[:2], result.ra_dec_deg)
     if away <= centre_deg[2]:
         return result
-    told = f", {away:.4g} deg from the search position; the search radius is {centre_deg[2]:g} deg."
+    told = tr(
+        ", {away:.4g} deg from the search position; the search radius is {centre:g} deg.",
+        away=away,
+        centre=centre_deg[2],
+    )
     return refused(result, Reason.OUTSIDE_RADIUS, told, away_deg=away)
 
 
@@ -358,7 +368,13 @@ def refused(result: Solution, reason: Reason, told: str, **measured: float) -> N
     ra, dec = result.ra_dec_deg
     return NoSolution(
         reason,
-        f"Solved with {len(result.stars)} stars at RA {ra:.4f}, Dec {dec:+.4f} deg{told}",
+        tr(
+            "Solved with {stars} stars at RA {ra:.4f}, Dec {dec:+.4f} deg{told}",
+            stars=len(result.stars),
+            ra=ra,
+            dec=dec,
+            told=told,
+        ),
         detections=result.detections,
         elapsed_ms=result.elapsed_ms,
         measured={"ra_deg": ra, "dec_deg": dec, **measured},
@@ -377,7 +393,7 @@ def contradictions(solution: Solution, hint: Hint | None, where: str) -> tuple[s
     away = apart_deg((ra, dec), solution.ra_dec_deg)
     if away <= radius + float(np.hypot(*solution.camera.fov_deg)) / 2.0:
         return doubts
-    return (*doubts, f"The frame is {away:.3g} deg away from the position {where}.")
+    return (*doubts, tr("The frame is {away:.3g} deg away from the position {where}.", away=away, where=where))
 
 
 def _scale_doubt(solution: Solution, hint: Hint, where: str) -> tuple[str, ...]:
@@ -388,7 +404,13 @@ def _scale_doubt(solution: Solution, hint: Hint, where: str) -> tuple[str, ...]:
     if low / SLACK <= true <= high * SLACK:
         return ()
     return (
-        f"The pixel scale {where}, about {middle:.3g} arcsec/px, is wrong by a factor of"
-        f" {max(true / middle, middle / true):.3g}: measured {true:.4g} arcsec/px, a focal length of"
-        f" {solution.camera.focal_px:.0f} px.",
+        tr(
+            "The pixel scale {where}, about {middle:.3g} arcsec/px, is wrong by a factor of {true:.3g}: "
+            "measured {true2:.4g} arcsec/px, a focal length of {focal:.0f} px.",
+            where=where,
+            middle=middle,
+            true=max(true / middle, middle / true),
+            true2=true,
+            focal=solution.camera.focal_px,
+        ),
     )

@@ -94,7 +94,11 @@ class PointingModel:
         said = said_at(self, place_deg, sidereal_deg(self.site, time_utc))
         away = apart_deg(said, place_deg)
         if not away <= FARTHEST_DEG:
-            raise RefusedError(f"The pointing model would shift this goto by {away:.1f}°, more than {FARTHEST_DEG:g}°.")
+            raise RefusedError(
+                "The pointing model would shift this goto by {away:.1f}°, more than {farthest:g}°.",
+                away=away,
+                farthest=FARTHEST_DEG,
+            )
         return said
 
 
@@ -112,7 +116,11 @@ def said_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> Degree
 def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     """The terms of a mount from four sightings or more; `RefusedError` says what is missing."""
     if len(sightings) < FEWEST:
-        raise RefusedError(f"A pointing model needs {FEWEST} sightings far from each other, not {len(sightings)}.")
+        raise RefusedError(
+            "A pointing model needs {fewest} sightings far from each other, not {sightings}.",
+            fewest=FEWEST,
+            sightings=len(sightings),
+        )
     site = sightings[-1].site
     if site is None:
         raise RefusedError("A pointing model needs the site: set it first.")

@@ -4,12 +4,13 @@ import time
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
 from kochab.core.mount import Ability, Direction, Pointing
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import NoSolution, Solution, SolveNow
+from kochab.core.solution import NoSolution, Solution, SolveNow, no_solution_text
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.gear.mounts.motion_policy import ACROSS
@@ -57,19 +58,24 @@ def end_of(course: Course, name: str, made: int, tries: int) -> tuple[CentringEn
     """The end after the last frame and its sentence; None when another correction is worthwhile."""
     error, left = course.error_arcsec, angle_text(course.error_arcsec / 3600.0)
     if error <= course.tolerance_arcsec:
-        return CentringEnd.CENTRED, f"{name} is centred to {left}."
+        return CentringEnd.CENTRED, tr("{name} is centred to {left}.", name=name, left=left)
     if course.slips > 1:
         return CentringEnd.SLIPPING, (
-            f"Still {left} off: the telescope stops short of its target. Check the clutches, the "
-            "cables and the balance."
+            tr(
+                "Still {left} off: the telescope stops short of its target. Check the clutches, the cables "
+                "and the balance.",
+                left=left,
+            )
         )
     if course.no_better:
         return CentringEnd.NOT_CONVERGING, (
-            f"Still {left} off: the corrections don't help. Check the clutches, the balance and the wind."
+            tr("Still {left} off: the corrections don't help. Check the clutches, the balance and the wind.", left=left)
         )
     if made >= tries:
         wanted = angle_text(course.tolerance_arcsec / 3600.0)
-        return CentringEnd.NOT_CONVERGING, f"Still {left} off after {tries} corrections; {wanted} wanted."
+        return CentringEnd.NOT_CONVERGING, tr(
+            "Still {left} off after {tries} corrections; {wanted} wanted.", left=left, tries=tries, wanted=wanted
+        )
     return None
 
 
@@ -79,7 +85,9 @@ AGAIN_S, SOON_S = 2.0, 0.5
 TROUBLES = 3  # lost replies, or commands refused by the mount, in a row
 READINGS, SAME_DEG = 4, 0.02
 NEAR_DEG = 0.5
-DOUBTFUL = "Poor solution: residual {:.3g} px. Kochab did not move the mount. Take longer exposures, or check a frame."
+DOUBTFUL = tr_noop(
+    "Poor solution: residual {:.3g} px. Kochab did not move the mount. Take longer exposures, or check a frame."
+)
 
 
 def centre_target(
@@ -163,11 +171,9 @@ class _Centring:
             yield from settled(self.mount, self.wait)
             found = yield from self.solve()
             if isinstance(found, NoSolution):
-                return self.ended(
-                    CentringEnd.NO_SOLUTION, f"{found.reason[:1].upper()}{found.reason[1:]}: {found.advice}"
-                )
+                return self.ended(CentringEnd.NO_SOLUTION, no_solution_text(found))
             if not self.is_good(found):
-                return self.ended(CentringEnd.NO_SOLUTION, DOUBTFUL.format(found.rms_px))
+                return self.ended(CentringEnd.NO_SOLUTION, tr(DOUBTFUL).format(found.rms_px))
             end = self.end_after(found)
             if end is not None:
                 return end
@@ -198,8 +204,8 @@ class _Centring:
             found = yield from self.solve_now()
             if not more or (isinstance(found, Solution) and self.is_good(found)):
                 break
-            reason = found.reason if isinstance(found, NoSolution) else "poor solution"
-            yield Progress("solving", None, f"{reason}, taking another frame")
+            reason = tr(found.reason) if isinstance(found, NoSolution) else tr("poor solution")
+            yield Progress("solving", None, tr("{reason}, taking another frame", reason=reason))
             self.wait(AGAIN_S)
         return found
 
@@ -256,14 +262,14 @@ class _Centring:
         """Sync on a second solve that agrees; False when it has to be an offset goto instead."""
         found = yield from agreeing_solves(self.mount, self.solve_now, solution)
         if isinstance(found, NoSolution):
-            self.notes.append(f"No sync: no solution for a second frame ({found.reason}).")
+            self.notes.append(tr("No sync: no solution for a second frame ({reason}).", reason=tr(found.reason)))
             return False
         self.solution = found[1]
         self.course.last = self.sight(found[1])
         evidence, there = SyncEvidence.of(*found), self.course.last.sky
         preview = with_retries(lambda: self.mount.preview_sync(*there, evidence))
-        if preview.refusals == (ACROSS,):
-            self.notes.append(f"Offset goto instead of a sync: {ACROSS}")
+        if preview.refusals == (tr(ACROSS),):
+            self.notes.append(tr("Offset goto instead of a sync: {across}", across=tr(ACROSS)))
             return False
         self.to_confirm = not preview.refusals and bool(preview.confirmations)
         require_allowed(self.mount, preview, self.confirmed)
@@ -275,7 +281,7 @@ class _Centring:
             if self.changed():  # not refused but garbled: solve again before anything moves
                 raise
             self.may_sync = False
-            self.notes.append(f"Offset goto instead of a sync: {error}")
+            self.notes.append(tr("Offset goto instead of a sync: {error}", error=error))
             return False
         return True
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import cos, radians
 
+from kochab.core import tr_noop
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.workflows.sync_mount import shifted
 
@@ -30,10 +31,10 @@ BETTER = 0.8  # of the error before, at least, or the correction was none
 class Correction(StrEnum):
     """How a correction is made."""
 
-    SYNC = "sync and goto"
-    GOTO = "offset goto"
-    APPROACH = "offset goto from one side"
-    FINE = "small moves"
+    SYNC = tr_noop("sync and goto")
+    GOTO = tr_noop("offset goto")
+    APPROACH = tr_noop("offset goto from one side")
+    FINE = tr_noop("small moves")
 
 
 @dataclass(frozen=True, slots=True)

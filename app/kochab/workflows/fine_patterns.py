@@ -12,6 +12,7 @@ from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
+from kochab.core import tr
 from kochab.core.errors import CatalogueError, KochabError
 from kochab.core.progress import Progress, Task
 
@@ -36,7 +37,7 @@ def make_elsewhere() -> Task[None]:
             if ours.poll(LOOK_EVERY_S):
                 step = ours.recv()
     except EOFError:  # it has ended
-        step = "Can't build the small-field index."
+        step = tr("Can't build the small-field index.")
     finally:
         ours.close()
         process.terminate()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.capture import CameraSource
 from kochab.core.errors import NoAnswerError, UsageError
 from kochab.core.frame import Detections, Frame, Site
@@ -70,7 +71,9 @@ def fresh_frame(camera: CameraSource, patience_s: float = PATIENCE_S) -> Task[Fr
         frame = camera.next_frame(SLICE_S)
         if frame is None:
             if time.monotonic() > end:
-                raise NoAnswerError(f"The camera gave no new frame within {patience_s:g} s. Is it exposing?")
+                raise NoAnswerError(
+                    "The camera gave no new frame within {patience:g} s. Is it exposing?", patience=patience_s
+                )
             continue
         if doubtful or _began_after(frame, since, camera.now_utc()):
             return frame
@@ -156,7 +159,7 @@ def image_files(paths: Sequence[str | Path]) -> list[Path]:
         else:
             files.append(path)
     if not files:
-        raise UsageError(f"{', '.join(map(str, paths)) or 'The list'} has no images.")
+        raise UsageError("{paths} has no images.", paths=", ".join(map(str, paths)) or tr("The list"))
     return files
 
 

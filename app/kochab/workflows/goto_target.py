@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.attitude import apart_deg, radec_deg
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
@@ -56,11 +57,11 @@ def named_target(name: str, time_utc: datetime) -> Target:
 def target_at(ra_deg: float, dec_deg: float) -> Target:
     """A place by ICRS degrees; UsageError when out of range."""
     if not (-360.0 <= ra_deg <= 360.0 and -90.0 <= dec_deg <= 90.0):
-        raise UsageError(f"RA {ra_deg:g}, Dec {dec_deg:g} is not a valid position.")
+        raise UsageError("RA {ra_deg:g}, Dec {dec_deg:g} is not a valid position.", ra_deg=ra_deg, dec_deg=dec_deg)
     return Target(f"RA {ra_deg % 360.0:.4f} Dec {dec_deg:+.4f}", ra_deg % 360.0, dec_deg)
 
 
-NOTHING = "Enter a target: a name such as M 42, Vega or HIP 32349, or “5h35m17s -5d23m”."
+NOTHING = tr_noop("Enter a target: a name such as M 42, Vega or HIP 32349, or “5h35m17s -5d23m”.")
 
 
 def parse_target(text: str, time_utc: datetime) -> Target:
@@ -87,7 +88,7 @@ def _coordinates(text: str) -> tuple[float, float]:
     if len(words) % 2 == 0:
         half = len(words) // 2
         return parse_ra_deg(" ".join(words[:half])), parse_dec_deg(" ".join(words[half:]))
-    raise UsageError(f"“{text}” is not a known name or position. {NOTHING}")
+    raise UsageError("“{text}” is not a known name or position. {nothing}", text=text, nothing=tr(NOTHING))
 
 
 def names_to_offer() -> Task[list[str]]:
@@ -115,11 +116,15 @@ def goto_typed(mount: Guard, text: str, flip: bool = False) -> Task[str | FlipQu
     if not flip and mount.policy.asks_flip(mount.position(), state := mount.state(), there):
         return FlipQuestion(
             text,
-            f"{target.name} is across the meridian: the mount is {state.pier_side} of its pier and must flip."
-            " Watch the cables and the tube. For a fork or wedge, set Meridian.",
+            tr(
+                "{name} is across the meridian: the mount is {pier} of its pier and must flip. Watch "
+                "the cables and the tube. For a fork or wedge, set Meridian.",
+                name=target.name,
+                pier=tr(state.pier_side or ""),
+            ),
         )
     yield from goto_target(mount, target, flip=flip)
-    return f"The mount reports that it reached {target.name}."
+    return tr("The mount reports that it reached {name}.", name=target.name)
 
 
 def flip_mount(mount: Guard) -> Task[str]:
@@ -134,9 +139,9 @@ def flip_mount(mount: Guard) -> Task[str]:
     if (side := state.pier_side) is None:
         raise RefusedError("The mount does not report its pier side: flip it with its hand control.")
     if due_side(mount.policy.goto(here, state, (here.ra_deg, here.dec_deg))[0], flip=True) in (None, side):
-        raise RefusedError(f"No flip is due: the mount is {side} of its pier, as it should be here.")
+        raise RefusedError("No flip is due: the mount is {side} of its pier, as it should be here.", side=tr(side))
     yield from mount.slew(here.ra_deg, here.dec_deg, flip=True)
-    return f"Flipped: the mount is {side.opposite} of its pier."
+    return tr("Flipped: the mount is {opposite} of its pier.", opposite=tr(side.opposite))
 
 
 def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep, flip: bool = False) -> Task[Pointing]:
@@ -187,7 +192,7 @@ def settled(mount: Guard, wait: Wait = time.sleep, settle_s: float = SETTLE_S) -
             raise StrayedError("The mount kept moving while it reported no slew. Kochab stopped it.")
         before = here
     mount.halt()
-    raise NoAnswerError(f"The mount did not stop moving within {PATIENCE_S:g} s. Kochab stopped it.")
+    raise NoAnswerError("The mount did not stop moving within {patience:g} s. Kochab stopped it.", patience=PATIENCE_S)
 
 
 def with_retries(query: Callable[[], T]) -> T:

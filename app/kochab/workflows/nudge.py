@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
@@ -25,7 +26,7 @@ SHORTEST_S, LONGEST_S = 0.08, 8.0  # shorter is inaccurate, longer is tedious
 AFTER_S, RUNS_OUT = 0.4, 10  # and how often so long until it stands
 LONGEST_GOTO_DEG = 10.0
 LONGEST_PULSE_MS, LONGEST_MOVE_DEG = 1000, 2.0  # at a time: what has begun ends within a second without this program
-RUNS_ON = "this move runs on if the computer fails: keep an eye on the mount"
+RUNS_ON = tr_noop("this move runs on if the computer fails: keep an eye on the mount")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ def nudge(
             for there in steps:
                 mount.check_not_stopped(stops, "motion")
                 yield from mount.slew(*there)
-            nudged = Nudged(direction, amount_arcsec, "a goto", 0.0)
+            nudged = Nudged(direction, amount_arcsec, tr("a goto"), 0.0)
         else:
             nudged = yield from _moves(mount, direction, amount_arcsec, wait, rate_deg_s)
         moving = False
@@ -84,7 +85,7 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
         yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
         wait(part / 1000.0 + AFTER_S)
         left -= part
-    return Nudged(direction, amount_arcsec, "guide pulses", total / 1000.0)
+    return Nudged(direction, amount_arcsec, tr("guide pulses"), total / 1000.0)
 
 
 def _gotos_instead(mount: Guard, direction: Direction, amount_deg: float) -> list[tuple[float, float]]:
@@ -110,14 +111,14 @@ def _gotos_instead(mount: Guard, direction: Direction, amount_deg: float) -> lis
 def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait, chosen_deg_s: float) -> Task[Nudged]:
     amount_deg = amount_arcsec / 3600.0
     if amount_deg > mount.limits.longest_move_deg:
-        raise RefusedError(f"A nudge of {amount_deg:.1f}° is too large. Use goto instead.")
+        raise RefusedError("A nudge of {amount_deg:.1f}° is too large. Use goto instead.", amount_deg=amount_deg)
     rate = chosen_deg_s or move_rate_deg_s(mount, amount_deg)
     left = seconds = amount_deg / rate
     # At a rate that a person chose it is one move, which the guard refuses when it is too long.
     longest_s = seconds if chosen_deg_s else min(mount.limits.longest_move_s, LONGEST_MOVE_DEG / rate)
     if seconds < SHORTEST_S and not chosen_deg_s:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
-    stops, told = mount.stops, "" if mount.ends_alone else f"; {RUNS_ON}"
+    stops, told = mount.stops, "" if mount.ends_alone else f"; {tr(RUNS_ON)}"
     while left > 1e-3:
         part = min(left, longest_s)
         yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}{told}")
@@ -138,7 +139,12 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
             if left <= 1e-3 or not mount.state().slewing:
                 break
             wait(AFTER_S)
-    return Nudged(direction, amount_arcsec, f"one move of {seconds:.1f} s" if chosen_deg_s else "moves", seconds)
+    return Nudged(
+        direction,
+        amount_arcsec,
+        tr("one move of {seconds:.1f} s", seconds=seconds) if chosen_deg_s else tr("moves"),
+        seconds,
+    )
 
 
 def move_rate_deg_s(mount: Guard, amount_deg: float) -> float:

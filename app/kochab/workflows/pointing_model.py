@@ -23,10 +23,15 @@ def use_model(mount: Guard, model: PointingModel) -> None:
     if not timedelta(0) <= age + timedelta(minutes=1) <= LASTS:
         hours = age / timedelta(hours=1)
         raise RefusedError(
-            f"The pointing model is {hours:.0f} h old, and the mount may have been set up anew: make another."
+            "The pointing model is {hours:.0f} h old, and the mount may have been set up anew: make another.",
+            hours=hours,
         )
     if model.epoch is not mount.epoch:
-        raise RefusedError(f"The pointing model is for coordinates {model.epoch}, the mount's are {mount.epoch}.")
+        raise RefusedError(
+            "The pointing model is for coordinates {epoch}, the mount's are {epoch2}.",
+            epoch=model.epoch,
+            epoch2=mount.epoch,
+        )
     if not model.helps:
         raise RefusedError("The pointing model does not help: sync the mount instead.")
     mount.supervisor.aim = model.aim
@@ -57,7 +62,7 @@ def load_sightings(path: Path) -> list[MountSighting]:
     try:
         return [_sighting(row) for row in json.loads(path.read_text("utf-8"))["sightings"]]
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise UsageError(f"{path} holds no sightings of a mount.") from error
+        raise UsageError("{path} holds no sightings of a mount.", path=path) from error
 
 
 def _sighting(row: dict[str, Any]) -> MountSighting:

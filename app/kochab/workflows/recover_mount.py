@@ -5,11 +5,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, SiteReport
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import NoSolution, Solution, SolveNow
+from kochab.core.solution import NoSolution, Solution, SolveNow, no_solution_text
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
@@ -20,7 +21,7 @@ from kochab.workflows.sync_mount import require_allowed, solves_apart_arcsec
 
 FRAMES = 8
 WHOLE_S = 1.0  # many cameras write whole seconds only
-UNDATED = (
+UNDATED = tr_noop(
     "The frame has no time (DATE-OBS or EXIF), so the telescope may have moved since. Let the camera "
     "write the time, and take a new frame."
 )
@@ -72,7 +73,7 @@ def recover_mount(
     state = with_retries(mount.state)
     drift_deg = age_s[-1] * SIDEREAL_DEG_S if state.tracking is False else 0.0
     if state.tracking is False:
-        warnings.append("The mount is not tracking: the sky drifts by 15″ per second.")
+        warnings.append(tr("The mount is not tracking: the sky drifts by 15″ per second."))
     evidence = _carried(SyncEvidence.of(*solutions), age_s if drift_deg else [0.0, 0.0])
     sky = evidence.centres_deg[-1]
     mount.armed = armed
@@ -101,10 +102,10 @@ def _agreeing(
         try:
             found = yield from solve_now()
         except NoMoreFramesError:
-            why = why or "Take a second frame."
+            why = why or tr("Take a second frame.")
             break
         if isinstance(found, NoSolution):
-            why = f"{found.reason[:1].upper()}{found.reason[1:]}: {found.advice}"
+            why = no_solution_text(found)
             continue
         when = taken()
         if when is None:
@@ -113,7 +114,7 @@ def _agreeing(
             if solves_apart_arcsec(before[0], found) <= limit:
                 pair = sorted([before, (found, when)], key=lambda one: one[1])
                 return [one for one, _ in pair], [time for _, time in pair]
-            why = "The frames show different places: the telescope is moving."
+            why = tr("The frames show different places: the telescope is moving.")
         before = found, when
     raise RefusedError(f"No two frames agree on where the telescope points. {why}".strip())
 
@@ -124,16 +125,17 @@ def _from_before(began: datetime, now: datetime, times: list[datetime], allowed:
     if max(since, ahead) <= WHOLE_S:
         return []
     problem = (
-        f"The frame is dated {_span(ahead)} in the future: its clock or time zone is wrong"
+        tr("The frame is dated {span} in the future: its clock or time zone is wrong", span=_span(ahead))
         if ahead > WHOLE_S
-        else f"The frame was taken {_span(since)} before recover began"
+        else tr("The frame was taken {span} before recover began", span=_span(since))
     )
     if not allowed:
         raise RefusedError(
-            f"{problem}, so the telescope may have moved since. Take a new one now, or confirm (--yes) "
-            "that it has not moved."
+            "{problem}, so the telescope may have moved since. Take a new one now, or confirm (--yes) "
+            "that it has not moved.",
+            problem=problem,
         )
-    return [f"{problem}. The result holds only if the telescope has not moved since."]
+    return [tr("{problem}. The result holds only if the telescope has not moved since.", problem=problem)]
 
 
 def _span(seconds: float) -> str:

@@ -41,7 +41,7 @@ def rows(s: Solution) -> list[tuple[str, str, str]]:
             tr("Detected stars matched with the catalogue"),
         ),
         (
-            "RMS",
+            tr("RMS"),
             tr("{px:.2f} px ({arcsec})", px=s.rms_px, arcsec=arcsec_text(s.rms_arcsec)),
             tr("Residual of the matched stars"),
         ),

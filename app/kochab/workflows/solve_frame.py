@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from kochab.core import tr, tr_n
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
@@ -82,10 +83,10 @@ def read_star_list(path: str | Path, width: int, height: int) -> Detections:
     columns, rows = _columns(rows, Path(path).name)
     stars = []
     for number, cells in rows:
-        stars.append(_star(cells, columns, f"{path} line {number}"))
-        _check_inside(stars[-1], width, height, f"{path} line {number}")
+        stars.append(_star(cells, columns, tr("{path} line {number}", path=path, number=number)))
+        _check_inside(stars[-1], width, height, tr("{path} line {number}", path=path, number=number))
     if not stars:
-        raise UsageError(f"{path} has no stars.")
+        raise UsageError("{path} has no stars.", path=path)
     return _detections(stars, width, height, str(path))
 
 
@@ -93,14 +94,14 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Line numbers and cells of every line that says something."""
     try:
         if path.stat().st_size > LARGEST_BYTES:
-            raise UsageError(f"{path} is too large for a list of stars.")
+            raise UsageError("{path} is too large for a list of stars.", path=path)
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise UsageError(f"{path} is not a text file.") from error
+        raise UsageError("{path} is not a text file.", path=path) from error
     except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}.") from error
+        raise UsageError("{path} cannot be read: {strerror}.", path=path, strerror=error.strerror) from error
     if "\0" in text:
-        raise UsageError(f"{path} is not a text file.")
+        raise UsageError("{path} is not a text file.", path=path)
     rows = []
     for number, line in enumerate(text.splitlines(), 1):
         line = line.split("#", 1)[0].strip()
@@ -118,24 +119,24 @@ def _columns(rows: list[tuple[int, list[str]]], name: str) -> tuple[list[int] | 
     if "x" not in header or "y" not in header:
         if len(header) <= 3:
             return None, rows[1:]
-        raise UsageError(f"{name}: its header names no columns x and y.")
+        raise UsageError("{name}: its header names no columns x and y.", name=name)
     return [header.index(key) for key in ("x", "y", "flux") if key in header], rows[1:]
 
 
 def _star(cells: list[str], columns: list[int] | None, where: str) -> list[float]:
     if columns is None:
         if len(cells) not in (2, 3):
-            count = f"{len(cells)} column" + "s" * (len(cells) != 1)
-            raise UsageError(f"{where} has {count}; a star is x,y or x,y,flux.")
+            count = tr_n("{n} column", "{n} columns", len(cells))
+            raise UsageError("{where} has {count}; a star is x,y or x,y,flux.", where=where, count=count)
         picked = cells
     else:
         if len(cells) <= max(columns):
-            raise UsageError(f"{where} has fewer columns than the header.")
+            raise UsageError("{where} has fewer columns than the header.", where=where)
         picked = [cells[i] for i in columns]
     numbers = [_number(cell) for cell in picked]
     for cell, value in zip(picked, numbers, strict=True):
         if value is None or not math.isfinite(value):
-            raise UsageError(f"{where}: '{cell[:40]}' is not a number.")
+            raise UsageError("{where}: '{cell}' is not a number.", where=where, cell=cell[:40])
     return [value for value in numbers if value is not None]
 
 
@@ -150,14 +151,19 @@ def _check_inside(star: list[float], width: int, height: int, where: str) -> Non
     x, y = star[:2]
     if not (-1.0 <= x <= width and -1.0 <= y <= height):
         raise UsageError(
-            f"{where}: ({x:g}, {y:g}) is outside the {width} x {height} frame, whose first pixel "
-            "is (0, 0) at the top left."
+            "{where}: ({x:g}, {y:g}) is outside the {width} x {height} frame, whose first pixel is (0, "
+            "0) at the top left.",
+            where=where,
+            x=x,
+            y=y,
+            width=width,
+            height=height,
         )
 
 
 def _detections(stars: list[list[float]], width: int, height: int, path: str) -> Detections:
     if len({len(star) for star in stars}) > 1:
-        raise UsageError(f"{path}: some stars have a flux and some have none.")
+        raise UsageError("{path}: some stars have a flux and some have none.", path=path)
     table = np.array(stars, dtype=np.float64)
     _, first = np.unique(table[:, :2], axis=0, return_index=True)
     table = table[np.sort(first)]

@@ -35,7 +35,10 @@ def spiral_search(mount: Guard, step_deg: float, turns: int, pause_s: float, wai
     centre = mount.position_icrs()
     narrow = cos(radians(centre[1]))
     if turns * step_deg > FARTHEST_DEG or narrow < NEAREST_POLE:
-        raise RefusedError(f"A spiral reaches {FARTHEST_DEG:g}° at most, and not beside a pole: search a smaller one.")
+        raise RefusedError(
+            "A spiral reaches {farthest:g}° at most, and not beside a pole: search a smaller one.",
+            farthest=FARTHEST_DEG,
+        )
     places = square_spiral(turns)
     for number, (east, north) in enumerate(places):
         yield Progress("searching", number / len(places), f"place {number + 1} of {len(places)}")

@@ -7,6 +7,7 @@ and is sent as far beside the target as that error is.
 import time
 from dataclasses import dataclass, replace
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import RefusedError
@@ -20,7 +21,7 @@ from kochab.workflows.goto_target import Wait, apart, settled, with_retries
 
 MOVED_ARCSEC = 60.0  # since the offer: less may be drift and rounding
 TAKES = 3
-UNMOVED = "Sync on this frame only if the telescope has not moved since it was taken."
+UNMOVED = tr_noop("Sync on this frame only if the telescope has not moved since it was taken.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +43,13 @@ class SyncOffer:
     def in_words(self) -> str:
         """The offset in one sentence: where the telescope really points."""
         p = self.preview
-        return (
-            f"Mount is off by {angle_text(p.offset_deg)}: it points"
-            f" {angle_text(abs(p.east_deg))} {'east' if p.east_deg >= 0 else 'west'} and"
-            f" {angle_text(abs(p.north_deg))} {'north' if p.north_deg >= 0 else 'south'} of where it reports."
+        return tr(
+            "Mount is off by {angle}: it points {angle2} {east} and {angle3} {north} of where it reports.",
+            angle=angle_text(p.offset_deg),
+            angle2=angle_text(abs(p.east_deg)),
+            east=tr("east") if p.east_deg >= 0 else tr("west"),
+            angle3=angle_text(abs(p.north_deg)),
+            north=tr("north") if p.north_deg >= 0 else tr("south"),
         )
 
 
@@ -76,7 +80,7 @@ def offer_of(mount: Guard, *solutions: Solution) -> SyncOffer:
     there = mount.to_mount(*sky)
     preview = with_retries(lambda: mount.preview_sync(*there, evidence, by_hand))
     if by_hand:
-        preview = replace(preview, warnings=(UNMOVED, *preview.warnings))
+        preview = replace(preview, warnings=(tr(UNMOVED), *preview.warnings))
     return SyncOffer(preview, evidence, solutions[-1], here, sky, mount.lacks.get(Ability.SYNC, ""))
 
 
@@ -90,14 +94,16 @@ def agreeing_solves(
     limit = mount.limits.solves_agree_arcsec
     before = first
     for _ in range(TAKES):
-        yield Progress("solving", None, "a second time" if before else "")
+        yield Progress("solving", None, tr("a second time") if before else "")
         solved = yield from solve_now()
         if isinstance(solved, NoSolution):
             return solved
         if before is not None and solves_apart_arcsec(before, solved) <= limit:
             return before, solved
         before = solved
-    raise RefusedError(f"The solves do not agree within {limit:g}″: the telescope is moving. Wait and solve again.")
+    raise RefusedError(
+        "The solves do not agree within {limit:g}″: the telescope is moving. Wait and solve again.", limit=limit
+    )
 
 
 def accept_sync(
@@ -113,7 +119,7 @@ def accept_sync(
     yield Progress("sync", 0.0, offer.in_words)
     moved = apart(with_retries(mount.position), offer.mount)
     if moved * 3600.0 > MOVED_ARCSEC:
-        raise RefusedError(f"The mount has moved by {angle_text(moved)} since the frames. Take new ones.")
+        raise RefusedError("The mount has moved by {angle} since the frames. Take new ones.", angle=angle_text(moved))
     refusal = offer.no_sync
     if not refusal:
         there = mount.to_mount(*offer.sky_deg)
@@ -131,8 +137,11 @@ def accept_sync(
     return SyncDone(
         False,
         True,
-        f"{refusal} The telescope slewed by the offset instead. The mount's coordinates are still off by"
-        f" {angle_text(offer.preview.offset_deg)}.",
+        tr(
+            "{refusal} The telescope slewed by the offset instead. The mount's coordinates are still off by {angle}.",
+            refusal=refusal,
+            angle=angle_text(offer.preview.offset_deg),
+        ),
     )
 
 
@@ -144,7 +153,9 @@ def sync_by_hand(mount: Guard, offer: SyncOffer) -> Task[SyncDone]:
 
 
 def _done(offer: SyncOffer) -> SyncDone:
-    return SyncDone(True, False, f"Synced by {angle_text(offer.preview.offset_deg)}. Undo takes it back.")
+    return SyncDone(
+        True, False, tr("Synced by {angle}. Undo takes it back.", angle=angle_text(offer.preview.offset_deg))
+    )
 
 
 def require_allowed(mount: Guard, preview: Preview, confirmed: bool) -> None:
@@ -187,4 +198,4 @@ def undo_sync(mount: Guard) -> Task[str]:
     before = with_retries(mount.position)
     mount.undo_sync()
     after = with_retries(mount.position)
-    return f"Sync undone. The mount's coordinates changed by {angle_text(apart(before, after))}."
+    return tr("Sync undone. The mount's coordinates changed by {angle}.", angle=angle_text(apart(before, after)))

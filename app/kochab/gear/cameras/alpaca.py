@@ -138,7 +138,7 @@ class AlpacaCamera(ExposingCamera):
             left = deadline - monotonic()
             if left <= 0:
                 if int(self._get("camerastate", 0)) == _BROKEN:
-                    raise LineLostError(f"{self.name} reports a fault. Check its cable and power.")
+                    raise LineLostError("{name} reports a fault. Check its cable and power.", name=self.name)
                 return None
             sleep(min(POLL_S, left))
         data, kind = self._link.fetch(f"/api/v1/{self._path}imagearray", DOWNLOAD_S, ACCEPT)

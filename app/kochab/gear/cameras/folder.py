@@ -134,14 +134,16 @@ class FolderCamera(CameraSource):
             raise PortError("Choose the folder your capture program saves to.")
         folder = Path(address).expanduser()
         if not folder.exists():
-            raise PortError(f"The folder {folder} does not exist.")
+            raise PortError("The folder {folder} does not exist.", folder=folder)
         if not folder.is_dir():
-            raise PortError(f"{folder} is a file. Choose its folder.")
+            raise PortError("{folder} is a file. Choose its folder.", folder=folder)
         try:
             with os.scandir(folder) as entries:
                 next(entries, None)
         except OSError as error:
-            raise PortError(f"The folder {folder} cannot be read: {error.strerror}.") from None
+            raise PortError(
+                "The folder {folder} cannot be read: {strerror}.", folder=folder, strerror=error.strerror
+            ) from None
         return cls(folder)
 
     @property
@@ -221,7 +223,7 @@ class FolderCamera(CameraSource):
 
     def _listing(self) -> dict[str, Stamp]:
         if self._who() != self._identity:
-            raise LineLostError(f"The folder {self._folder} was replaced. Open it again.")
+            raise LineLostError("The folder {folder} was replaced. Open it again.", folder=self._folder)
         try:
             return dict(_pictures(self._folder, DEEPEST))
         except OSError as error:
@@ -236,7 +238,11 @@ class FolderCamera(CameraSource):
         return about.st_dev, about.st_ino
 
     def _gone(self, error: OSError) -> LineLostError:
-        return LineLostError(f"Lost the folder {self._folder} ({error.strerror}). Check the drive or network share.")
+        return LineLostError(
+            "Lost the folder {folder} ({strerror}). Check the drive or network share.",
+            folder=self._folder,
+            strerror=error.strerror,
+        )
 
 
 def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:

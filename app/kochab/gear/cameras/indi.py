@@ -49,9 +49,9 @@ def _unpacked(data: bytes, name: str) -> bytes:
     try:
         out = stream.decompress(data, LARGEST_BYTES)
     except zlib.error:
-        raise FrameError(f"{name} is damaged and can't be decompressed.") from None
+        raise FrameError("{name} is damaged and can't be decompressed.", name=name) from None
     if not stream.eof:
-        raise FrameError(f"{name} is cut short, or too large.")
+        raise FrameError("{name} is cut short, or too large.", name=name)
     return out
 
 
@@ -159,7 +159,7 @@ class IndiCamera(ExposingCamera):
         """Raise when the camera is no longer connected, or has refused to expose."""
         self._device.check()
         if self._exposing is not None and self._device.state("CCD_EXPOSURE") == "Alert":
-            raise RefusedError(f"{self.name} refused to expose{self._device.said()}.")
+            raise RefusedError("{name} refused to expose{said}.", name=self.name, said=self._device.said())
 
     def _power_up(self) -> None:
         """Connect the camera to its driver and have its pictures sent here as FITS."""

@@ -26,7 +26,7 @@ class Exposure:
     def check_overdue(self, camera: str) -> None:
         """Raise LineLostError when its picture should have been here long ago."""
         if monotonic() > self.begun_s + self.seconds + DOWNLOAD_S:
-            raise LineLostError(f"{camera} sent no image after its exposure.")
+            raise LineLostError("{camera} sent no image after its exposure.", camera=camera)
 
 
 # -- Settings against what a camera allows, before it is asked ---------------------------------
@@ -43,9 +43,16 @@ def check_within(settings: CaptureSettings, limits: CaptureLimits) -> None:
         if value is None:
             continue
         if bounds is None:
-            raise RefusedError(f"The {what} of this camera cannot be set.")
+            raise RefusedError("The {what} of this camera cannot be set.", what=what)
         if not bounds[0] <= value <= bounds[1]:
-            raise RefusedError(f"A {what} of {value:g}{unit} is not within {bounds[0]:g} to {bounds[1]:g}{unit}.")
+            raise RefusedError(
+                "A {what} of {value:g}{unit} is not within {bounds:g} to {bounds2:g}{unit}.",
+                what=what,
+                value=value,
+                unit=unit,
+                bounds=bounds[0],
+                bounds2=bounds[1],
+            )
 
 
 class ExposingCamera(CameraSource):

@@ -56,7 +56,7 @@ class Controls:
                 self._gain.value = round(settings.gain)
             gain = None if self._gain is None else float(self._gain.value)
         except (OSError, ValueError, AttributeError) as error:
-            raise RefusedError(f"The camera does not take this setting: {error}.") from None
+            raise RefusedError("The camera does not take this setting: {error}.", error=error) from None
         return CaptureSettings(self.exposure_s, gain)
 
 
@@ -123,7 +123,7 @@ class Webcam(CameraSource):
         container = _opened(address or target, target, driver)
         if not container.streams.video:
             container.close()
-            raise PortError(f"{address} sends no video.")
+            raise PortError("{address} sends no video.", address=address)
         camera = cls(address or target, container, controls_of(target if driver else ""))
         try:
             camera.configure(settings)
@@ -153,7 +153,7 @@ class Webcam(CameraSource):
         if self._lost is not None:
             raise LineLostError(self._lost)
         if monotonic() - self._last_s > SILENCE_S + (self._controls.exposure_s or 0.0):
-            raise LineLostError(f"{self.name} stopped sending frames. Check its cable.")
+            raise LineLostError("{name} stopped sending frames. Check its cable.", name=self.name)
         return None
 
     def close(self) -> None:
@@ -223,14 +223,14 @@ def _opened(name: str, target: str, driver: str | None) -> Any:
     try:
         return av.open(target, format=driver, options=_EAGER, timeout=(OPEN_S, SILENCE_S))
     except FileNotFoundError:
-        raise PortError(f"No camera {name}. List cameras with: kochab camera list.") from None
+        raise PortError("No camera {name}. List cameras with: kochab camera list.", name=name) from None
     except PermissionError:
         raise PortError(
-            f"No permission to open {name}. On Linux, run sudo usermod -aG video $USER, then log in again."
+            "No permission to open {name}. On Linux, run sudo usermod -aG video $USER, then log in again.", name=name
         ) from None
     except (FFmpegError, OSError, ValueError) as error:
         why = (getattr(error, "strerror", None) or str(error)).rstrip(".")
-        raise PortError(f"{name} cannot be opened as a video camera: {why}.") from None
+        raise PortError("{name} cannot be opened as a video camera: {why}.", name=name, why=why) from None
 
 
 def _linux() -> list[tuple[str, str]]:

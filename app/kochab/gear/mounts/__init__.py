@@ -100,8 +100,12 @@ def open_mount(
     except NoAnswerError as error:
         link.close()
         raise NoAnswerError(
-            f"No {make.title} answers on {port} at {rate} baud: check power, cable, driver and "
-            f"baud rate, or run `kochab mount probe`. ({error})"
+            "No {title} answers on {port} at {rate} baud: check power, cable, driver and baud rate, or "
+            "run `kochab mount probe`. ({error})",
+            title=make.title,
+            port=port,
+            rate=rate,
+            error=error,
         ) from error
     except BaseException:
         link.close()

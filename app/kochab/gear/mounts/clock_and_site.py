@@ -2,6 +2,7 @@
 
 from datetime import UTC, datetime, timedelta
 
+from kochab.core import tr, tr_n
 from kochab.core.angle_text import site_text
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError
@@ -35,9 +36,10 @@ class ClockAndSite:
         """Its position, with a new clock or site: a sync before it was of the old one."""
         shift_deg = apart_deg((before.ra_deg, before.dec_deg), (after.ra_deg, after.dec_deg))
         if shift_deg > SHIFTED_DEG and not self._trusted:
-            self._policy.until_sync = (
-                f"The mount's position shifted by {shift_deg:.1f}° with its new clock or site. Sync on a solved frame"
-                " before you slew, or say that the mount is right (--trust-mount)."
+            self._policy.until_sync = tr(
+                "The mount's position shifted by {shift:.1f}° with its new clock or site. Sync on a "
+                "solved frame before you slew, or say that the mount is right (--trust-mount).",
+                shift=shift_deg,
             )
 
     def compare(self, mount: Mount) -> None:
@@ -61,10 +63,15 @@ class ClockAndSite:
     def _sentence(self, mount: Mount) -> str:
         commands = " and ".join(COMMANDS[ability] for ability in self.wrong)
         able = not self.wrong.keys() & mount.lacks.keys()
-        where = f"in the Mount view, or by {commands}" if able else "on its hand control"
-        return (
-            f"The mount contradicts this computer: {' and '.join(self.wrong.values())}. Before a slew or a sync set"
-            f" {'them' if len(self.wrong) > 1 else 'it'} {where}; or say that the mount is right (--trust-mount)."
+        where = tr("in the Mount view, or by {commands}", commands=commands) if able else tr("on its hand control")
+        return tr_n(
+            "The mount contradicts this computer: {wrong}. Before a slew or a sync set it {where}; or say that the"
+            " mount is right (--trust-mount).",
+            "The mount contradicts this computer: {wrong}. Before a slew or a sync set them {where}; or say that the"
+            " mount is right (--trust-mount).",
+            len(self.wrong),
+            wrong=tr(" and ").join(self.wrong.values()),
+            where=where,
         )
 
     def _clock(self, report: SiteReport) -> str:
@@ -75,10 +82,15 @@ class ClockAndSite:
         if size_s <= CLOCK_S:
             return ""
         if size_s > 1.5 * DAY_S:
-            return f"its date is {report.time_utc:%Y-%m-%d}"
-        zone = " (summer time or zone?)" if abs(size_s - ZONE_S * round(size_s / ZONE_S)) < CLOCK_S else ""
-        size = f"{size_s / HOUR_S:.1f} h" if size_s >= HOUR_S - CLOCK_S else f"{size_s / 60.0:.0f} min"
-        return f"its clock is {size} {'fast' if ahead_s > 0 else 'slow'}{zone}"
+            return tr("its date is {date}", date=f"{report.time_utc:%Y-%m-%d}")
+        zone = tr(" (summer time or zone?)") if abs(size_s - ZONE_S * round(size_s / ZONE_S)) < CLOCK_S else ""
+        size = (
+            tr("{hours:.1f} h", hours=size_s / HOUR_S)
+            if size_s >= HOUR_S - CLOCK_S
+            else tr("{minutes:.0f} min", minutes=size_s / 60.0)
+        )
+        text = tr("its clock is {size} fast{zone}") if ahead_s > 0 else tr("its clock is {size} slow{zone}")
+        return text.format(size=size, zone=zone)
 
     def _site(self, report: SiteReport) -> str:
         if report.site is None or self._policy.site is None:
@@ -86,7 +98,7 @@ class ClockAndSite:
         pairs = [(one.longitude_deg, one.latitude_deg) for one in (report.site, self._policy.site)]
         if apart_deg(*pairs) <= SITE_DEG:
             return ""
-        return f"its site is {site_text(report.site)}, not {site_text(self._policy.site)}"
+        return tr("its site is {site}, not {site2}", site=site_text(report.site), site2=site_text(self._policy.site))
 
 
 def wall_clock(now_utc: datetime) -> datetime:

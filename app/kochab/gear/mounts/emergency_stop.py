@@ -8,13 +8,14 @@ from math import inf
 from threading import Lock, Timer
 from time import monotonic
 
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.mount import SIDEREAL_DEG_S, Mount
 from kochab.gear.journal import MotionLog
 
-CANNOT_STOP = "Kochab can't stop the mount: cut its power."
-MAY_STILL_MOVE = "THE MOUNT MAY STILL MOVE: CUT ITS POWER."
+CANNOT_STOP = tr_noop("Kochab can't stop the mount: cut its power.")
+MAY_STILL_MOVE = tr_noop("THE MOUNT MAY STILL MOVE: CUT ITS POWER.")
 LOOK_S, LOOKS = 0.7, 4  # motors run out of a slew within two seconds
 LONG_S = 4.0  # no more checks after this time: a silent mount is as bad as a moving one
 STILL_DEG = 20.0 / 3600.0  # a mount that rounds to 15 arcsec may jump by that much
@@ -73,7 +74,7 @@ class EmergencyStop:
         except DeviceError as error:
             self.unfinished = self.unfinished or self.moving
             self._log.add("stop", "failed", CANNOT_STOP)
-            raise LineLostError(f"{CANNOT_STOP} ({error})") from error
+            raise LineLostError("{cannot_stop} ({error})", cannot_stop=tr(CANNOT_STOP), error=error) from error
         self.end()
         self._sent += 1
         logger.info("stop sent")
@@ -116,7 +117,7 @@ class EmergencyStop:
                     self._log.add("stop", "failed", "The mount kept moving after a Stop.")
                 if not self._comes_to_rest():
                     self._log.add("stop", "failed", MAY_STILL_MOVE)
-                    raise NotStoppedError(f"{MAY_STILL_MOVE} It is still moving after two Stop commands.")
+                    raise NotStoppedError("{may} It is still moving after two Stop commands.", may=tr(MAY_STILL_MOVE))
         finally:
             self._confirmed = self._sent
         self._log.add("stop", "done")

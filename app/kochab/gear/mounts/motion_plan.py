@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
-from functools import partial
 from math import cos, radians
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
@@ -160,9 +160,21 @@ class Plan:
         return wrapped(hour_angles)
 
 
-refuse = partial(RuleFinding, Severity.REFUSE)
-confirm = partial(RuleFinding, Severity.CONFIRM)
-warn = partial(RuleFinding, Severity.WARN)
+def refuse(text: str, /, **values: object) -> RuleFinding:
+    """A motion is forbidden; ``text`` and ``values`` as for :func:`kochab.core.tr`."""
+    return RuleFinding(Severity.REFUSE, tr(text, **values))
+
+
+def confirm(text: str, /, **values: object) -> RuleFinding:
+    """A motion needs a person's yes."""
+    return RuleFinding(Severity.CONFIRM, tr(text, **values))
+
+
+def warn(text: str, /, **values: object) -> RuleFinding:
+    """A person should know this before the motion."""
+    return RuleFinding(Severity.WARN, tr(text, **values))
+
+
 Rule = Callable[[Plan], Iterable[RuleFinding]]
 
 

@@ -8,6 +8,7 @@ from math import copysign
 
 import numpy as np
 
+from kochab.core import tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
@@ -48,9 +49,9 @@ NUDGE_DEG = 5.0  # so far the axes may be moved while the mount's clock or site 
 def readiness(plan: Plan) -> Findings:
     """Refuse when the mount is parked, moves already, is not aligned, or its home is not confirmed."""
     if plan.state.parked:
-        yield refuse(f"The mount is parked: unpark it before a {plan.action}.")
+        yield refuse("The mount is parked: unpark it before a {action}.", action=plan.action)
     if plan.state.slewing:
-        yield refuse(f"The mount is slewing: wait or stop it before a {plan.action}.")
+        yield refuse("The mount is slewing: wait or stop it before a {action}.", action=plan.action)
     if plan.state.aligned is False:
         yield refuse("The mount is not aligned: do its alignment on the hand control first.")
     if plan.state.home_confirmed is False and plan.action == "goto":
@@ -71,7 +72,9 @@ def slew_length(plan: Plan) -> Findings:
     """Refuse a slew beyond the cap: a longer one is a mistake."""
     cap = 180.0 if plan.from_home else plan.limits.longest_slew_deg
     if not plan.distance_deg <= cap:  # refuses a distance that is not a number, too
-        yield refuse(f"The slew of {plan.distance_deg:.1f} deg is longer than the {cap:g} allowed.")
+        yield refuse(
+            "The slew of {distance:.1f} deg is longer than the {cap:g} allowed.", distance=plan.distance_deg, cap=cap
+        )
 
 
 # -- Pier, tripod and ground: altitude and hour angle along the whole path ---------------------
@@ -88,7 +91,7 @@ def horizon(plan: Plan) -> Findings:
         if plan.limits.allow_without_site or plan.action == "pulse":
             yield warn("No site set: the horizon limit is off.")
         else:
-            yield refuse(f"No site set, so no horizon limit. Set the site before a {plan.action}.")
+            yield refuse("No site set, so no horizon limit. Set the site before a {action}.", action=plan.action)
         return
     if plan.action != "sync":
         yield from _altitudes(plan, plan.site)
@@ -97,8 +100,9 @@ def horizon(plan: Plan) -> Findings:
     target = float(altitude_deg(np.atleast_2d(plan.target), plan.site, plan.time_utc)[0])
     if not target >= 0.0:
         yield refuse(
-            f"The sync is refused: that place is {-target:.1f} deg below the horizon; "
-            "check the site, the time and the solve."
+            "The sync is refused: that place is {target:.1f} deg below the horizon; check the site, the "
+            "time and the solve.",
+            target=-target,
         )
 
 
@@ -114,19 +118,23 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
     leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may creep back into the allowed range
     if target < low and not (leaving and target >= start):
-        yield refuse(f"The target is {target:.1f} deg high, the limit is {low:.3g} deg.")
+        yield refuse("The target is {target:.1f} deg high, the limit is {low:.3g} deg.", target=target, low=low)
         return
     if target > high and not (leaving and target <= start):
-        yield refuse(f"The target is {target:.1f} deg high, the upper limit is {high:g} deg.")
+        yield refuse("The target is {target:.1f} deg high, the upper limit is {high:g} deg.", target=target, high=high)
         return
     for path in plan.paths:
         along, floors = seen(path)
         worst, top = int(np.argmin(along - floors)), float(along.max())
         if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:
-            yield refuse(f"The path would dip to {along[worst]:.1f} deg, the limit is {floors[worst]:.3g} deg.")
+            yield refuse(
+                "The path would dip to {along:.1f} deg, the limit is {floors:.3g} deg.",
+                along=along[worst],
+                floors=floors[worst],
+            )
             return
         if top > max(high, start) + SLACK_DEG:
-            yield refuse(f"The path would rise to {top:.1f} deg, the limit is {high:g} deg.")
+            yield refuse("The path would rise to {top:.1f} deg, the limit is {high:g} deg.", top=top, high=high)
             return
 
 
@@ -140,8 +148,10 @@ def _hour_angles(plan: Plan) -> Findings:
     too_far_east = lowest < min(east, start) - SLACK_DEG
     if too_far_east or highest > max(west, start) + SLACK_DEG:
         yield refuse(
-            f"The path reaches hour angle {(lowest if too_far_east else highest) / 15:+.1f} h, "
-            f"the limits are {east / 15:+.1f} to {west / 15:+.1f} h."
+            "The path reaches hour angle {lowest:+.1f} h, the limits are {east:+.1f} to {west:+.1f} h.",
+            lowest=(lowest if too_far_east else highest) / 15,
+            east=east / 15,
+            west=west / 15,
         )
 
 
@@ -160,18 +170,20 @@ def sun(plan: Plan) -> Findings:
     target = separation_deg(plan.target, towards)
     leaving = plan.action in ("move", "pulse", "park", "home") and target >= start
     if target < cone and not leaving:
-        yield refuse(f"The target is {target:.0f} deg from the Sun, nearer than {cone:g} deg.")
+        yield refuse("The target is {target:.0f} deg from the Sun, nearer than {cone:g} deg.", target=target, cone=cone)
         return
     for path in plan.paths:
         nearest = float(np.degrees(np.arccos(np.clip(path @ towards, -1.0, 1.0))).min())
         if nearest < min(cone, start) - SLACK_DEG:
-            yield refuse(f"The path passes {nearest:.0f} deg from the Sun, nearer than {cone:g}.")
+            yield refuse(
+                "The path passes {nearest:.0f} deg from the Sun, nearer than {cone:g}.", nearest=nearest, cone=cone
+            )
             return
 
 
 # -- The meridian: where a German mount changes the side of its pier ---------------------------
 
-ACROSS = (
+ACROSS = tr_noop(
     "The sync would move the mount across the meridian, to the other pier side. Slew away from the "
     "meridian first. For a fork or wedge, set Meridian (--fork)."
 )
@@ -193,9 +205,10 @@ def flip(plan: Plan) -> Findings:
         yield warn("The path crosses the meridian: a German mount would flip there.")
     else:
         yield refuse(
-            f"The path crosses the meridian and would flip the mount from the {plan.state.pier_side}"
-            " side of its pier. Choose a target on this side, or allow the flip (Meridian in the"
-            " Mount view, or --allow-flip). For a fork or wedge, use --fork."
+            "The path crosses the meridian and would flip the mount from the {pier} side of its "
+            "pier. Choose a target on this side, or allow the flip (Meridian in the Mount view, or "
+            "--allow-flip). For a fork or wedge, use --fork.",
+            pier=plan.state.pier_side,
         )
 
 
@@ -205,8 +218,8 @@ def sync_across_meridian(plan: Plan) -> Findings:
         yield refuse(ACROSS)
     if abs(plan.target_deg[1]) > plan.limits.near_pole_deg:
         yield warn(
-            f"At declination {plan.target_deg[1]:+.1f}° a sync hardly corrects right ascension. "
-            "Sync again farther from the pole."
+            "At declination {target:+.1f}° a sync hardly corrects right ascension. Sync again farther from the pole.",
+            target=plan.target_deg[1],
         )
 
 
@@ -228,8 +241,8 @@ def due_side(plan: Plan, flip: bool = False) -> PierSide | None:
 EAST_MOST_DEG = -270.0  # past the lower meridian counts on from there
 
 
-MOVE_ADVICE = "Start farther from the meridian, or move the other way."
-PAST_ADVICE = {"track": "Flip the mount (Flip in the Mount view, or kochab mount flip)."}
+MOVE_ADVICE = tr_noop("Start farther from the meridian, or move the other way.")
+PAST_ADVICE = {"track": tr_noop("Flip the mount (Flip in the Mount view, or kochab mount flip).")}
 
 
 def past_meridian(plan: Plan) -> Findings:
@@ -250,9 +263,14 @@ def past_meridian(plan: Plan) -> Findings:
     worst = max(float(past.max()), float(-180.0 - past.min()))  # the upper, the lower meridian
     if not worst <= max(limit, start) + SLACK_DEG:
         yield refuse(
-            f"The {plan.action} would take the telescope {worst:.0f}° past the meridian on the {side} side of"
-            f" the pier, where it may hit the pier (limit {limit:g}°). {PAST_ADVICE.get(plan.action, MOVE_ADVICE)}"
-            " For a fork or wedge, set Meridian in the Mount view (--fork)."
+            "The {action} would take the telescope {worst:.0f}° past the meridian on the {side} side of "
+            "the pier, where it may hit the pier (limit {limit:g}°). {get} For a fork or wedge, set "
+            "Meridian in the Mount view (--fork).",
+            action=plan.action,
+            worst=worst,
+            side=side,
+            limit=limit,
+            get=PAST_ADVICE.get(plan.action, MOVE_ADVICE),
         )
 
 
@@ -268,21 +286,25 @@ def sync_step(plan: Plan) -> Findings:
     at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and not limits.crosses_meridian
     if at_home and step > limits.confirm_sync_deg and not guessed:
         yield refuse(
-            f"The mount takes this place for its home, {step:.0f}° from here: a sync would not tell it the side of its"
-            " pier. Switch it off, put the tube at its home position, and switch it on there."
+            "The mount takes this place for its home, {step:.0f}° from here: a sync would not tell it "
+            "the side of its pier. Switch it off, put the tube at its home position, and switch it on "
+            "there.",
+            step=step,
         )
     elif (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a step of nothing here is one of everything elsewhere
         yield refuse(
-            f"So near the pole this sync would shift right ascension by {turn:+.0f}° everywhere. "
-            "Slew to a star farther from the pole and sync there."
+            "So near the pole this sync would shift right ascension by {turn:+.0f}° everywhere. Slew to "
+            "a star farther from the pole and sync there.",
+            turn=turn,
         )
     elif step > limits.refuse_sync_deg and not plan.armed and not guessed:
         yield refuse(
-            f"The sync would shift the mount by {step:.1f}°, more than {limits.refuse_sync_deg:g}°. "
-            "If you are sure, allow it (--arm)."
+            "The sync would shift the mount by {step:.1f}°, more than {refuse:g}°. If you are sure, allow it (--arm).",
+            step=step,
+            refuse=limits.refuse_sync_deg,
         )
     elif step > limits.confirm_sync_deg:
-        yield confirm(f"The sync would shift the mount by {step:.1f} deg: confirm it.")
+        yield confirm("The sync would shift the mount by {step:.1f} deg: confirm it.", step=step)
 
 
 def sync_evidence(plan: Plan) -> Findings:
@@ -292,7 +314,7 @@ def sync_evidence(plan: Plan) -> Findings:
         return
     if e is None or len(e.centres_deg) < 2:
         count = 0 if e is None else len(e.centres_deg)
-        yield refuse(f"A sync needs two solves that agree, not {count}. Take another frame.")
+        yield refuse("A sync needs two solves that agree, not {count}. Take another frame.", count=count)
         return
     if not len(e.centres_deg) == len(e.rms_px) == len(e.log10_false_alarm):
         yield refuse("The solves for the sync are incomplete. Solve again.")
@@ -304,16 +326,23 @@ def sync_evidence(plan: Plan) -> Findings:
     apart = float(np.max([separation_deg(a, b) for a, b in combinations(centres, 2)])) * 3600.0
     away = float(np.min([separation_deg(target, centre) for centre in centres])) * 3600.0
     if not apart <= allowed:
-        yield refuse(f"The solves differ by {apart:.0f}″ (limit {allowed:g}″). Wait, then solve again.")
+        yield refuse(
+            "The solves differ by {apart:.0f}″ (limit {allowed:g}″). Wait, then solve again.",
+            apart=apart,
+            allowed=allowed,
+        )
     elif not away <= allowed:
-        yield refuse(f"The sync is {away:.0f}″ from the solved position. Solve again.")
+        yield refuse("The sync is {away:.0f}″ from the solved position. Solve again.", away=away)
     rms_px, false_alarm = float(np.max(e.rms_px)), float(np.max(e.log10_false_alarm))
     if not rms_px <= limits.worst_rms_px:
-        yield refuse(f"The solve's residual is {rms_px:.1f} px (limit {limits.worst_rms_px:g} px).")
+        yield refuse(
+            "The solve's residual is {rms:.1f} px (limit {worst:g} px).", rms=rms_px, worst=limits.worst_rms_px
+        )
     if not false_alarm <= limits.worst_log10_false_alarm:
         yield refuse(
-            f"Possible chance match: 10^{false_alarm:.0f} "
-            f"(limit 10^{limits.worst_log10_false_alarm:g}). Solve a better frame."
+            "Possible chance match: 10^{false:.0f} (limit 10^{worst:g}). Solve a better frame.",
+            false=false_alarm,
+            worst=limits.worst_log10_false_alarm,
         )
 
 
@@ -325,13 +354,14 @@ def own_way(plan: Plan) -> Findings:
         return
     if low is None:
         yield warn(
-            f"The mount does not report its park position: below your horizon limit ({limit:g}°) Kochab stops it on"
-            " the way. Then lower the limit."
+            "The mount does not report its park position: below your horizon limit ({limit:g}°) Kochab "
+            "stops it on the way. Then lower the limit.",
+            limit=limit,
         )
     elif low < -PARKED_DEG:
-        yield refuse(f"The mount's park position is {-low:.0f}° below the horizon: set another in its driver.")
+        yield refuse("The mount's park position is {low:.0f}° below the horizon: set another in its driver.", low=-low)
     elif limit <= low - PARKED_DEG:
-        yield warn(f"The mount parks {low:.1f}° high: until then that is the horizon limit.")
+        yield warn("The mount parks {low:.1f}° high: until then that is the horizon limit.", low=low)
 
 
 REST_RULES = (readiness, own_way, horizon, sun)

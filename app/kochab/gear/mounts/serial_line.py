@@ -15,9 +15,10 @@ from time import monotonic, sleep
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
+from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
 
-PORTS = "a device, COM3, tcp://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE"
+PORTS = tr_noop("a device, COM3, tcp://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE")
 UDP, TCP = "udp://", ("tcp://", "socket://")
 BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 
@@ -27,16 +28,16 @@ def not_opened(port: str, error: Exception) -> PortError:
     if port.startswith((*TCP, UDP)):
         return PortError(_server(port, error))
     if "://" in port:
-        return PortError(f"{port} is not a port: give {PORTS}.")
+        return PortError("{port} is not a port: give {ports}.", port=port, ports=PORTS)
     number = getattr(error, "errno", None)
     text = str(error).lower()
     if number in (errno.EACCES, errno.EPERM) and sys.platform != "win32":
         return PortError(_permission(port))
     if number in BUSY or "access is denied" in text or "exclusively lock" in text:
-        return PortError(f"{port} is in use: close the other program that talks to this mount.")
+        return PortError("{port} is in use: close the other program that talks to this mount.", port=port)
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV) or "filenotfound" in text:
         return PortError(_absent(port))
-    return PortError(f"{port} cannot be used as a serial port.")
+    return PortError("{port} cannot be used as a serial port.", port=port)
 
 
 def _server(port: str, error: Exception) -> str:
@@ -161,7 +162,7 @@ class SerialLink:
         """Bytes up to and with ``terminator``; ``limit`` bytes without it are no answer."""
         got = self._read(timeout_s, lambda got: got.endswith(terminator) or len(got) >= limit)
         if not got.endswith(terminator):
-            raise NoAnswerError(f"The device on {self.port} sends an endless answer: {got[:24]!r}.")
+            raise NoAnswerError("The device on {port} sends an endless answer: {got!r}.", port=self.port, got=got[:24])
         return got
 
     def discard(self, quiet_s: float = 0.0) -> bytes:
@@ -190,20 +191,24 @@ class SerialLink:
             got += self._guarded(lambda: self._serial.read(1))
             if monotonic() > end and not complete(got):
                 if got:
-                    raise NoAnswerError(f"The answer on {self.port} stopped after {bytes(got[:24])!r}.")
-                raise NoAnswerError(f"The device on {self.port} did not answer within {timeout_s:g} s.")
+                    raise NoAnswerError(
+                        "The answer on {port} stopped after {bytes!r}.", port=self.port, bytes=bytes(got[:24])
+                    )
+                raise NoAnswerError(
+                    "The device on {port} did not answer within {timeout:g} s.", port=self.port, timeout=timeout_s
+                )
         return bytes(got)
 
     def _guarded(self, action: Callable[[], T]) -> T:
         """Run ``action``; `LineLostError` for whatever an open line raises when it breaks."""
         if self._lost:
-            raise LineLostError(f"Port {self.port} is closed.")
+            raise LineLostError("Port {port} is closed.", port=self.port)
         try:
             return action()
         except (OSError, TypeError, ValueError) as error:
             # pyserial reports a port closed under it as TypeError or ValueError
             self._lost = True
-            raise LineLostError(f"Lost the mount on {self.port}. Check its cable and power.") from error
+            raise LineLostError("Lost the mount on {port}. Check its cable and power.", port=self.port) from error
 
 
 # -- Question and answer on one line, with Stop ahead of everything ----------------------------
@@ -247,7 +252,9 @@ class Conversation:
             except NoAnswerError as error:
                 self._doubt = DOUBT
                 if isinstance(error, ProtocolError):
-                    raise ProtocolError(f"Unexpected answer on {self.link.port}: {error}") from error
+                    raise ProtocolError(
+                        "Unexpected answer on {port}: {error}", port=self.link.port, error=error
+                    ) from error
                 raise
             self._doubt = max(0, self._doubt - 1)
             return value

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.errors import NoAnswerError, RefusedError, StoppedError, StrayedError
@@ -26,13 +27,15 @@ FASTEST_DEG_S = 20.0  # no mount slews faster
 THERE_DEG = 0.5
 LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
 POLL_S = 0.2
-MUTE = "The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER."
-WOKE_UP = (
+MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
+WOKE_UP = tr_noop(
     "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
     " Then put the tube at its home and switch it on there; or say that the mount is right (--trust-mount)."
 )
 SLEPT_S = 10.0
-SLEPT = "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
+SLEPT = tr_noop(
+    "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
+)
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
@@ -74,20 +77,22 @@ class SupervisedMotion:
         before, limits = self.plan.state.pier_side, self.plan.limits
         if limits.allow_flip or limits.crosses_meridian or before is None or side in (None, before):
             return None
-        return f"it began to change from the {before} to the {side} side of its pier"
+        return tr(
+            "it began to change from the {before} to the {side} side of its pier", before=tr(before), side=tr(side)
+        )
 
     def _jump(self, here: Floats, passed_s: float) -> str | None:
         moved = separation_deg(self._here, here)
         there = separation_deg(here, self.plan.target) < THERE_DEG
         if there or moved <= FASTEST_DEG_S * passed_s + ASIDE_DEG:
             return None
-        return f"its position jumped by {moved:.0f} deg, faster than any motor"
+        return tr("its position jumped by {moved:.0f} deg, faster than any motor", moved=moved)
 
     def _aside(self, here: Floats) -> str | None:
         nearest = float(np.degrees(np.arccos(np.clip((self._region @ here).max(), -1.0, 1.0))))
         if nearest <= ASIDE_DEG:
             return None
-        return f"it went the wrong way, {nearest:.0f} deg off its path"
+        return tr("it went the wrong way, {nearest:.0f} deg off its path", nearest=nearest)
 
     def _limit(self, here: Floats, now_utc: datetime) -> str | None:
         plan = replace(self.plan, paths=(np.atleast_2d(here / np.linalg.norm(here)),), time_utc=now_utc)
@@ -147,7 +152,7 @@ class SlewSupervisor:
             before, at_s, at = self._seen
             jump_deg, passed_s = separation_deg(before, place), max(0.0, monotonic() - at_s, (now - at).total_seconds())
             if jump_deg > FASTEST_DEG_S * passed_s + ASIDE_DEG:
-                self._policy.until_sync = WOKE_UP.format(jump_deg)
+                self._policy.until_sync = tr(WOKE_UP).format(jump_deg)
                 self._log.add("position", "failed", self._policy.until_sync)
         self._seen = place, asked_s, now
 
@@ -159,7 +164,7 @@ class SlewSupervisor:
             state = self._state()
             found = motion.side_finding(state.pier_side)
             if found:
-                self._stop(f"{found}: allow the flip (Meridian, or --allow-flip), and watch the cables")
+                self._stop(tr("{found}: allow the flip (Meridian, or --allow-flip), and watch the cables", found=found))
         if motion is not None and motion.due and not state.parked:
             self.position()
         return state
@@ -169,7 +174,7 @@ class SlewSupervisor:
         if self.strayed:
             raise StrayedError(self.strayed)
         if self._emergency.stops != stops:
-            raise StoppedError(f"The {what} was stopped.")
+            raise StoppedError("The {what} was stopped.", what=what)
 
     def pause(self, wait: Callable[[float], None], seconds: float) -> None:
         """Wait; `StoppedError` after a computer's sleep, which one of its clocks did not count."""
@@ -177,7 +182,7 @@ class SlewSupervisor:
         wait(seconds)
         slept_s = max(monotonic() - begun, (self._clock() - at).total_seconds()) - seconds
         if slept_s > SLEPT_S:
-            self._log.add("wait", "failed", told := SLEPT.format(slept_s))
+            self._log.add("wait", "failed", told := tr(SLEPT).format(slept_s))
             raise StoppedError(told)
 
     def arrival(self, target_deg: Degrees, limit_s: float, side: PierSide | None = None) -> Task[Pointing]:
@@ -190,12 +195,12 @@ class SlewSupervisor:
         idle = 0
         looks = self._looks("slew", limit_s, self._emergency.stops)
         while True:
-            detail = "" if left is None else f"{left:.1f} deg to go"
+            detail = "" if left is None else tr("{left:.1f} deg to go", left=left)
             done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
             yield Progress("slewing", done, detail)
             state, here = next(looks)
             if here is None:
-                yield Progress("slewing", done, MUTE)
+                yield Progress("slewing", done, tr(MUTE))
                 continue
             slewing = state.slewing
             before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
@@ -206,12 +211,13 @@ class SlewSupervisor:
                 return here
             if idle >= IDLE and left < FAR_DEG:
                 raise RefusedError(
-                    f"THE MOUNT DID NOT FLIP: it is still {state.pier_side} of its pier and may hit it."
-                    " Slew it away from the meridian, or flip it with its hand control."
+                    "THE MOUNT DID NOT FLIP: it is still {pier} of its pier and may hit it. Slew it away "
+                    "from the meridian, or flip it with its hand control.",
+                    pier=tr(state.pier_side or ""),
                 )
             if idle >= IDLE:
                 why = f": {state.fault}" if state.fault else ""
-                raise RefusedError(f"The mount stopped {left:.1f} deg from its target{why}.")
+                raise RefusedError("The mount stopped {left:.1f} deg from its target{why}.", left=left, why=why)
 
     def rest(self, action: str, limit_s: float) -> Task[None]:
         """Yield until the mount reports to be parked or at home, or where it does not report it stands still.
@@ -220,7 +226,7 @@ class SlewSupervisor:
         """
         before, idle = None, 0
         looks = self._looks(action, limit_s, self._emergency.stops)
-        doing = "parking" if action == "park" else "going home"
+        doing = tr_noop("parking") if action == "park" else tr_noop("going home")
         while True:
             yield Progress(doing)
             state, here = next(looks)
@@ -228,7 +234,7 @@ class SlewSupervisor:
             if there:
                 return
             if here is None:
-                yield Progress(doing, detail=MUTE)
+                yield Progress(doing, detail=tr(MUTE))
                 continue
             still = before is not None and apart_deg(before, (here.ra_deg, here.dec_deg)) < STILL_DEG
             idle = idle + 1 if still and not state.slewing else 0
@@ -236,7 +242,9 @@ class SlewSupervisor:
             if idle >= IDLE and there is None:
                 return
             if idle >= IDLE:
-                raise RefusedError(f"The mount stopped before it was {'parked' if action == 'park' else 'at home'}.")
+                if action == "park":
+                    raise RefusedError("The mount stopped before it was parked.")
+                raise RefusedError("The mount stopped before it was at home.")
 
     def _looks(self, what: str, limit_s: float, stops: int) -> Iterator[tuple[MountState, Pointing | None]]:
         """State and position again and again, no position when the answer was missed."""
@@ -246,7 +254,9 @@ class SlewSupervisor:
             self.pause(self._emergency.wait, POLL_S)
             self.check_not_stopped(stops, what)
             if monotonic() > end:
-                raise NoAnswerError(f"The {what} did not end within {limit_s:.0f} s and was stopped.")
+                raise NoAnswerError(
+                    "The {what} did not end within {limit:.0f} s and was stopped.", what=what, limit=limit_s
+                )
             try:
                 state = self.state()
                 here = None if state.parked else self.position()
@@ -267,7 +277,12 @@ class SlewSupervisor:
 
     def _stop(self, found: str) -> NoReturn:
         resting = self._motion is not None and self._motion.plan.action in ("park", "home")
-        self.strayed = f"Kochab stopped the {'mount on its way to rest' if resting else 'slew'}: {found}."
+        text = (
+            tr("Kochab stopped the mount on its way to rest: {found}.")
+            if resting
+            else tr("Kochab stopped the slew: {found}.")
+        )
+        self.strayed = text.format(found=found)
         try:
             self._emergency.halt()
         finally:  # afterwards: no disk holds up a Stop

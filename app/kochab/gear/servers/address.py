@@ -41,17 +41,21 @@ def net_address(text: str, default_port: int) -> NetAddress:
         host, _, port = server.partition(":")
     number = int(port) if port.isascii() and port.isdigit() else (0 if port else default_port)
     if not 1 <= number <= 65535:
-        raise PortError(f"'{short_name(port)}' is not a port; write the address as host:{default_port}.")
+        raise PortError(
+            "'{port}' is not a port; write the address as host:{default}.", port=short_name(port), default=default_port
+        )
     return NetAddress(host or "localhost", number, rest.strip("/"))
 
 
 def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "it") -> PortError:
     """Why nobody at an address could be asked; ``kind`` is the protocol, ``program`` what is to be started."""
     if isinstance(error, ConnectionRefusedError):
-        return PortError(f"No {kind} server at {where.server}. Start {program} there.")
+        return PortError(
+            "No {kind} server at {server}. Start {program} there.", kind=kind, server=where.server, program=program
+        )
     if isinstance(error, gaierror):
-        return PortError(f"No computer named {where.host} on this network.")
-    return PortError(f"{where.server} does not answer. Check its power and network.")
+        return PortError("No computer named {host} on this network.", host=where.host)
+    return PortError("{server} does not answer. Check its power and network.", server=where.server)
 
 
 def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, what: str = "camera") -> str:
@@ -67,11 +71,19 @@ def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, wha
     there = ", ".join(a if a == name else f"{a} ({name})" for a, name in devices)
     if where.rest:
         others = f"; there is {there}" if devices else ""
-        raise PortError(f"{where.server} has no {what} {where.rest}{others}.")
+        raise PortError(
+            "{server} has no {what} {rest}{others}.", server=where.server, what=what, rest=where.rest, others=others
+        )
     if not devices:
-        raise PortError(f"The {kind} server {where.server} has no {what}.")
+        raise PortError("The {kind} server {server} has no {what}.", kind=kind, server=where.server, what=what)
     if len(devices) > 1:
-        raise PortError(f"{where.server} has several {what}s: {there}. Write {where.server}/{devices[0][0]}.")
+        raise PortError(
+            "{server} has several {what}s: {there}. Write {server}/{devices}.",
+            server=where.server,
+            what=what,
+            there=there,
+            devices=devices[0][0],
+        )
     return devices[0][0]
 
 

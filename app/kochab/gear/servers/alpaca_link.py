@@ -107,7 +107,9 @@ class AlpacaLink:
         self._answered = True
         if answer.status != 200:
             text = " ".join(data.decode("utf-8", "replace").split())[:200] or answer.reason
-            raise NoAnswerError(f"{self._address.server} does not support this request: {text}.")
+            raise NoAnswerError(
+                "{server} does not support this request: {text}.", server=self._address.server, text=text
+            )
         return data, answer.headers.get("Content-Type") or ""
 
     def _read(self, answer: http.client.HTTPResponse) -> bytes:
@@ -118,7 +120,7 @@ class AlpacaLink:
             size += len(part)
             if size > LARGEST_BYTES:
                 self._http.close()
-                raise NoAnswerError(f"{self._address.server} sent too much data for an image.")
+                raise NoAnswerError("{server} sent too much data for an image.", server=self._address.server)
         missing = answer.length
         answer.close()  # else the connection takes no further request
         if missing:
@@ -130,16 +132,16 @@ class AlpacaLink:
             told = json.loads(data)
             number, message = int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", ""))
         except (ValueError, AttributeError, TypeError, RecursionError):
-            raise NoAnswerError(f"{self._address.server} is not an Alpaca server.") from None
+            raise NoAnswerError("{server} is not an Alpaca server.", server=self._address.server) from None
         raise_refusal(number, message, self._kind)
         return told.get("Value")
 
     def _gone(self, error: Exception) -> DeviceError:
         server = self._address.server
         if self._answered:
-            return LineLostError(f"Lost the Alpaca server {server}. Check its computer.")
+            return LineLostError("Lost the Alpaca server {server}. Check its computer.", server=server)
         if isinstance(error, http.client.HTTPException):
-            return PortError(f"{server} is not an Alpaca server.")
+            return PortError("{server} is not an Alpaca server.", server=server)
         return unreachable(self._address, "Alpaca", error)
 
 
@@ -149,10 +151,10 @@ def raise_refusal(number: int, message: str, kind: str = "camera") -> None:
         return
     text = " ".join(message.split()).rstrip(".") or f"error {number:#x}"
     if number == NOT_CONNECTED:
-        raise LineLostError(f"The {kind} is no longer connected to its server: {text}.")
+        raise LineLostError("The {kind} is no longer connected to its server: {text}.", kind=kind, text=text)
     if number == NOT_IMPLEMENTED:
-        raise NotOfferedError(f"The {kind} does not support this: {text}.")
-    raise RefusedError(f"The {kind} refused: {text}.")
+        raise NotOfferedError("The {kind} does not support this: {text}.", kind=kind, text=text)
+    raise RefusedError("The {kind} refused: {text}.", kind=kind, text=text)
 
 
 def discover(wait_s: float = 1.0) -> list[str]:

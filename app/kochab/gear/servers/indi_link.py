@@ -57,7 +57,7 @@ class IndiLink:
         self._thread.start()
         if not self.wait(lambda: self._made, CONNECT_S):
             self.close()
-            raise PortError(f"{address.server} does not answer as an INDI server.")
+            raise PortError("{server} does not answer as an INDI server.", server=address.server)
 
     def devices(self, interface: int) -> list[str]:
         """Names of the devices of a kind, as far as the server has told."""
@@ -173,7 +173,7 @@ class IndiLink:
             return asyncio.run_coroutine_threadsafe(doing, self._loop).result(CALL_S)
         except TimeoutError:
             self.check()
-            raise NoAnswerError(f"The INDI server {self._address.server} stopped answering.") from None
+            raise NoAnswerError("The INDI server {server} stopped answering.", server=self._address.server) from None
         except RuntimeError:  # the loop has ended meanwhile
             doing.close()
             self.check()
@@ -305,7 +305,7 @@ class IndiDevice:
             return connected and None not in map(self.state, vectors)
 
         if not self.link.wait(ready, POWER_UP_S):
-            raise PortError(f"Can't connect {self.name}{self.said()}. Check its cable and power.")
+            raise PortError("Can't connect {name}{said}. Check its cable and power.", name=self.name, said=self.said())
         return off
 
     def check(self) -> None:
@@ -314,7 +314,7 @@ class IndiDevice:
         connected = self.value("CONNECTION", "CONNECT")
         if connected != "On":
             why = "its driver stopped" if connected is None else "it was disconnected"
-            raise LineLostError(f"Lost {self.name} on the INDI server: {why}.")
+            raise LineLostError("Lost {name} on the INDI server: {why}.", name=self.name, why=why)
 
     def send(self, vector: str, members: dict[str, str]) -> float:
         """Ask the device to take new values; when that was, on `monotonic`."""
@@ -332,7 +332,7 @@ class IndiDevice:
             return self.state(vector) != "Busy" and all(same)
 
         if not self.link.wait(done, SET_S):
-            raise RefusedError(f"{self.name} does not accept this {what}{self.said()}.")
+            raise RefusedError("{name} does not accept this {what}{said}.", name=self.name, what=what, said=self.said())
 
     def said(self) -> str:
         """What the server last told as an error, in brackets."""

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from kochab.attitude import ESTIMATORS
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera
@@ -51,7 +52,7 @@ REGISTRIES: dict[ComparedPart, Registry[Any]] = {
 
 def paper_for(kind: ComparedPart, name: str) -> str:
     """Author or title, year and chapter of its source."""
-    return str(getattr(REGISTRIES[kind].load(name), "paper", "")) or "Kochab's own"
+    return str(getattr(REGISTRIES[kind].load(name), "paper", "")) or tr("Kochab's own")
 
 
 T = TypeVar("T")

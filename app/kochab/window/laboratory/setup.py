@@ -85,9 +85,11 @@ class MethodsPanel(Page):
         chosen = self._chosen[self.kind]
         for name in chosen.ticked:
             if name in chosen.faults:
-                raise UsageError(f"{tr(self.kind.capitalize())} {name}: {chosen.faults[name]}")
+                raise UsageError(
+                    "{tr} {name}: {faults}", tr=tr(self.kind.capitalize()), name=name, faults=chosen.faults[name]
+                )
         if not chosen.ticked:
-            raise UsageError(tr(ONE[self.kind]))
+            raise UsageError(ONE[self.kind])
         return [Choice(name, chosen.options.get(name, {})) for name in chosen.ticked]
 
     def tick(self, names: list[str]) -> None:
@@ -180,7 +182,7 @@ FALSE_TIP = tr_noop("False stars, % of the real ones; in an image, hot pixels")
 # name: (title, tip, lowest, highest, default, decimals, unit)
 NUMBERS: dict[str, tuple[str, str, float, float, float, int, str]] = {
     "width_deg": (tr_noop("Field width"), tr_noop("Field of view of the simulated frame"), 1, 120, 20, 1, " °"),
-    "size_px": (tr_noop("Frame"), tr_noop("Side of the square frame"), 128, 16384, 2048, 0, " px"),
+    "size_px": (tr_noop("Frame"), tr_noop("Side of the square frame"), 128, 16384, 2048, 0, tr_noop(" px")),
     "stars": (tr_noop("Stars"), tr_noop("Number of stars"), 3, 200, 20, 0, ""),
     "noise_px": (tr_noop("Noise"), NOISE_TIP, 0, 20, 0.3, 2, " px"),
     "false": (tr_noop("False stars"), FALSE_TIP, 0, 300, 10, 0, " %"),
@@ -235,6 +237,6 @@ class LaboratorySetupPanel(Page):
 
 
 def _number(tip: str, low: float, high: float, value: float, decimals: int, unit: str) -> QDoubleSpinBox:
-    made = number_field(tip, low, high, value, decimals, unit, tip)
+    made = number_field(tr(tip), low, high, value, decimals, tr(unit), tr(tip))
     made.setSingleStep(10.0 ** (1 - decimals) if decimals > 1 else 1.0)
     return made

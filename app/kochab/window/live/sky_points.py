@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
@@ -54,7 +53,7 @@ def _lines() -> list[NDArray[np.int64]]:
         rows = path.read_text(encoding="utf-8").splitlines()[1:]
         return [np.array(row.split("\t")[1].split(), dtype=np.int64) for row in rows if row]
     except (OSError, ValueError, IndexError):
-        raise CatalogueError(tr("The list of constellation figures {path} is missing or damaged.", path=path)) from None
+        raise CatalogueError("The list of constellation figures {path} is missing or damaged.", path=path) from None
 
 
 MOST = 2000

@@ -76,7 +76,7 @@ class ConnectBox(QWidget):
         drivers = {tr(driver.title): name for name, driver in DRIVERS.loaded().items()}
         self.driver = narrow_box(tr("Driver of the mount"), 8, drivers)
         self.baud = _combo(tr("Baud rate"), "9600")
-        self.baud.addItems(BAUDS)
+        self.baud.addItems([tr(BAUDS[0]), *BAUDS[1:]])
         self.epoch = narrow_box(
             tr("Epoch of the mount's coordinates"), 8, {tr(name): epoch for name, epoch in EPOCHS.items()}
         )

@@ -262,7 +262,7 @@ class MountControl(QObject):
         """Takes and solves a frame in the line's thread, and shows it in this one."""
         line, camera = self._line, self.camera
         if camera is None:
-            raise RefusedError(tr("No camera is chosen."))
+            raise RefusedError("No camera is chosen.")
         return frame_solver(camera, guard, lambda event: self._post(line, event))
 
     @property

@@ -35,7 +35,7 @@ class HorizonPicture(QWidget):
         self.mount_deg: tuple[float, float] | None = None  # altitude and azimuth
         self._drawing = False
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.setToolTip(DRAW_TIP)
+        self.setToolTip(tr(DRAW_TIP))
         self.show_limits(Limits())
 
     def sizeHint(self) -> QSize:

@@ -98,7 +98,7 @@ class HintsPanel(Page):
         centre = None
         if ra or dec:
             if not (ra and dec):
-                raise UsageError(tr("Enter both right ascension and declination."))
+                raise UsageError("Enter both right ascension and declination.")
             within = parse_positive(radius, tr("The radius"), 180.0) if radius else NEAR_RADIUS_DEG
             centre = (parse_ra_deg(ra), parse_dec_deg(dec), within)
         fov_deg = parse_positive(fov, tr("The field of view"), 170.0) if fov else None

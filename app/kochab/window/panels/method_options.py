@@ -157,7 +157,7 @@ class MethodGroup(QGroupBox):
             options = self.options.values()
         except UsageError as error:
             name = self.method.currentText()
-            raise UsageError(tr("Method {name}: {error}", name=name, error=error)) from error
+            raise UsageError("Method {name}: {error}", name=name, error=error) from error
         fitted = self.attitude.currentIndex() == 0
         return {
             "method": self.method.currentText(),

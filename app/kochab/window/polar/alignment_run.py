@@ -72,7 +72,7 @@ class AlignmentRun(QObject):
         if action(mount.known.busy).may_move:
             raise UsageError(tr(BUSY).format(mount.known.user))
         if mount.known.slewing:
-            raise UsageError(tr(SLEWING))
+            raise UsageError(SLEWING)
         job = self._services.jobs.run(alignment_task(self._request, self._tools), POLAR)
         mount.set_by_hand(True)
         job.finished.connect(lambda: mount.set_by_hand(False))
@@ -86,12 +86,12 @@ class AlignmentRun(QObject):
             if practise:
                 mount.practise()
             elif request.mount is None:
-                raise UsageError(tr(NO_MOUNT))
+                raise UsageError(NO_MOUNT)
             else:
                 mount.connect_mount(request.mount)
             return practise
         if practise != mount.known.practice:
-            raise UsageError(tr(PRACTISE_LATER if practise else OTHER_SKY))
+            raise UsageError(PRACTISE_LATER if practise else OTHER_SKY)
         if request.site is not None:
             mount.use_site(request.site)
         return False

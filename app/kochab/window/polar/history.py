@@ -34,7 +34,7 @@ def writing(path: Path, history: History) -> Task[Path]:
     yield Progress("report", None, path.name)
     numbers = path.with_suffix(".json")
     if numbers.exists() and not path.exists():  # the dialog asked about the page alone
-        raise KochabError(tr("{name} already exists. Choose another name for the report.", name=numbers.name))
+        raise KochabError("{name} already exists. Choose another name for the report.", name=numbers.name)
     write_report(path, history)
     return path
 

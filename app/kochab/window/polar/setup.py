@@ -258,5 +258,5 @@ def mount_text(selection: MountSelection | None, known: MountSnapshot) -> str:
         name = known.connected.name if known.connected is not None else known.port
         return tr("Connected: {name}. Esc stops it.", name=name)
     if selection is None:
-        return NO_MOUNT
+        return tr(NO_MOUNT)
     return tr("{driver} on {port}: connects when you begin.", driver=selection.driver, port=selection.port)

@@ -75,7 +75,7 @@ class PolarView(Page):
         )
         self.again = button(tr("&Measure again"), measure, tip=tr("Stop adjusting and measure the axis now"))
         self.use_frames = button(tr("Use &these frames"), enough, tip=tr("Continue with the frames taken so far"))
-        self.second = button(tr("Second s&weep"), sweep, tip=SECOND_TIP)
+        self.second = button(tr("Second s&weep"), sweep, tip=tr(SECOND_TIP))
         self.at_bolts = button(
             tr("At the bo&lts"), self.show_bolts, tip=tr("Full screen, readable from three metres (F7)")
         )

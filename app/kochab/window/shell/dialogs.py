@@ -51,7 +51,7 @@ def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
         write()
     except OSError as error:
         why = error.strerror or error
-        raise KochabError(tr("Can't write {name}: {why}.", name=path.name, why=why)) from error
+        raise KochabError("Can't write {name}: {why}.", name=path.name, why=why) from error
     return path
 
 

@@ -9,6 +9,7 @@ from threading import Condition, Event, Lock, Thread
 from time import monotonic
 from typing import Generic, TypeVar
 
+from kochab.core import tr
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Frame
@@ -171,7 +172,7 @@ class Capture:
         except LineLostError as error:
             if not self._reconnect:
                 raise
-            self._warnings.append(f"{error} Kochab reconnects as soon as it is back.")
+            self._warnings.append(tr("{error} Kochab reconnects as soon as it is back.", error=error))
         finally:
             source.close()
 
@@ -207,7 +208,10 @@ class Capture:
                 ago = max(0.0, since_s)
             else:
                 self._warnings.append(
-                    f"The frame's time is {-since_s:.0f} s in the future. Set the clock of this computer"
-                    " and of the camera's."
+                    tr(
+                        "The frame's time is {since:.0f} s in the future. Set the clock of this computer and of "
+                        "the camera's.",
+                        since=-since_s,
+                    )
                 )
         return Shot(number, frame, received - ago, received, self.take_warnings())

@@ -17,6 +17,7 @@ from types import UnionType
 from typing import IO, Any, get_args, get_origin, get_type_hints
 
 from kochab import __version__
+from kochab.core import tr
 from kochab.core.angle_text import short_name
 from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.core.errors import FrameError, UsageError
@@ -101,9 +102,14 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
         about = json.loads((folder / SESSION).read_text("utf-8"))
         text = (folder / LINES).read_text("utf-8")
     except (OSError, ValueError, RecursionError):
-        raise UsageError(f"{folder} is not a recorded session: it has no readable {SESSION} and {LINES}.") from None
+        raise UsageError(
+            "{folder} is not a recorded session: it has no readable {session} and {lines}.",
+            folder=folder,
+            session=SESSION,
+            lines=LINES,
+        ) from None
     if not isinstance(about, dict) or about.get("format") != FORMAT:
-        raise UsageError(f"The session in {folder} was recorded by another version of Kochab.")
+        raise UsageError("The session in {folder} was recorded by another version of Kochab.", folder=folder)
     return about, _lines(text, folder)
 
 
@@ -118,7 +124,7 @@ def _lines(text: str, folder: Path) -> list[Json]:
         if isinstance(row, dict) and isinstance(row.get("frame_file"), str):
             rows.append(row)
         elif number < len(given):
-            raise UsageError(f"Line {number} of {folder / LINES} is damaged.")
+            raise UsageError("Line {number} of {folder} is damaged.", number=number, folder=folder / LINES)
     return rows
 
 
@@ -170,7 +176,7 @@ class Recorder:
             self._check_space(len(data))
             name = f"frame-{self.frames + 1:06d}.fits"
             if (self.folder / name).exists():
-                raise UsageError(f"{self.folder / name} was written by another program.")
+                raise UsageError("{folder} was written by another program.", folder=self.folder / name)
             write_atomically(self.folder / name, data)
             line = {**self._to_json(update), "frame_file": name}
             line["sha256"] = hashlib.sha256(data).hexdigest()
@@ -180,7 +186,7 @@ class Recorder:
         except (OSError, UsageError) as error:
             self.close()
             why = error.strerror or str(error) if isinstance(error, OSError) else str(error)
-            return f"Recording stopped after {self.frames} frames: {why.rstrip('.')}."
+            return tr("Recording stopped after {frames} frames: {why}.", frames=self.frames, why=why.rstrip("."))
         self.frames += 1
         self.solved += isinstance(update.result, Solution)
         return None
@@ -201,21 +207,25 @@ class Recorder:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             if (self.folder / SESSION).exists():
-                raise UsageError(f"{self.folder} already has a session. Choose another folder.")
+                raise UsageError("{folder} already has a session. Choose another folder.", folder=self.folder)
             if any(not path.name.startswith(".") for path in self.folder.iterdir()):
-                raise UsageError(f"{self.folder} is not empty. Choose an empty or new folder.")
+                raise UsageError("{folder} is not empty. Choose an empty or new folder.", folder=self.folder)
             self._check_space(0)
             self._write_about(self._about)
             return (self.folder / LINES).open("x", encoding="utf-8", newline="\n")
         except OSError as error:
-            raise UsageError(f"Can't record to {self.folder}: {error.strerror or error}.") from None
+            raise UsageError(
+                "Can't record to {folder}: {strerror}.", folder=self.folder, strerror=error.strerror or error
+            ) from None
 
     def _check_space(self, wanted: int) -> None:
         self.free_bytes = shutil.disk_usage(self.folder).free
         if self.free_bytes - wanted < self._keep_free_bytes:
             raise UsageError(
-                f"The disk of {self.folder} has only {self.free_bytes // 1_000_000:,} MB free"
-                f" ({self._keep_free_bytes // 1_000_000:,} MB is kept free). Free some space."
+                "The disk of {folder} has only {free:,} MB free ({keep:,} MB is kept free). Free some space.",
+                folder=self.folder,
+                free=self.free_bytes // 1_000_000,
+                keep=self._keep_free_bytes // 1_000_000,
             )
 
     def _write_about(self, about: Json) -> None:
@@ -300,7 +310,7 @@ def _frame(path: Path, line: Json) -> Task[tuple[Frame, bool]]:
     try:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):  # or no name that a file can have
-        raise FrameError(f"Can't read {short_name(path.name)} of the session: missing or damaged.") from None
+        raise FrameError("Can't read {name} of the session: missing or damaged.", name=short_name(path.name)) from None
     return (yield from reading(path)), digest == line.get("sha256")
 
 

@@ -12,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from time import monotonic
 
+from kochab.core import tr
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.solver import SolveOptions
@@ -90,7 +91,11 @@ class _Stream:
 
 def _waiting(stream: _Stream, capture: Capture) -> str:
     name = capture.name or "camera"
-    return f"{name}, {stream.solved} of {stream.looked_at} solved" if stream.looked_at else name
+    return (
+        tr("{name}, {solved} of {looked_at} solved", name=name, solved=stream.solved, looked_at=stream.looked_at)
+        if stream.looked_at
+        else name
+    )
 
 
 def _rate(counts: deque[tuple[float, int]], until_s: float) -> float | None:

@@ -6,6 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution
 from kochab.polar.error import PolarError, angle_in_words, split_in_words, total_in_words
@@ -31,10 +32,10 @@ class AdjustingEnd(StrEnum):
     """Why adjusting ended."""
 
     THERE = "there"
-    LARGE_MOVE = "large move"
-    DEC_MOVED = "declination moved"
+    LARGE_MOVE = tr_noop("large move")
+    DEC_MOVED = tr_noop("declination moved")
     REQUESTED = "requested"
-    SECOND_SWEEP = "second sweep"
+    SECOND_SWEEP = tr_noop("second sweep")
 
 
 SPOILT = {PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE, PolarFindingKind.DEC_MOVED: AdjustingEnd.DEC_MOVED}
@@ -111,7 +112,7 @@ def adjust(
         if controls.pressed(PolarButton.SECOND_SWEEP):
             return Adjusted(AdjustingEnd.SECOND_SWEEP, guide.turn_requested, steady)
         if found is None or isinstance(found, NoSolution):
-            why = "Waiting for a frame" if found is None else f"{found.reason}: {found.advice}"
+            why = tr("Waiting for a frame") if found is None else f"{tr(found.reason)}: {found.advice}"
             yield _update(None, steady, guide, measurement, why)
             continue
         before = guide.instruction
@@ -241,16 +242,17 @@ def _good(measured: Measured, options: AlignOptions) -> bool:
 
 def _spoilt(measured: Measured, moves: int) -> PolarUpdate:
     words = next(finding.text for finding in measured.measurement.findings if finding.spoils)
-    words += " Don't turn a bolt: measuring again."
+    words += tr(" Don't turn a bolt: measuring again.")
     shown = measured.measurement
     return PolarUpdate("measure", None, words, measurement=shown, findings=measured.findings, moves=moves)
 
 
 def _once_more(measured: Measured, moves: int) -> PolarUpdate:
     error = measured.measurement.error
-    words = (
-        f"{angle_in_words(error.total_arcsec)} is within the goal, but the uncertainty is"
-        f" {angle_in_words(error.sigma_total_arcsec)}. Don't touch the bolts: measuring once more."
+    words = tr(
+        "{angle} is within the goal, but the uncertainty is {angle2}. Don't touch the bolts: measuring once more.",
+        angle=angle_in_words(error.total_arcsec),
+        angle2=angle_in_words(error.sigma_total_arcsec),
     )
     return PolarUpdate(
         "measure", None, words, measurement=measured.measurement, findings=measured.findings, moves=moves
@@ -259,12 +261,15 @@ def _once_more(measured: Measured, moves: int) -> PolarUpdate:
 
 def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
     error = measured.measurement.error
-    words = f"Polar alignment error: {total_in_words(error)}."
+    words = tr("Polar alignment error: {total_in_words}.", total_in_words=total_in_words(error))
     if measured.measurement.spoilt:
-        words = f"Spoilt, don't turn a bolt. {next(f.text for f in measured.measurement.findings if f.spoils)}"
+        words = tr(
+            "Spoilt, don't turn a bolt. {findings}",
+            findings=next(f.text for f in measured.measurement.findings if f.spoils),
+        )
     elif not good:
-        words += " Not good yet: find the cause and start again."
-    words += f" Uncertainty: {split_in_words(error)}."
+        words += tr(" Not good yet: find the cause and start again.")
+    words += tr(" Uncertainty: {split_in_words}.", split_in_words=split_in_words(error))
     if len(measured.measurement.results) == 1 and measured.measurement.before == UNKNOWN:
-        words += " Sweep again at another declination to measure flexure."
+        words += tr(" Sweep again at another declination to measure flexure.")
     return PolarUpdate("done", 1.0, words, measurement=measured.measurement, findings=measured.findings, moves=moves)

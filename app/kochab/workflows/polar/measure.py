@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import angle_between, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import RefusedError
@@ -71,10 +72,13 @@ class HandTurner:
 
     def turn(self, direction: Direction, degrees: float) -> Task[float | None]:
         """Ask for it."""
-        axis, then = "RA", "lock the clutch."
+        text = tr("Rotate RA about {degrees:.0f}° {direction}, then lock the clutch. Continues by itself.")
         if direction.in_dec:
-            axis, then = "declination", "lock it. Don't touch RA or the bolts."
-        words = f"Rotate {axis} about {degrees:.0f}° {direction}, then {then} Continues by itself."
+            text = tr(
+                "Rotate declination about {degrees:.0f}° {direction}, then lock it. Don't touch RA or the bolts."
+                " Continues by itself."
+            )
+        words = text.format(degrees=degrees, direction=tr(direction))
         yield TurnInstruction("turn", None, words, direction, degrees)
         return None
 
@@ -109,7 +113,9 @@ class MountTurner:
             while degrees - turned > NEAR_ENOUGH_DEG and motions < MOST_MOTIONS:
                 motions += 1
                 left = degrees - turned
-                yield Progress("turn", turned / degrees, f"{left:.0f}° {direction}")
+                yield Progress(
+                    "turn", turned / degrees, tr("{left:.0f}° {direction}", left=left, direction=tr(direction))
+                )
                 seconds = min(left / self._seen_deg_s, LONGEST_MOTION_S)
                 self._mount.move(direction, self._rate, seconds)
                 yield from self._wait(seconds)
@@ -188,7 +194,7 @@ def measure_axis(
     """
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     watch = RestWatch(source, settings, controls)
-    yield PolarUpdate("measure", 0.0, "Taking the first frame.")
+    yield PolarUpdate("measure", 0.0, tr("Taking the first frame."))
     seen = [(yield from watch.still())]
     path = plan_path(seen[0], settings, sweep)
     sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
@@ -202,7 +208,7 @@ def sweep_from(
     seen, settings, controls = [first], watch.settings, watch.controls
     step = path.turn_deg / (sweep.frames - 1)
     slips: list[PolarFinding] = []
-    result: Measurement | NoAxis = NoAxis("no axis yet", "Rotate RA.")
+    result: Measurement | NoAxis = NoAxis(tr("no axis yet"), tr("Rotate RA."))
     while len(seen) < sweep.frames:
         yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, step))
         reported = yield from turner.turn(path.direction, step)
@@ -261,8 +267,12 @@ def _from_pole_deg(first: LocalAttitude, settings: MeasureSettings) -> float:
 
 
 def _next_turn(path: SweepPath, step: float) -> str:
-    low = f", down to {path.lowest_deg:.0f}° altitude. Another part of the sky is better"
-    return f"Next: {step:.0f}° {path.direction}{'' if path.good else low}."
+    text = (
+        tr("Next: {step:.0f}° {direction}.")
+        if path.good
+        else tr("Next: {step:.0f}° {direction}, down to {low:.0f}° altitude. Another part of the sky is better.")
+    )
+    return text.format(step=step, direction=tr(path.direction), low=path.lowest_deg)
 
 
 def _measured_so_far(
@@ -272,9 +282,10 @@ def _measured_so_far(
     if isinstance(result, NoAxis):
         return PolarUpdate("measure", fraction, result.reason)
     more = more_turn_deg(optics_of(seen[0]), result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
-    words = f"Uncertainty {angle_in_words(result.error.uncertainty_arcsec)}."
+    words = tr("Uncertainty {angle}.", angle=angle_in_words(result.error.uncertainty_arcsec))
     if more:
-        words += f" Rotate {more:.0f}° more for {sweep.goal_arcsec:.0f}″."
+        more_words = tr("Rotate {more:.0f}° more for {goal:.0f}″.", more=more, goal=sweep.goal_arcsec)
+        words = " ".join((words, more_words))
     found = (*slips, *result.findings)
     return PolarUpdate("measure", fraction, words, result, findings=found, more_turn_deg=more)
 
@@ -303,7 +314,7 @@ def second_sweep(
     turn = sweep.turn_deg or max(sweep.most_deg, measurement.turn_deg)
     plan = plan_second(measurement, optics_of(last), frames, turn)
     if plan is None:
-        yield PolarUpdate("turn", 1.0, NO_SECOND_SWEEP, measurement=measurement, findings=first.findings)
+        yield PolarUpdate("turn", 1.0, tr(NO_SECOND_SWEEP), measurement=measurement, findings=first.findings)
         return first
     yield PolarUpdate("turn", 0.0, _second_sweep_ahead(plan), measurement=measurement)
     watch = RestWatch(source, measurement.settings, controls)
@@ -319,7 +330,9 @@ def second_sweep(
     return replace(second, measurement=both, findings=(*slips, *both.findings))
 
 
-NO_SECOND_SWEEP = "Can't measure flexure from here: other declinations are too low, or flexure hardly shifts the axis."
+NO_SECOND_SWEEP = tr_noop(
+    "Can't measure flexure from here: other declinations are too low, or flexure hardly shifts the axis."
+)
 
 
 def _opposite(direction: Direction) -> Direction:
@@ -327,9 +340,21 @@ def _opposite(direction: Direction) -> Direction:
 
 
 def _second_sweep_ahead(plan: SecondSweep) -> str:
-    back = f"RA {plan.back_deg:.0f}° back, then " if plan.back_deg else ""
-    return (
-        f"Second sweep to measure flexure. Don't touch the bolts. Next: {back}declination"
-        f" {plan.degrees:.0f}° {plan.direction}, to about {plan.declination_deg:+.0f}°."
-        f" Expected uncertainty: {angle_in_words(plan.foreseen_arcsec)}, flexure included."
+    text = (
+        tr(
+            "Second sweep to measure flexure. Don't touch the bolts. Next: RA {back:.0f}° back, then declination "
+            "{degrees:.0f}° {direction}, to about {declination:+.0f}°. Expected uncertainty: {angle}, flexure included."
+        )
+        if plan.back_deg
+        else tr(
+            "Second sweep to measure flexure. Don't touch the bolts. Next: declination {degrees:.0f}° {direction}, "
+            "to about {declination:+.0f}°. Expected uncertainty: {angle}, flexure included."
+        )
+    )
+    return text.format(
+        back=plan.back_deg,
+        degrees=plan.degrees,
+        direction=tr(plan.direction),
+        declination=plan.declination_deg,
+        angle=angle_in_words(plan.foreseen_arcsec),
     )

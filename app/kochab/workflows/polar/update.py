@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from kochab.core import tr_noop
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
 from kochab.polar.live import LiveError, SteadyError
@@ -40,10 +41,10 @@ class TurnInstruction(Progress):
 class PolarButton(StrEnum):
     """What a person may press while an alignment runs."""
 
-    TURNED = "the axis or bolt was turned as asked: go on even if the frames show no motion"
-    REMEASURE = "measure again now"
-    ENOUGH = "accept the frames taken, or leave the bolts, and go on to the next phase"
-    SECOND_SWEEP = "sweep again at another declination, to measure flexure"
+    TURNED = tr_noop("the axis or bolt was turned as asked: go on even if the frames show no motion")
+    REMEASURE = tr_noop("measure again now")
+    ENOUGH = tr_noop("accept the frames taken, or leave the bolts, and go on to the next phase")
+    SECOND_SWEEP = tr_noop("sweep again at another declination, to measure flexure")
 
 
 class PolarControls:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from kochab.core import tr, tr_noop
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, RefusedError, UsageError
 from kochab.core.frame import Frame, Hint, Site
@@ -43,16 +44,16 @@ from kochab.workflows.session.mount_camera import MountCamera
 class FrameSource(StrEnum):
     """Where the frames come from; the texts are on the screen."""
 
-    PRACTICE = "Practice telescope (simulated)"
-    CAMERA = "Camera"
-    FILES = "Files"
+    PRACTICE = tr_noop("Practice telescope (simulated)")
+    CAMERA = tr_noop("Camera")
+    FILES = tr_noop("Files")
 
 
 class AxisTurnedBy(StrEnum):
     """Who turns the RA axis between the frames."""
 
-    PERSON = "I turn it by hand"
-    MOUNT = "The mount turns it, within its limits"
+    PERSON = tr_noop("I turn it by hand")
+    MOUNT = tr_noop("The mount turns it, within its limits")
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,7 @@ def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
     """
     lacking = guard.lacks.get(Ability.MOVE)
     if lacking is not None:
-        raise RefusedError(f"{lacking} Turn the RA axis by hand instead.")
+        raise RefusedError("{lacking} Turn the RA axis by hand instead.", lacking=lacking)
     rate = min(guard.rates_deg_s, key=lambda r: abs(r - RATE_DEG_S), default=RATE_DEG_S)
     if rate < SLOWEST_DEG_S:
         raise RefusedError("The mount has no rate fast enough: turn the RA axis by hand instead.")
@@ -151,7 +152,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
     With a ``guard`` the mount turns the axis, and this runs in the thread of its line; without, a person is asked to.
     """
     with ExitStack() as opened:
-        yield Progress("opening", None, "Opening the camera…")
+        yield Progress("opening", None, tr("Opening the camera…"))
         selection, site, clock = _place(wish, tools, opened)
         camera = MountCamera(selection, tools.open_camera, insists=True)
         opened.callback(camera.close)
@@ -207,7 +208,7 @@ def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
 def _site_of_frames(camera: CameraSource) -> Task[Site]:
     """What the first frame says of its place."""
     for _ in range(round(FIRST_FRAME_S / SLICE_S)):
-        yield Progress("opening", None, "Waiting for the first frame…")
+        yield Progress("opening", None, tr("Waiting for the first frame…"))
         frame: Frame | None = camera.next_frame(SLICE_S)
         if frame is None:
             continue
@@ -249,16 +250,21 @@ def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
         # Its steps are cancel points only: what they say is of one frame, not of the alignment.
         one = yield from _with_each_step(solve_polar_file(path, options), lambda _: Progress("solve"))
         if isinstance(one.result, NoSolution):
-            raise KochabError(f"{path.name} has no solution, {one.result.reason}: {one.result.advice}")
+            raise KochabError(
+                "{name} has no solution, {reason}: {advice}",
+                name=path.name,
+                reason=tr(one.result.reason),
+                advice=one.result.advice,
+            )
         solved.append(one)
     return solved
 
 
 def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
     more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
-    words = f"Polar alignment error: {total_in_words(result.error)}."
+    words = tr("Polar alignment error: {angle}.", angle=total_in_words(result.error))
     if result.spoilt:
-        words = f"Spoilt, don't turn a bolt. {next(f.text for f in result.findings if f.spoils)}"
+        words = tr("Spoilt, don't turn a bolt. {findings}", findings=next(f.text for f in result.findings if f.spoils))
     return PolarUpdate("done", 1.0, words, result, findings=result.findings, more_turn_deg=more)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from kochab.core import tr, tr_noop
 from kochab.core.progress import Progress
 from kochab.polar.error import Knob, PolarError
 from kochab.polar.measure import PolarFinding
@@ -9,8 +10,8 @@ from kochab.polar.tutor import Instruction, TutorStep
 from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
 
 OLD_S = 6.0
-HANDS_OFF = "Measuring. Hands off the mount."
-LOCKED = "Both axes locked? From here on touch only the bolts."
+HANDS_OFF = tr_noop("Measuring. Hands off the mount.")
+LOCKED = tr_noop("Both axes locked? From here on touch only the bolts.")
 PAST = 400  # points of the trail that are kept
 
 Point = tuple[float, float]  # azimuth on the sky, altitude; arcsec
@@ -111,7 +112,7 @@ def absorb(state: AlignmentState, step: Progress, now_s: float) -> AlignmentStat
 def _plain(state: AlignmentState, step: Progress) -> AlignmentState:
     """A mount that turns says how far; waiting for frames and solving say nothing new."""
     if step.stage == "turn" and step.detail:
-        words = f"The mount turns: {step.detail}. Keep clear of it."
+        words = tr("The mount turns: {detail}. Keep clear of it.", detail=step.detail)
         return replace(state, stage="turn", words=words, fraction=step.fraction, turn_instruction=None)
     return state
 
@@ -119,7 +120,7 @@ def _plain(state: AlignmentState, step: Progress) -> AlignmentState:
 def _measuring(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
     return replace(
         state,
-        words=HANDS_OFF,
+        words=tr(HANDS_OFF),
         detail=step.detail,
         turn_instruction=None,
         instruction=None,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
+from kochab.core import tr
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Hint
@@ -65,7 +66,7 @@ class Recording:
         if recorder is None or not recorder.recording:
             return []
         recorder.close()
-        return [f"{recorder.frames} frames were recorded into {recorder.folder}."]
+        return [tr("{frames} frames were recorded into {folder}.", frames=recorder.frames, folder=recorder.folder)]
 
 
 SOLVE_TIMEOUT_S = 10.0
@@ -147,7 +148,7 @@ class Stream:
             self.said.extend(self.recording.close())
             try:
                 if engine.keep() is not None:
-                    self.said.append(f"The camera profile “{self.wish.profile}” was kept.")
+                    self.said.append(tr("The camera profile “{profile}” was kept.", profile=self.wish.profile))
             except KochabError as error:
                 self.said.append(str(error))
 

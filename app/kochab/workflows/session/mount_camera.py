@@ -4,6 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 
+from kochab.core import tr
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError
 from kochab.core.frame import Frame
@@ -50,8 +51,8 @@ class MountCamera(CameraSource):
         if abs(now_s - wish_s) <= 0.01 * wish_s:
             return ""
         if camera.alone:
-            return f"The camera uses {now_s:g} s exposures."
-        return f"Another view uses this camera at {now_s:g} s. A new exposure applies to both."
+            return tr("The camera uses {now_s:g} s exposures.", now_s=now_s)
+        return tr("Another view uses this camera at {now_s:g} s. A new exposure applies to both.", now_s=now_s)
 
     def configure(self, settings: CaptureSettings) -> CaptureSettings:
         """Set the camera."""

@@ -95,7 +95,7 @@ class AlpacaMount(ServerMount):
         self.watchdog.check()
         ra, dec = float(self._get("rightascension")), float(self._get("declination"))
         if not (0.0 <= ra <= 24.0 and abs(dec) <= 90.0):
-            raise NoAnswerError(f"The mount reports no valid position: {ra:g} h, {dec:g}°.")
+            raise NoAnswerError("The mount reports no valid position: {ra:g} h, {dec:g}°.", ra=ra, dec=dec)
         return Pointing(ra * 15.0 % 360.0, dec, self.epoch)
 
     @making_sense()
@@ -118,7 +118,11 @@ class AlpacaMount(ServerMount):
         if altitude is None or azimuth is None:
             return None
         if not (abs(float(altitude)) <= 90.0 and abs(float(azimuth)) <= 360.0):
-            raise NoAnswerError(f"The mount reports no valid altitude and azimuth: {altitude}°, {azimuth}°.")
+            raise NoAnswerError(
+                "The mount reports no valid altitude and azimuth: {altitude}°, {azimuth}°.",
+                altitude=altitude,
+                azimuth=azimuth,
+            )
         return float(altitude), float(azimuth)
 
     @making_sense()

@@ -60,7 +60,9 @@ class IndiMount(ServerMount):
             link.wait(lambda: monotonic() - max(link.defined_s, begun) > MORE_S and self._place() in PLACES, CALL_S)
             self._at = self._place()
             if not self._at:
-                raise NoAnswerError(f"{device.name} on {where.server} does not report where it points.")
+                raise NoAnswerError(
+                    "{name} on {server} does not report where it points.", name=device.name, server=where.server
+                )
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
@@ -99,10 +101,12 @@ class IndiMount(ServerMount):
         if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
             self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
         if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
-            raise NoAnswerError(f"{self._device.name} gets no position from its mount{self._device.said()}.")
+            raise NoAnswerError(
+                "{name} gets no position from its mount{said}.", name=self._device.name, said=self._device.said()
+            )
         ra, dec = (self._device.number(self._at, member) for member in ("RA", "DEC"))
         if ra is None or dec is None or not (abs(ra) <= 24.0 and abs(dec) <= 90.0):
-            raise NoAnswerError(f"{self._device.name} reports no valid position.")
+            raise NoAnswerError("{name} reports no valid position.", name=self._device.name)
         return Pointing(ra * 15.0 % 360.0, dec, self.epoch)
 
     def state(self) -> MountState:
@@ -181,7 +185,9 @@ class IndiMount(ServerMount):
             took = self._link.wait(taken, SET_S)
             self._answered(self._at, sent, str(ability))
             if not took and ability is Ability.GOTO:
-                raise RefusedError(f"{self._device.name} does not begin the goto{self._device.said()}.")
+                raise RefusedError(
+                    "{name} does not begin the goto{said}.", name=self._device.name, said=self._device.said()
+                )
 
     def halt(self) -> None:
         """``TELESCOPE_ABORT_MOTION``."""
@@ -221,7 +227,7 @@ class IndiMount(ServerMount):
     def _end_move(self, vector: str, member: str) -> None:
         sent = self._device.send(vector, {member: "Off"})
         if not self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S):
-            raise NoAnswerError(f"{self._device.name} does not answer to the end of a move.")
+            raise NoAnswerError("{name} does not answer to the end of a move.", name=self._device.name)
 
     def _set_rate(self, rate_deg_s: float) -> None:
         rates = [m for m in self._link.members(self._device.name, "TELESCOPE_SLEW_RATE") if "CUSTOM" not in m]

@@ -67,8 +67,12 @@ class Lx200(SerialMount):
         if not self.product or (row.who == protocol.PRODUCT and DIALECTS.get(named(self.product)) is not row):
             name = f"calls itself {self.product}" if self.product else "does not give its name"
             raise NoAnswerError(
-                f"The device on {self.talk.link.port} {name}, and the driver {self.name} is for {row.title}: "
-                "choose another driver or baud rate."
+                "The device on {port} {name}, and the driver {name2} is for {title}: choose another driver "
+                "or baud rate.",
+                port=self.talk.link.port,
+                name=name,
+                name2=self.name,
+                title=row.title,
             )
         return row
 
@@ -99,7 +103,7 @@ class Lx200(SerialMount):
 
         def read(reply: bytes) -> T:
             if not reply.startswith(echo):
-                raise ProtocolError(f"{reply!r} is no answer to {command!r}.")
+                raise ProtocolError("{reply!r} is no answer to {command!r}.", reply=reply, command=command)
             return parse(reply.removeprefix(echo))
 
         return read
@@ -186,7 +190,7 @@ class Lx200(SerialMount):
         refusals = self.dialect.refusals
         reason = self.talk.ask(self.dialect.sync, self.reply(), lambda reply: protocol.parse_sync(reply, refusals))
         if reason:
-            raise RefusedError(f"The mount refuses the sync: {reason}.")
+            raise RefusedError("The mount refuses the sync: {reason}.", reason=reason)
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then slew."""
@@ -198,7 +202,7 @@ class Lx200(SerialMount):
         refusals = self.dialect.refusals
         reason = self.talk.ask(protocol.SLEW, self.read_slew, lambda reply: protocol.parse_slew(reply, refusals), since)
         if reason:
-            raise RefusedError(f"The mount refuses to go there: {reason.rstrip('.')}.")
+            raise RefusedError("The mount refuses to go there: {reason}.", reason=reason.rstrip("."))
 
     def set_target(self, ra_deg: float, dec_deg: float) -> None:
         """``:Sr`` and ``:Sd``; some mounts want a space after them, and the FS2 takes another target without."""

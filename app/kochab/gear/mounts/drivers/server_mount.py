@@ -92,5 +92,10 @@ class ServerMount:
 def site_of(latitude_deg: float, longitude_deg: float, height_m: float) -> Site:
     """A site that a server reports; NoAnswerError when it is not on the Earth."""
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0 and abs(height_m) < 1e5):
-        raise NoAnswerError(f"The mount reports no valid site: {latitude_deg:g}°, {longitude_deg:g}°, {height_m:g} m.")
+        raise NoAnswerError(
+            "The mount reports no valid site: {latitude:g}°, {longitude:g}°, {height:g} m.",
+            latitude=latitude_deg,
+            longitude=longitude_deg,
+            height=height_m,
+        )
     return Site(latitude_deg, wrapped(longitude_deg), height_m)

@@ -13,14 +13,14 @@ def match(pattern: bytes, reply: bytes, what: str) -> re.Match[bytes]:
     """The match of the whole reply; `ProtocolError` when it is no ``what``."""
     found = re.fullmatch(pattern, reply)
     if found is None:
-        raise ProtocolError(f"{reply!r} is no {what}.")
+        raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=what)
     return found
 
 
 def require(valid: bool, reply: bytes, what: str) -> None:
     """`ProtocolError` when the values of a reply are out of range."""
     if not valid:
-        raise ProtocolError(f"{reply!r} is no {what}.")
+        raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=what)
 
 
 def parse_accepted(reply: bytes) -> bool:
