@@ -75,6 +75,7 @@ ADDED = {
     "what was measured of a polar axis at a place on another night": 91,
     "an answer far outside the field that a capture program gives": 25,
     "types of Qt made by the window before a thread loads the plots": 14,
+    "modes and layers that a screen reader's Toggle opens": 24,
     "a move that is ordered after its time, a place and a picture from before": 36,
     "texts, plurals and numbers of the window and the rooms below through Qt's translation": 935,
 }

@@ -4,7 +4,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAccessible, QGuiApplication
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QTabBar, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QLabel, QTabBar, QWidget
 
 from kochab.core.solution import Solution
 from kochab.window.shell.views import VIEWS
@@ -38,7 +38,11 @@ def nameless(top):
         asked = QAccessible.queryAccessibleInterface(widget)
         tab = widget.focusPolicy() & Qt.FocusPolicy.TabFocus and widget.isEnabled()
         part = isinstance(widget.parent(), QComboBox | QAbstractSpinBox)
-        if (tab or asked.role() in CONTROLS) and not part and not asked.text(QAccessible.Text.Name).strip():
+        name, told = (asked.text(what).strip() for what in (QAccessible.Text.Name, QAccessible.Text.Description))
+        if isinstance(widget, QLabel) and widget.textFormat() == Qt.TextFormat.PlainText and widget.text() not in name:
+            found.append((widget.text(), "is read as", name))
+        box = isinstance(widget, QComboBox)  # its name is its choice, as Linux tells it
+        if (tab or asked.role() in CONTROLS) and not part and not (told if box else name):
             found.append((widget.metaObject().className(), widget.objectName(), asked.role().name))
     return found
 
@@ -98,3 +102,19 @@ def test_a_whole_solve_by_keyboard_alone(qtbot, make_window, engine, tmp_path):
     with qtbot.waitSignal(commands.session.idle):
         press(window, Qt.Key.Key_F5)
     assert engine.asked[-1].hint.scale_arcsec_px is not None
+
+
+@pytest.mark.parametrize("how", ["Toggle", "Press"])
+def test_a_screen_reader_opens_and_closes_a_mode(qtbot, opened, how):
+    """Toggle checks the button alone; the menu's own way must still trigger once."""
+    window, commands = opened
+    action, dock = commands.views.actions["live"], commands.views.docks["live"]
+    button = QAccessible.queryAccessibleInterface(window.rail.widgetForAction(action)).actionInterface()
+    for isopen in (True, False):
+        button.doAction(how)
+        qtbot.waitUntil(lambda: dock.isVisible() is isopen and action.isChecked() is isopen)  # noqa: B023
+    action.trigger()
+    assert dock.isVisible()
+    assert action.isChecked()
+    button.doAction(how)
+    qtbot.waitUntil(lambda: not dock.isVisible())

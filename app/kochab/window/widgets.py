@@ -35,7 +35,10 @@ INSET_PX = 5  # of the text in a field
 
 def named(made: Named, name: str, tip: str = "") -> Named:
     """A widget with its name for screen readers, and its tip."""
-    made.setAccessibleName(name)
+    if isinstance(made, QLabel | QComboBox):  # whose names are their texts, as Qt tells them
+        made.setAccessibleDescription(name)
+    if not isinstance(made, QLabel):
+        made.setAccessibleName(name)
     made.setToolTip(tip)
     return made
 

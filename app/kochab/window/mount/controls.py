@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, Q
 
 from kochab.core import tr, tr_noop
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
-from kochab.window.widgets import choice_box, column, label, number_field, row, set_property, text_field
+from kochab.window.widgets import choice_box, column, label, named, number_field, row, set_property, text_field
 
 
 class Explanation(QObject):
@@ -88,7 +88,7 @@ class TrackingChoice(QComboBox):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setAccessibleName(tr("Tracking rate"))
+        named(self, tr("Tracking rate"))
         for rate, text in RATES.items():
             self.addItem(tr(text), rate)
         self.explanation = Explanation(self, tr("What the mount follows; King’s rate is sidereal with refraction"))

@@ -62,7 +62,7 @@ class MountStatus(QWidget):
         super().__init__()
         self._control = control
         self.text = ElidedLabel()
-        self.text.setAccessibleName(tr("Mount"))
+        self.text.setAccessibleDescription(tr("Mount"))
         tip = tr("Stop the mount now ({key} from anywhere)", key=KEY)
         self.stop = button(tr("STOP  {key}", key=KEY), control.stop, "alarm", tip)
         row(self.text, self.stop, on=self, spacing=8, margins=(4, 0, 0, 0))

@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QBuffer, QIODevice, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
 from PySide6.QtSvg import QSvgRenderer
-from PySide6.QtWidgets import QComboBox, QPlainTextEdit
+from PySide6.QtWidgets import QPlainTextEdit
 
 from kochab.core import tr, tr_n, tr_noop
 from kochab.core.errors import KochabError
@@ -18,7 +18,7 @@ from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.views import Services
-from kochab.window.widgets import Page, button, column, label, row
+from kochab.window.widgets import Page, button, choice_box, column, label, row
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
@@ -92,8 +92,7 @@ class HistoryPage(Page):
         super().__init__()
         self._services = services
         self.histories: list[History] = []
-        self.which = QComboBox()
-        self.which.setAccessibleName(tr("Alignment"))
+        self.which = choice_box(tr("Alignment"), ())
         self.which.currentIndexChanged.connect(self._show)
         self.save = button(tr("Save &report…"), self._ask, tip=tr("Numbers and plots, HTML or PDF"))
         self.summary = label(NOTHING, "muted", wrap=True)

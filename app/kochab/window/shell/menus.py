@@ -214,8 +214,8 @@ class Rail(QToolBar):
         self.addActions(below)
         for action in [*modes, *below]:
             button = self.widgetForAction(action)
-            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-            button.setAccessibleName(action.text().replace("&", ""))
+            assert isinstance(button, QToolButton)
+            _tell(button, action)
             button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def suit(self, width_px: int) -> None:
@@ -235,10 +235,33 @@ def button_of(action: QAction, menu: QMenu | None = None) -> QToolButton:
     made = QToolButton(popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
     made.setDefaultAction(action)
     made.setMenu(menu)  # type: ignore[arg-type]  # None is no menu
-    made.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-    made.setAccessibleName(action.text().replace("&", ""))
+    _tell(made, action)
     made.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     return made
+
+
+def _tell(button: QToolButton, action: QAction) -> None:
+    """Make a button known to keyboards and screen readers, whose Toggle does what a click does.
+
+    It checks the button, which then checks its action and triggers nothing; else the action is checked first.
+    """
+    button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+    button.setAccessibleName(action.text().replace("&", ""))
+    ahead = 0  # how often the action has told of it, and the button not yet
+
+    def checked(_: bool) -> None:
+        nonlocal ahead
+        ahead += 1
+
+    def pressed(on: bool) -> None:
+        nonlocal ahead
+        ahead -= 1
+        if ahead == 0:
+            action.setChecked(not on)
+            action.trigger()
+
+    action.toggled.connect(checked)
+    button.toggled.connect(pressed)
 
 
 def _fill(menu: QMenu, actions: Actions, *names: str) -> None:

@@ -41,7 +41,7 @@ class TopBar(QFrame):
         self.name, self.doing = ElidedLabel(), ElidedLabel(tr("Ready"))
         for text, role, said in ((self.name, "strong", tr("File")), (self.doing, "muted", tr("State"))):
             text.setProperty("role", role)
-            text.setAccessibleName(said)
+            text.setAccessibleDescription(said)
             text.setTextFormat(Qt.TextFormat.PlainText)
         self.progress = ProgressBar(tr("Progress"))
         self.progress.setFixedWidth(110)
@@ -85,7 +85,7 @@ class Status(QStatusBar):
         self.setSizeGripEnabled(False)
         self.setContentsMargins(8, 0, 8, 0)
         self.place, self.background, self.frame = ElidedLabel(), ElidedLabel(), label("", "muted")
-        self.place.setAccessibleName(tr("Under the cursor"))
+        self.place.setAccessibleDescription(tr("Under the cursor"))
         self.addWidget(self.place, 1)
         self.addPermanentWidget(self.background)
         self.addPermanentWidget(self.frame)
