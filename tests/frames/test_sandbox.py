@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -102,6 +103,14 @@ def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch
         read_frame(path)
     assert gone(reader_of(path))
     assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
+
+
+@pytest.mark.parametrize(
+    ("system", "watched"), [("linux", False), ("win32", False), ("darwin", True), ("freebsd14", True)]
+)
+def test_a_decoder_is_watched_where_the_system_does_not_bound_it(monkeypatch, system, watched):
+    monkeypatch.setattr(sys, "platform", system)
+    assert runpy.run_path(sandbox.__file__)["WATCHED"] is watched
 
 
 FROZEN = """#!{python}
