@@ -11,7 +11,7 @@ from kochab.core.mount import Ability, Direction
 from kochab.core.progress import run
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.apparent import of_date_matrix
-from kochab.workflows.nudge import RUNS_ON, bring_here, nudge, turn_to_bring
+from kochab.workflows.nudge import ENDS, RUNS_ON, bring_here, nudge, turn_to_bring
 from tests.workflows.mount_nights import SOUTH, bench, good, worn
 
 
@@ -52,7 +52,10 @@ def alone(b, ends_alone):
 def test_a_mount_that_does_not_end_a_move_itself_goes_there(direction) -> None:
     """A crash leaves a move running, never a goto."""
     b = alone(bench(good(lost_deg=0.0, start=(-60.0, 40.0))), False)
-    nudged, east, north = moved_arcsec(b, nudge(b.guard, direction, 600.0, b.wait))
+    task = nudge(b.guard, direction, 600.0, b.wait)
+    assert next(task).detail == ENDS, "told before it moves"
+    assert b.mount.did == []
+    nudged, east, north = moved_arcsec(b, task)
     assert nudged.by == "a goto"
     assert {"north": north, "south": -north, "east": east, "west": -east}[direction.value] == pytest.approx(600, abs=5)
     assert [did[0] for did in b.mount.did] == ["goto"]

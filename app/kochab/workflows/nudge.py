@@ -25,7 +25,8 @@ LEAST_ARCSEC = 0.3
 SHORTEST_S, LONGEST_S = 0.08, 8.0  # shorter is inaccurate, longer is tedious
 AFTER_S, RUNS_OUT = 0.4, 10  # and how often so long until it stands
 LONGEST_GOTO_DEG = 10.0
-LONGEST_PULSE_MS, LONGEST_MOVE_DEG = 1000, 2.0  # at a time: what has begun ends within a second without this program
+LONGEST_PULSE_MS, LONGEST_MOVE_DEG = 1000, 2.0  # at a time: what has begun ends soon without this program
+ENDS = tr_noop("the mount ends each goto of at most 2° itself, even if the computer fails")
 RUNS_ON = tr_noop("this move runs on if the computer fails: keep an eye on the mount")
 
 
@@ -61,7 +62,8 @@ def nudge(
             nudged = yield from _pulses(mount, direction, amount_arcsec, wait)
         elif not rate_deg_s and (steps := _gotos_instead(mount, direction, amount_arcsec / 3600.0)):
             stops = mount.stops
-            for there in steps:
+            for k, there in enumerate(steps):
+                yield Progress("goto", k / len(steps), tr(ENDS))
                 mount.check_not_stopped(stops, "motion")
                 yield from mount.slew(*there)
             nudged = Nudged(direction, amount_arcsec, tr("a goto"), 0.0)

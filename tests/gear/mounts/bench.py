@@ -73,6 +73,7 @@ def indi(home):
     """The same mount, reached through INDI's own iOptron driver."""
     with simulated("ioptron") as bench, indi_server(home, "indi_ioptronv3_telescope") as server:
         device = "iOptronV3"
+        bench.address = f"{server.address}/{device}"
         server.set(f"{device}.DEVICE_AUTO_SEARCH.INDI_DISABLED=On", f"{device}.DEVICE_PORT.PORT={bench.port}")
         bench.open = lambda: opened("indi", f"{server.address}/{device}", bench.clock)
         yield bench

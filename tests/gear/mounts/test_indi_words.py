@@ -263,6 +263,21 @@ def test_its_state_is_what_the_driver_shows(scope, states, values, expected) -> 
 
 
 @pytest.mark.parametrize(
+    ("kinds", "alt_azimuth"),
+    [
+        (None, None),
+        ({"ALTAZ": "On", "EQ_FORK": "Off", "EQ_GEM": "Off"}, True),  # INDI's simulator, celestronaux
+        ({"MOUNT_TYPE_ALTAZ": "On"}, True),  # the LX200 family
+        ({"ALTAZ": "Off", "EQ_GEM": "On"}, None),  # which may be no more than a default
+    ],
+)
+def test_a_mount_in_altitude_and_azimuth_is_known_by_its_driver(scope, kinds, alt_azimuth) -> None:
+    mount, link = scope()
+    link.vectors |= {"MOUNT_TYPE": kinds} if kinds else {}
+    assert mount.state().alt_azimuth is alt_azimuth
+
+
+@pytest.mark.parametrize(
     ("place", "site"),
     [
         ({"LAT": "50", "LONG": "352", "ELEV": "120"}, Site(50.0, -8.0, 120.0)),

@@ -9,9 +9,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from kochab.gear.mounts import DRIVERS
-from kochab.simulate.responders import RESPONDERS
-from tests.gear.mounts.bench import place, simulated, still
+from kochab.gear.mounts import DRIVERS, SERVERS
+from tests.gear.mounts.bench import alpaca, indi, place, simulated, still
 from tests.gear.mounts.test_conformance import wait_for
 
 DO = """
@@ -47,6 +46,21 @@ time.sleep(100.0)
 
 
 @contextmanager
+def slow(driver, home):
+    """A telescope of 1 deg/s at the end of any driver."""
+    if driver not in SERVERS:
+        with simulated(driver, slew_deg_s=1.0) as bench:
+            yield bench
+        return
+    with {"indi": indi, "alpaca": alpaca}[driver](home) as bench:
+        bench.telescope._slew_deg_s = 1.0
+        if driver == "indi":
+            bench.open().close()  # the server's driver has connected
+            bench.port = bench.address
+        yield bench
+
+
+@contextmanager
 def moving(bench, driver, what):
     """Begin a motion in another process, and wait until the telescope moves: where it began, and the process."""
     before = bench.telescope.axes_deg()[1]
@@ -72,9 +86,9 @@ def killed(bench, driver, what):
         return before
 
 
-@pytest.mark.parametrize("driver", RESPONDERS)
-def test_a_nudge_of_a_killed_program_ends_within_two_degrees(driver) -> None:
-    with simulated(driver, slew_deg_s=1.0) as bench:
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_a_nudge_of_a_killed_program_ends_within_two_degrees(driver, tmp_path) -> None:
+    with slow(driver, tmp_path) as bench:
         bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
         before = killed(bench, driver, "nudge")
         wait_for(lambda: still(bench.telescope))
@@ -83,10 +97,10 @@ def test_a_nudge_of_a_killed_program_ends_within_two_degrees(driver) -> None:
         assert went < 2.05
 
 
-@pytest.mark.parametrize("driver", RESPONDERS)
-def test_what_a_driver_says_of_its_moves_is_so(driver) -> None:
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_what_a_driver_says_of_its_moves_is_so(driver, tmp_path) -> None:
     """Kochab warns during moves that would run on; there a nudge without a chosen rate is a goto."""
-    with simulated(driver, slew_deg_s=1.0) as bench:
+    with slow(driver, tmp_path) as bench:
         bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
         killed(bench, driver, "move")
         time.sleep(4.0)  # a move of two seconds

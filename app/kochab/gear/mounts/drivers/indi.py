@@ -121,6 +121,7 @@ class IndiMount(ServerMount):
             parked=on("TELESCOPE_PARK", "PARK") and state("TELESCOPE_PARK") != "Busy",
             tracking=on("TELESCOPE_TRACK_STATE", "TRACK_ON"),
             pier_side=sides[0] if len(sides) == 1 else None,
+            alt_azimuth=on("MOUNT_TYPE", "ALTAZ") or on("MOUNT_TYPE", "MOUNT_TYPE_ALTAZ") or None,  # else a default
             rate=rates[0] if len(rates) == 1 else None,
         )
 
