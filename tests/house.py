@@ -63,6 +63,8 @@ ADDED = {
     "a bench of the Solar System beside skyfield, ERFA and Stellarium": 135,
     "what is under the cursor, and its card": 147,
     "a search for stars, objects, coordinates and commands": 130,
+    "bodies of the Solar System found wherever they are": 44,
+    "exports with the frame's date and site, the person's elements, and regions of objects": 49,
     "closed outlines with names beside them, fields called by named nebulae": 6,
     "bodies of the Solar System in the sky layer and on their cards": 79,
     "the sky layer and names beside a second source in a bench": 105,

@@ -209,3 +209,12 @@ def test_outlines_are_closed_and_names_stand_beside_them(tables):
                 assert np.hypot(*gap.T).min() <= 1.5 * GAP_PX
                 beside += 1
     assert beside >= 4
+
+
+def test_every_outline_is_about_its_own_object(tables):
+    """Stellarium has the Running Man's under a number of the Large Magellanic Cloud, 61 degrees away."""
+    for row, shapes in tables.outlines.items():
+        away = np.arccos(np.clip(np.vstack(shapes) @ tables.objects.vector[row], -1.0, 1.0))
+        assert away.min() < max(np.ptp(away), np.radians(1.5)), tables.texts[row]
+    merope = tables.objects.name.tolist().index("IC 349")
+    assert tables.objects.major[merope] < 1.0  # arcmin: not the 26 of NGC 1435 around it

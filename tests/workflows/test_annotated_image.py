@@ -15,15 +15,20 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.sky_grid import grid_lines
+from kochab.sky.layer import in_frame
+from kochab.sky.sky_tables import sky_tables
+from kochab.sky.small_bodies import shipped_small_bodies
 from kochab.workflows.annotated_image import (
     CREDIT,
     GRID,
     annotate,
     annotated_picture,
     as_svg,
+    dated_drawing,
     drawing_of,
     objects_csv,
     picture_of,
+    sky_regions,
 )
 
 
@@ -121,3 +126,49 @@ def test_the_table_lists_what_is_in_the_frame():
     place = answer.sky_at(np.array([[float(flame["x"]), float(flame["y"])]]))[0]
     assert radec_deg(place) == pytest.approx((float(flame["ra_deg"]), float(flame["dec_deg"])), abs=1e-3)
     assert (rows["M 42"]["major_arcmin"], rows["M 42"]["type"]) == ("90", "Cl+N")
+
+
+def test_regions_have_the_galaxy_as_it_lies_and_the_planets_of_the_night():
+    """M 31 of OpenNGC: 178 x 70 arcmin at position angle 35."""
+    lines = sky_regions(Frame(np.zeros((960, 1280), np.uint8)), solution(10.7, 41.3)).splitlines()
+    line = next(line for line in lines if "{M 31}" in line)
+    ra, dec, major, minor, angle = (float(x) for x in line[8 : line.index(")")].replace('"', "").split(","))
+    assert (ra, dec) == pytest.approx((10.685, 41.269), abs=0.01)
+    assert (major, minor) == pytest.approx((5335.0, 2100.0), rel=0.1)
+    assert angle == 125.0  # counted from west
+    frame = Frame(np.zeros((960, 1280), np.uint8), hint=Hint(time_utc=datetime(2023, 11, 3, 22, 0, tzinfo=UTC)))
+    assert "{Jupiter}" in sky_regions(frame, solution(39.9, 14.0))
+    assert sky_regions(frame, solution(39.9, 14.0)).isascii()
+
+
+def test_fast_stars_are_named_where_they_are_when_the_frame_was_taken():
+    """Barnard's star runs 10.4 arcsec a year to the north (Hipparcos): here 2.6 px from 2000 to 2025."""
+    answer = solution(269.45, 4.7, roll=0.0, fov_deg=128.0 / 3600.0 * 10.0)
+    frame = Frame(np.zeros((960, 1280), np.uint8), hint=Hint(time_utc=datetime(2025, 1, 1, tzinfo=UTC)))
+    marks = [
+        next(m for m in in_frame(sky_tables(), answer, year).marks if m.row == FASTEST) for year in (2000.0, 2025.0)
+    ]
+    assert (marks[0].xy - marks[1].xy)[1] * answer.camera.scale_arcsec_px == pytest.approx(259.0, abs=3.0)
+    words = [
+        {text: place for place, text, _ in drawn.words} for drawn in (dated_drawing(frame, answer), drawing_of(answer))
+    ]
+    name = marks[0].text
+    assert words[1][name][1] - words[0][name][1] == pytest.approx((marks[0].xy - marks[1].xy)[1], abs=1.0)
+
+
+FASTEST = int(np.argmax(np.linalg.norm(sky_tables().stars.step, axis=1)))
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.svg"])
+def test_the_bodies_of_the_persons_elements_are_looked_for(name, tmp_path, monkeypatch):
+    asked = []
+
+    def marks(frame, solution, site=None, more=()):
+        asked.append(more)
+        return ()
+        yield
+
+    monkeypatch.setattr("kochab.workflows.annotated_image.body_marks", marks)
+    table = shipped_small_bodies()
+    annotate(Frame(rgb()[..., 0]), solution(), tmp_path / name, [table])
+    assert asked == [[table]]

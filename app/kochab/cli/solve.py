@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,7 +106,8 @@ def solve_one(
         if wish.wcs:
             failures += write_wcs_to(f"{wish.file}.wcs", result)
         if wish.annotate is not None and frame is not None:
-            failures += write_picture(wish.annotate, frame, result)
+            dated = replace(frame, hint=replace(hint, site=hint.site or frame.hint.site)) if hint else frame
+            failures += write_picture(wish.annotate, dated, result, tables_of(elements))
     return {**outcome, "failures": failures} if failures else outcome
 
 

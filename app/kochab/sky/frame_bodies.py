@@ -84,13 +84,15 @@ def bodies_in_frame(
     return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, julian_years(time_utc), catalogue))
 
 
-def body_marks(frame: Frame, solution: Solution, site: Site | None = None) -> Task[tuple[Mark, ...]]:
+def body_marks(
+    frame: Frame, solution: Solution, site: Site | None = None, more: Sequence[SmallBodies] = ()
+) -> Task[tuple[Mark, ...]]:
     """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines."""
     hint = frame.hint
     if hint.time_utc is None or hint.time_of_file:
         return ()
     nothing = Detections.from_list(np.empty((0, 2)), frame.width, frame.height)
-    found = yield from bodies_in_frame(solution, nothing, hint.time_utc, hint.site or site, open_catalogue())
+    found = yield from bodies_in_frame(solution, nothing, hint.time_utc, hint.site or site, open_catalogue(), more)
     turn = np.linspace(0.0, 2.0 * np.pi, 49)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     marks = []

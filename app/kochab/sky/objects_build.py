@@ -27,6 +27,10 @@ KINDS |= {0: "G", 1: "G", 2: "G", 3: "G", 4: "G", 15: "EmN", 16: "Cl+N", 17: "HI
 APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third of the object
 DARK, UNKNOWN_MAG = 12, 90.0
 CITED = 3  # sources that Stellarium gives for a name before it is shown
+SIZES_ARCMIN = {"IC 349": 0.5}
+"""OpenNGC gives IC 349 the 26 arcmin of NGC 1435: it is a patch beside Merope (Herbig 1996, AJ 111, 1241)."""
+OUTLINE_OF = {"NGC 1978": "NGC 1977"}
+"""Stellarium's outline about the Running Man bears a number of the Large Magellanic Cloud."""
 SPELT = str.maketrans({"'": "", "-": " ", "’": ""})
 
 
@@ -81,6 +85,7 @@ def read_openngc(database: Path) -> list[SkyObject]:
     found = []
     for name, kind, ra, dec, mag, major, minor, pa, messier, common in rows:
         one = SkyObject(designation(name), kind, float(np.degrees(ra)), float(np.degrees(dec)), mag, major, minor, pa)
+        one.major = SIZES_ARCMIN.get(one.name, one.major)
         one.messier = f"M{int(messier)}" if messier else ""
         one.common = [word.strip().removeprefix("the ") for word in (common or "").split(",") if word.strip()]
         found.append(one)
@@ -224,7 +229,8 @@ def write_outlines(source: Path, path: Path) -> int:
             continue
         ra, dec, what, *rest = row.split()
         if what == "start":
-            chain = [designation("".join(rest)), ""]
+            name = designation("".join(rest))
+            chain = [OUTLINE_OF.get(name, name), ""]
         chain[1] += f"{float(ra) * 15.0:.4f} {float(dec):.4f} "
         if what == "end":
             lines.append("\t".join(chain).rstrip())

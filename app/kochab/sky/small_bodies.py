@@ -22,7 +22,8 @@ from kochab.sky.solar_system import Body, BodyKind, Observer, covers, lit_share,
 
 ASTEROID_SIGMA_ARCSEC = 1.0
 COMET_SIGMA_ARCSEC = 60.0
-"""Their jets push them, and their elements are of some years ago."""
+"""More than 80 % are nearer: of 151 comets, against the Minor Planet Center's elements of 2022, 120 within this, the
+median 3 arcsec. What is far off is lost, or broke up, or was seen for some weeks: neither age nor jets tell."""
 
 COMET_YEARS = 6.0
 """Longer before or after the date of its elements, a comet that returns within 200 years is not told."""
@@ -122,6 +123,21 @@ def bodies_near(
     return sorted(found, key=lambda body: body.magnitude)
 
 
+def body_called(text: str, time_utc: datetime, site: Site | None) -> Task[Body | None]:
+    """A body of the Solar System by its name, wherever it is; ``"Vesta"`` is 4 Vesta."""
+    if not covers(time_utc):
+        return None
+    observer, wanted = observer_at(time_utc, site), text.casefold().strip()
+    bodies = major_bodies(observer)
+    bodies += [moon for planet in bodies if planet.name in MOONS for moon in planet_moons(observer, planet)]
+    table = shipped_small_bodies()
+    rows = [k for k, name in enumerate(table.names) if wanted in (name.casefold(), name.casefold().partition(" ")[2])]
+    if rows and not any(body.name.casefold() == wanted for body in bodies):
+        bodies += yield from _seen(table, np.array(rows[:1], dtype=np.intp), observer)
+        wanted = bodies[-1].name.casefold()
+    return next((body for body in bodies if body.name.casefold() == wanted), None)
+
+
 def small_bodies(
     table: SmallBodies, observer: Observer, centre: Floats, radius_rad: float, faintest: float
 ) -> Task[list[Body]]:
@@ -138,14 +154,22 @@ def small_bodies(
     rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & known)
     if not len(rows):
         return []
-    states, night = yield from table.on_night(rows, jd)
+    seen = yield from _seen(table, rows, observer)
+    return [
+        body for body in seen if body.vector @ centre >= np.cos(min(np.pi, radius_rad)) and body.magnitude <= faintest
+    ]
+
+
+def _seen(table: SmallBodies, rows: Indices, observer: Observer) -> Task[list[Body]]:
+    """The bodies of ``rows``, carried to the observer's night."""
+    ephemeris = shipped_ephemeris()
+    states, night = yield from table.on_night(rows, float(observer.jd_tdb[0]))
     vectors, light_jd = observer.sees(lambda at: two_body(states, at - night)[:, :3] + ephemeris("sun", at))
     from_sun = observer.place + vectors - ephemeris("sun", light_jd)
     names = [table.names[row] for row in rows.tolist()]
     some = SmallBodies(names, states, table.epoch_jd[rows], table.magnitude[rows], table.slope[rows])
     magnitude, angle = magnitudes(some, vectors, from_sun)
-    inside = (unit(vectors) @ centre >= np.cos(min(np.pi, radius_rad))) & (magnitude <= faintest)
-    return [_body(some, k, vectors[k], magnitude[k], angle[k], observer) for k in np.flatnonzero(inside).tolist()]
+    return [_body(some, k, vectors[k], magnitude[k], angle[k], observer) for k in range(len(names))]
 
 
 def _body(table: SmallBodies, k: int, vector: Floats, magnitude: float, angle: float, observer: Observer) -> Body:

@@ -3,6 +3,7 @@
 import base64
 import io
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from html import escape
@@ -18,12 +19,13 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import compass, csv_text
+from kochab.frames.export import compass, csv_text, ds9_regions
 from kochab.frames.sky_grid import grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.sky.frame_bodies import body_marks
 from kochab.sky.layer import DOT_PX, FAMILIES, Mark, View, faintest_of, in_frame, labels, outlined
-from kochab.sky.sky_tables import sky_tables
+from kochab.sky.sky_tables import EPOCH, sky_tables
+from kochab.sky.small_bodies import SmallBodies
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -67,7 +69,7 @@ def font_of(size: int) -> "FreeTypeFont":
     return ImageFont.truetype(data_folder("resources") / "DejaVuSans.ttf", size)
 
 
-def drawing_of(solution: Solution, year: float = 2000.0, bodies: tuple[Mark, ...] = ()) -> Drawing:
+def drawing_of(solution: Solution, year: float = EPOCH, bodies: tuple[Mark, ...] = ()) -> Drawing:
     """Outlines, figures, names, grid and compass of a solved frame; names as dense as in the window."""
     camera = solution.camera
     unit = max(camera.width, camera.height) / ACROSS
@@ -98,6 +100,13 @@ def drawing_of(solution: Solution, year: float = 2000.0, bodies: tuple[Mark, ...
     _draw_compass(made, solution)
     made.words.append(((0.6 * letter, camera.height - 1.6 * letter), CREDIT, INKS["dark"]))
     return made
+
+
+def dated_drawing(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -> Drawing:
+    """The same at the frame's date: stars where they have moved to, and the bodies of the Solar System."""
+    from kochab.solver.pipeline import year_of
+
+    return drawing_of(solution, year_of(frame.hint.time_utc), run(body_marks(frame, solution, more=more)))
 
 
 def _ink(mark: Mark) -> str:
@@ -138,11 +147,11 @@ def picture_of(frame: Frame) -> "Image":
     return picture if picture.width == frame.width else picture.resize((frame.width, frame.height))
 
 
-def annotated_picture(frame: Frame, solution: Solution) -> "Image":
+def annotated_picture(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -> "Image":
     """The frame with the sky drawn over it."""
     from PIL import ImageDraw
 
-    picture, drawn = picture_of(frame), drawing_of(solution, bodies=run(body_marks(frame, solution)))
+    picture, drawn = picture_of(frame), dated_drawing(frame, solution, more)
     draw = ImageDraw.Draw(picture)
     for places, ink, width in drawn.strokes:
         draw.line([(x, y) for x, y in places.tolist()], fill=ink, width=max(1, round(width)))
@@ -152,9 +161,9 @@ def annotated_picture(frame: Frame, solution: Solution) -> "Image":
     return picture
 
 
-def as_svg(frame: Frame, solution: Solution) -> str:
+def as_svg(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -> str:
     """The same as SVG: the picture inside, lines and letters as such."""
-    packed, drawn = io.BytesIO(), drawing_of(solution, bodies=run(body_marks(frame, solution)))
+    packed, drawn = io.BytesIO(), dated_drawing(frame, solution, more)
     picture_of(frame).save(packed, format="JPEG", quality=92)
     size = f'width="{drawn.width}" height="{drawn.height}"'
     data = base64.b64encode(packed.getvalue()).decode()
@@ -173,19 +182,22 @@ def as_svg(frame: Frame, solution: Solution) -> str:
     return "\n".join([*lines, "</g></svg>", ""])
 
 
-def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
-    """Write the frame with the sky over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be."""
+def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], more: Sequence[SmallBodies] = ()) -> None:
+    """Write the frame with the sky over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
+
+    Asteroids and comets of ``more`` tables are looked for beside the shipped ones.
+    """
     ending = Path(path).suffix.lower()
     if ending == ".svg":
-        write_atomically(path, as_svg(frame, solution))
+        write_atomically(path, as_svg(frame, solution, more))
         return
     packed, kind = io.BytesIO(), FORMATS.get(ending, "PNG")
-    more: dict[str, dict[str, Any]] = {
+    packing: dict[str, dict[str, Any]] = {
         "JPEG": {"quality": 92},
         "PNG": {"compress_level": 4},
         "TIFF": {"compression": "tiff_deflate"},
     }
-    annotated_picture(frame, solution).save(packed, format=kind, **more.get(kind, {}))
+    annotated_picture(frame, solution, more).save(packed, format=kind, **packing.get(kind, {}))
     write_atomically(path, packed.getvalue())
 
 
@@ -204,3 +216,25 @@ def objects_csv(solution: Solution) -> str:
             told = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
             rows.append((mark.short, ";".join(objects.names(k)[1:]), mark.kind, *place, *told))
     return csv_text(rows)
+
+
+def sky_regions(frame: Frame, solution: Solution) -> str:
+    """DS9's regions of the stars, and of the frame's deep-sky objects and bodies, ICRS.
+
+    DS9 counts an ellipse's angle from west over north, 90 degrees more than the position angle.
+    """
+    objects, lines = sky_tables().objects, []
+    marks = in_frame(sky_tables(), solution, also=run(body_marks(frame, solution))).marks
+    for mark in (mark for mark in marks if mark.kind != "star"):
+        k, body = mark.row, mark.body
+        ra, dec = radec_deg(objects.vector[k] if body is None else body.vector)
+        sides = (objects.major[k], objects.minor[k]) if body is None else (body.diameter_arcsec / 60.0, np.nan)
+        major, minor = (float(side) * 30.0 for side in sides)
+        least = DOT_PX * solution.camera.scale_arcsec_px
+        shape = f'circle({ra:.6f},{dec:.6f},{max(float(np.nan_to_num(major)), least):.2f}")'
+        if body is None and np.isfinite([minor, objects.pa_deg[k]]).all():
+            shape = f'ellipse({ra:.6f},{dec:.6f},{major:.2f}",{minor:.2f}",{(objects.pa_deg[k] + 90.0) % 360.0:g})'
+        ink = INKS[FAMILIES.get(mark.kind, "nebula")]
+        name = mark.short.encode("ascii", "replace").decode()
+        lines.append(f"{shape} # color={ink} text={{{name}}}\n")
+    return ds9_regions(solution) + "".join(lines)

@@ -1,11 +1,16 @@
 """Search: names and coordinates to places, and where a place outside the frame lies."""
 
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 
 from kochab.core.attitude import radec_deg
 from kochab.core.errors import UsageError
-from kochab.window.shell.search import outside, place_of
+from kochab.core.frame import Frame, Hint
+from kochab.window.shell.search import body_then, outside, place_of
 from tests.window.fakes import fake_solution
 
 
@@ -61,3 +66,12 @@ def test_the_keyboard_alone_finds(qtbot, opened):
     qtbot.keyClicks(search.field, "grid")
     qtbot.keyClick(search.field, Qt.Key.Key_Return)
     assert grid.isChecked() != before
+
+
+def test_a_body_is_found_wherever_it_is_when_the_frame_was_taken():
+    """Jupiter at its opposition: PyEphem has 2h 32m 30s, +13d 29m 46s."""
+    frame = Frame(np.zeros((4, 4), np.uint8), hint=Hint(time_utc=datetime(2023, 11, 3, 22, tzinfo=UTC)))
+    assert radec_deg(body_then("jupiter", frame, None)) == pytest.approx((38.125, 13.496), abs=0.01)
+    assert radec_deg(body_then("4 Vesta", frame, None)) == pytest.approx(radec_deg(body_then("vesta", frame, None)))
+    assert body_then("Planet of the apes", frame, None) is None
+    assert body_then("Jupiter", replace(frame, hint=Hint()), None) is None

@@ -91,7 +91,7 @@ class Commands(QObject):
         self.looks = Appearance(presenter)
         wiring = wiring or Wiring()
         jobs = self.session.jobs
-        self.exporter = FrameExporter(self.window, self.session, wiring.to_json)
+        self.exporter = FrameExporter(self.window, self.session, self.settings, wiring.to_json)
         panes = self.window.workspace
         self.equipment = Equipment(self.window.bar.equipment, self.settings, self.actions["preferences"])
         self.equipment.refused.connect(self._say)

@@ -1,7 +1,7 @@
 """What can be exported of a solved frame: asks where to, and writes in a thread."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
@@ -11,13 +11,14 @@ from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import ds9_regions, stars_csv
+from kochab.frames.export import stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
 from kochab.window.session import Session
+from kochab.window.settings import WindowSettings
 from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.main_window import MainWindow
-from kochab.workflows.annotated_image import annotate, objects_csv
+from kochab.workflows.annotated_image import annotate, objects_csv, sky_regions
 from kochab.workflows.session.wiring import ToJson
 
 Write = Callable[[Frame, Solution, Path], None]
@@ -43,7 +44,7 @@ EXPORTS = (
         tr_noop("&DS9 regions…"),
         ".reg",
         tr_noop("DS9 regions (*.reg)"),
-        lambda _, s, p: write_atomically(p, ds9_regions(s)),
+        lambda f, s, p: write_atomically(p, sky_regions(f, s)),
     ),
     Export("wcs", tr_noop("&WCS header…"), ".wcs", tr_noop("WCS header (*.wcs)"), lambda _, s, p: write_wcs(s, p)),
     Export(
@@ -65,9 +66,9 @@ class FrameExporter(QObject):
 
     wrote = Signal(Path)
 
-    def __init__(self, window: MainWindow, session: Session, to_json: ToJson | None) -> None:
+    def __init__(self, window: MainWindow, session: Session, settings: WindowSettings, to_json: ToJson | None) -> None:
         super().__init__(window)
-        self._window, self._session = window, session
+        self._window, self._session, self._settings = window, session, settings
         self.kinds = {kind.name: kind for kind in EXPORTS}
         if to_json is not None:  # the same object as the command line's
 
@@ -92,9 +93,11 @@ class FrameExporter(QObject):
         if frame is None or not isinstance(solution, Solution):
             return
 
+        sited = replace(frame, hint=replace(frame.hint, site=frame.hint.site or self._settings.site))
+
         def task() -> Task[Path]:
             refuse_input(path, [source] if source else [])
-            return (yield from save_task(lambda: kind.write(frame, solution, path), path))
+            return (yield from save_task(lambda: kind.write(sited, solution, path), path))
 
         job = self._session.jobs.run(task(), f"export-{kind.name}")
         job.succeeded.connect(self._done)

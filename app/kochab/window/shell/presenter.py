@@ -13,8 +13,10 @@ from kochab.core.errors import printable
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.sky.apparent import julian_years
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
+from kochab.solver import UNKNOWN_YEAR
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.object_card import ObjectCard, facts
 from kochab.window.image.overlay import Overlay
@@ -107,6 +109,8 @@ class Presenter(QObject):
     def _opened(self, frame: Frame) -> None:
         if self.session.known.path is not None:
             self.settings.add_recent(self.session.known.path)
+        when = frame.hint.time_utc
+        self.overlay.year = UNKNOWN_YEAR if when is None else julian_years(when)
         self.window.status.show_frame(f"{frame.width} × {frame.height}", "\n".join(frame.warnings))
 
     def _pictured(self, picture: FrameImage) -> None:
@@ -114,6 +118,7 @@ class Presenter(QObject):
         self.panes.strip.show_picture(picture)
 
     def _streaming(self, name: str) -> None:
+        self.overlay.year = julian_years(datetime.now(UTC))
         self._begin(Progress("live", None, name))
 
     def _streamed(self, picture: RenderedFrame) -> None:

@@ -10,10 +10,13 @@ from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, east_north, unit_vectors
 from kochab.core.errors import UsageError
+from kochab.core.frame import Frame, Site
+from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.sky.catalogue import open_catalogue
 from kochab.window.shell.menus import SPECS
 from kochab.window.shell.presenter import Presenter
+from kochab.window.shell.status import horizon_of
 from kochab.window.widgets import column, label, text_field
 
 WAYS = (
@@ -53,6 +56,16 @@ def outside(solution: Solution, vector: Floats) -> str:
     return tr(way, angle=np.degrees(angle_between(centre, vector)))
 
 
+def body_then(text: str, frame: Frame | None, site: Site | None) -> Floats | None:
+    """ICRS unit vector (3,) of a body of the Solar System when a frame was taken; None undated, or by another name."""
+    from kochab.sky.small_bodies import body_called
+
+    if frame is None or frame.hint.time_utc is None or frame.hint.time_of_file:
+        return None
+    body = finish(body_called(text, frame.hint.time_utc, frame.hint.site or site))
+    return None if body is None else body.vector
+
+
 class Search(QDialog):
     """One field; Enter finds, Escape closes."""
 
@@ -84,15 +97,21 @@ class Search(QDialog):
             return ""
         solution = self._presenter.overlay.solution
         body = next((m for m in self._presenter.overlay.bodies if m.text.casefold() == text.casefold()), None)
+        frame, site = self._presenter.session.known.frame, self._presenter.settings.site
         try:
             vector = place_of(text) if body is None or body.body is None else body.body.vector
         except UsageError as error:
-            return str(error)
+            then = body_then(text, frame, site)
+            if then is None:
+                return str(error)
+            vector = then
         if solution is None:
             return tr("No solved image is open.")
         x, y = solution.pixels_of(vector[None])[0].tolist()
         if not (-0.5 <= x < solution.camera.width - 0.5 and -0.5 <= y < solution.camera.height - 0.5):
-            return outside(solution, vector)
+            horizon = None if frame is None else horizon_of(frame, site)
+            below = horizon is not None and horizon.altaz_deg(vector)[0] < 0.0
+            return outside(solution, vector) + below * f", {tr('below the horizon')}"
         self._presenter.find(x, y, CLOSEST_PX)
         return ""
 
