@@ -182,7 +182,7 @@ def executed(code: str, *arguments: str) -> list[str]:
         cwd=REPOSITORY,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=250,
         check=True,
     )
     line = next(line for line in done.stdout.splitlines() if line.startswith("HOUSE "))
@@ -263,7 +263,7 @@ class OnDemand(CameraSource):
         self.wanted.clear()
         self.given += 1
         frame = sky_frame(seconds=float(self.given))
-        on = self.given == BEFORE + 1
+        on = self.given > BEFORE
         return frame
 
 
@@ -272,10 +272,13 @@ def watched(painter, view):
     paint(painter, view)
     shown = live.display.shown
     if shown is not None and shown.update is not None and shown.update.shot.number == camera.given:
+        if on:
+            walks.append(frozenset(walked))
         on, painted = False, camera.given
+        walked.clear()
 
 
-BEFORE, painted = 3, 0  # frames, so that the one that is traced is tracked
+BEFORE, TRACED, painted, walks = 3, 3, 0, []  # frames before those that are traced, which are tracked
 app, camera = QApplication([]), OnDemand()
 with tempfile.TemporaryDirectory() as home:
     settings = WindowSettings(QSettings(home + "/window.ini", QSettings.Format.IniFormat))
@@ -291,15 +294,17 @@ with tempfile.TemporaryDirectory() as home:
     while any(area.isVisible() and area.plot is None for area in window.findChildren(PlotArea)):
         app.processEvents()
         sleep(0.01)  # for the thread that loads their library
-    while camera.given <= BEFORE:
+    while camera.given < BEFORE + TRACED:
         asked, end = camera.given + 1, monotonic() + 60.0
         camera.wanted.set()
         while painted < asked:
             assert monotonic() < end, "no frame was painted"
             app.processEvents()
+            sleep(0.002)  # for the threads that read, solve and draw
     assert paint.__self__.solution is live.display.shown.update.result
     assert live.display.shown.update.mode == "tracking"
     window.close()
+walked = set.intersection(*map(set, walks))  # what ran beside one of them alone belongs to something else
 """
 
 AXIS = """
@@ -335,7 +340,7 @@ def walked(code: str) -> list[str]:
         env=environment | {"QT_QPA_PLATFORM": "offscreen"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=250,
         check=True,
     )
     files = map(Path, done.stdout.partition("WALKED\n")[2].splitlines())

@@ -128,6 +128,7 @@ def test_progress_rewrites_one_line_on_a_terminal(monkeypatch, capsys) -> None:
 def test_elsewhere_one_line_is_said_when_it_takes_long(monkeypatch, capsys, seconds, lines) -> None:
     now = [100.0]
     monkeypatch.setattr(output, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(output, "SOON_S", 2.0)
     line = ProgressLine("a.fits")
     line(Progress("detect"))
     now[0] += seconds

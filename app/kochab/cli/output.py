@@ -179,8 +179,11 @@ def _finite(value: Any) -> Any:
     return value
 
 
+SOON_S = 2.0
+
+
 class ProgressLine:
-    """Progress on stderr: a line that rewrites itself on a terminal, else one line after 2 s."""
+    """Progress on stderr: a line that rewrites itself on a terminal, else one line after `SOON_S`."""
 
     def __init__(self, label: str) -> None:
         self._label = printable(label)
@@ -195,7 +198,7 @@ class ProgressLine:
             sys.stderr.write(f"\r\x1b[K{text[:100]}")
             sys.stderr.flush()
             self._said = True
-        elif not self._said and perf_counter() - self._start > 2.0:
+        elif not self._said and perf_counter() - self._start > SOON_S:
             self._said = True
             print(f"{text} ...", file=sys.stderr, flush=True)
 
