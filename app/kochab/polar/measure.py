@@ -255,7 +255,7 @@ def slipping(asked_deg: float, turned_deg: float) -> PolarFinding | None:
 
 
 LEAST_TURN_RAD = np.radians(0.25)  # below this no axis is given at all
-STILL_SHARE, SEEN_SIGMAS = 0.5, 3.0  # of the sky's own turn, and how well that has to be seen, for a camera at rest
+STILL_SHARE, SEEN_SIGMAS = 0.1, 3.0  # of the sky's own turn, and how well that has to be seen, for a camera at rest
 TOO_LARGE = 0.02  # residuals less probable than this by their stated errors alone widen the covariance
 
 
@@ -401,7 +401,8 @@ def stood_still(attitudes: Sequence[LocalAttitude]) -> NoAxis | None:
     times = [a.time_utc for a in attitudes]
     sky = SIDEREAL_RAD_S * (max(times) - min(times)).total_seconds()
     sigma = float(np.sqrt(max(np.trace(a.covariance) for a in attitudes)))
-    if _turned_rad(attitudes) > STILL_SHARE * sky or sky < SEEN_SIGMAS * sigma:
+    noise = SEEN_SIGMAS * sigma
+    if _turned_rad(attitudes) > STILL_SHARE * sky + noise or sky < noise:
         return None
     moved = f"the sky turned by {np.degrees(sky):.2f}° about the pole"
     return NoAxis(
