@@ -242,8 +242,9 @@ def whole(path: Path) -> bool:
             return data.rstrip().endswith(b"</html>")
         case ".zip":
             return zipfile.ZipFile(io.BytesIO(data)).testzip() is None
-        case ".csv" | ".reg":
-            return data.count(b"\n") in ((12,) if "objects" in path.name else (501, 503)) and data.endswith(b"\n")
+        case ".csv" | ".reg":  # stars, objects, stars and objects
+            count = 12 if "objects" in path.name else 501 if path.suffix == ".csv" else 514
+            return data.count(b"\n") == count and data.endswith(b"\n")
         case ".kcat":
             from kochab.sky import open_catalogue
 
