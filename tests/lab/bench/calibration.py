@@ -152,7 +152,7 @@ def draw(kept: dict, picture: Path) -> None:
     pg.setConfigOptions(background="w", foreground=INK, antialias=True)
     plot = pg.PlotWidget()
     plot.resize(760, 430)
-    plot.addLegend(offset=(-10, 10), labelTextColor=INK)
+    plot.addLegend(offset=(-95, 10), labelTextColor=INK)
     plot.setLabel("bottom", "chance match claimed, at most")
     plot.setLabel("left", "share of lists that reach it")
     lists, _ = reaching(list(kept["ways"].values()))
