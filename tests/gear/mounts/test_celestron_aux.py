@@ -94,13 +94,18 @@ def test_a_flip_goes_in_parts_of_a_third_of_a_turn_at_most(bench, mount) -> None
     assert at[3:] == pytest.approx([95.0] * len(at[3:]), abs=0.1)
 
 
-def test_a_motor_that_gave_up_on_its_way_is_told_and_is_not_sent_on(bench, mount) -> None:
-    """INDIGO met a mount that stopped 30 deg short, and said that its goto was done."""
+def under_way(bench, mount):
+    """A long slew that has begun, under the guard."""
     bench.telescope._slew_deg_s = 10.0
-    guard = Guard(mount, SITE, LIMITS, clock=bench.clock)
-    slew = guard.slew(*place(-60.0, 70.0, bench.clock))
+    slew = Guard(mount, SITE, LIMITS, clock=bench.clock).slew(*place(-60.0, 70.0, bench.clock))
     for _ in range(3):
         next(slew)
+    return slew
+
+
+def test_a_motor_that_gave_up_on_its_way_is_told_and_is_not_sent_on(bench, mount) -> None:
+    """INDIGO met a mount that stopped 30 deg short, and said that its goto was done."""
+    slew = under_way(bench, mount)
     bench.far_end.motors[1].run(0.0)
     bench.telescope._slew_deg_s = 40.0
     with pytest.raises(RefusedError, match=r"The mount stopped .* deg from its target: a motor stopped by itself"):
@@ -109,11 +114,7 @@ def test_a_motor_that_gave_up_on_its_way_is_told_and_is_not_sent_on(bench, mount
 
 
 def test_a_power_cycle_in_a_slew_is_recognised_and_nothing_moves_after_it(bench, mount) -> None:
-    bench.telescope._slew_deg_s = 10.0
-    guard = Guard(mount, SITE, LIMITS, clock=bench.clock)
-    slew = guard.slew(*place(-60.0, 70.0, bench.clock))
-    for _ in range(3):
-        next(slew)
+    slew = under_way(bench, mount)
     bench.far_end.power_on()
     orders = len(moved(bench.telescope))
     with pytest.raises(DeviceError):

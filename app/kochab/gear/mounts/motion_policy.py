@@ -51,7 +51,7 @@ def readiness(plan: Plan) -> Findings:
     if plan.state.parked:
         yield refuse("The mount is parked: unpark it before a {action}.", action=plan.action)
     if plan.state.slewing:
-        yield refuse("The mount is slewing: wait or stop it before a {action}.", action=plan.action)
+        yield refuse("The mount is slewing. Wait, or stop it before a {action}.", action=plan.action)
     if plan.state.aligned is False:
         yield refuse("The mount is not aligned: do its alignment on the hand control first.")
     if plan.state.home_confirmed is False and plan.action == "goto":

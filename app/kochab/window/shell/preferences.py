@@ -161,7 +161,7 @@ class Preferences(QDialog):
             self._equipment.tell()
 
     def _data(self) -> QWidget:
-        self.fixed = switch(tr("Always begin in this folder"), tr("Else in the folder used last"))
+        self.fixed = switch(tr("Always begin in this folder"), tr("Otherwise in the folder used last"))
         self.folder = label("", "muted", wrap=True)
         self.fixed.setChecked(bool(self.settings.text("start_folder", "")))
         self.fixed.toggled.connect(self._fix_folder)
