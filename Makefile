@@ -37,11 +37,11 @@ run: $(STAMP) qt
 	@$(BIN)/python -m app $(ARGS)
 
 # Quick checks first, so that a slip is told within seconds; with -j the slow one goes on beside the
-# making of patterns. Then one process more than there are cores: many tests wait for lines, screens
+# making of patterns. Then three processes more than there are cores: many tests wait for lines, screens
 # and exposures. A process that is done takes over from the others.
 test: style types $(if $(filter tests,$(TESTS)),patterns) qt
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
-	  -n auto --maxprocesses 4 --dist worksteal $(TESTS)
+	  -n auto --maxprocesses 8 --dist worksteal $(TESTS)
 
 # ANY_DAY=--quick for two of the days and the quickest tests.
 test-any-day: $(STAMP) qt
@@ -64,7 +64,7 @@ resolve: $(STAMP)
 # Counting lines makes the tests a third slower, so `make test` does without.
 coverage: $(STAMP) patterns qt
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
-	  -n auto --maxprocesses 4 --dist worksteal --cov=kochab --cov-report= $(TESTS)
+	  -n auto --maxprocesses 8 --dist worksteal --cov=kochab --cov-report= $(TESTS)
 	@for room in app/kochab/[a-z]*/; do \
 	  printf '%-16s%3s %%\n' $$(basename $$room) $$($(BIN)/coverage report --include="$$room*" --format=total); done
 	@printf '%-16s%3s %%\n' everything $$($(BIN)/coverage report --format=total)

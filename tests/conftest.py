@@ -42,10 +42,10 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """One process more than there are cores, for many tests wait: for lines, exposures, screens."""
+    """Three processes more than there are cores, for many tests wait: for lines, exposures, screens."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0)) + 1
-    return (os.cpu_count() or 1) + 1
+        return len(os.sched_getaffinity(0)) + 3
+    return (os.cpu_count() or 1) + 3
 
 
 # A session of so many tests needs the patterns of small fields, and makes them on no test's time:
