@@ -26,7 +26,7 @@ from kochab.lab.laboratory.comparison import (
     wrong_names,
 )
 from kochab.lab.laboratory.curves import POINTS, SWEEPS, TRIALS, curves, points_csv, sweeps_of, trials_csv
-from kochab.lab.laboratory.trials import try_method, with_fitted_pointing
+from kochab.lab.laboratory.scene import try_method, with_fitted_pointing
 from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.sky import open_catalogue
 

@@ -11,8 +11,16 @@ from kochab.core.errors import UsageError
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
 from kochab.lab.laboratory.comparison import FIT, REGISTRIES, Choice, ComparedPart, FieldTruth, scale_hint
-from kochab.lab.laboratory.scene import comparison, simulated_scene
-from kochab.lab.laboratory.trials import REFUSED, REPEATS, NamedStars, between, name_stars, try_attitude
+from kochab.lab.laboratory.scene import (
+    REFUSED,
+    REPEATS,
+    NamedStars,
+    between,
+    comparison,
+    name_stars,
+    simulated_scene,
+    try_attitude,
+)
 from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.sky import open_catalogue
 
