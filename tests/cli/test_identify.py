@@ -114,6 +114,27 @@ def test_the_wcs_is_written_and_astropy_reads_it(good, capsys) -> None:
     assert (ra, dec) == pytest.approx((out["ra_deg"], out["dec_deg"]), abs=1e-5)
 
 
+def test_the_wcs_has_the_name_that_astrometry_net_gives_it_and_spares_others(good, capsys) -> None:
+    target = Path(good).with_suffix(".wcs")
+    astap = f"SIMPLE  = {'T':>20}".ljust(80) + f"NAXIS   = {'0':>20}".ljust(80) + f"PLTSOLVD= {'T':>20}".ljust(80)
+    target.write_text(astap)
+    assert identify(good, "--name-wcs") == 2
+    assert f"{target} exists already" in capsys.readouterr().err
+    assert target.read_text() == astap
+    target.unlink()
+    for _ in range(2):  # Kochab's own is renewed
+        assert identify(good, "--name-wcs") == 0
+    assert "solved by Kochab" in target.read_text()
+    assert sorted(path.suffix for path in target.parent.glob("orion*")) == [".csv", ".wcs"]
+    twin = Path(good).with_suffix(".txt")
+    twin.write_text(Path(good).read_text())
+    before = target.read_bytes()
+    capsys.readouterr()
+    assert identify(good, str(twin), "--name-wcs") == 2
+    assert f"would be the WCS of both {good} and {twin}" in capsys.readouterr().err
+    assert target.read_bytes() == before
+
+
 def test_a_wcs_that_cannot_be_written_is_2_with_the_answer_still_there(good, capsys, tmp_path) -> None:
     (tmp_path / "orion.csv.wcs").mkdir()
     assert identify(good, "--json", "--wcs") == 2

@@ -98,6 +98,7 @@ def test_what_a_solver_wrote_may_be_renewed(tmp_path) -> None:
     answer = tmp_path / "a.wcs"
     answer.write_text(head + card("NAXIS", "0") + card("PLTSOLVD", "T"))
     assert is_solution_file(answer)
+    assert not is_solution_file(answer, own=True)  # as ASTAP writes it
     answer.write_text("PLTSOLVD=F\nERROR=no stars\n")
     assert is_solution_file(answer)
     solved_frame = tmp_path / "b.wcs"  # pixels and all

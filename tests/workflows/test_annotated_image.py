@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kochab.core.attitude import attitude_from, radec_deg, wrapped
+from kochab.core.attitude import attitude_from, radec_deg, unit_vectors, wrapped
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.solution import NamedStar, Solution
@@ -86,6 +87,47 @@ def test_the_name_says_the_format(tmp_path, name, kind):
     with Image.open(tmp_path / name) as picture:
         assert picture.format == kind
         assert picture.size == (1280, 960)
+
+
+TILTED = {"k1": -0.05, "cx": 700.0, "cy": 420.0}
+
+
+# What pyavm says of a TIFF, which it searches for the packet, and of a file it reads twice.
+@pytest.mark.filterwarnings("ignore:Only PNG and JPEG files can be properly parsed")
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif"])
+@pytest.mark.parametrize(
+    ("answer", "off_px", "quality"),
+    [
+        (solution(84.0, -3.0, roll=20.0), 0.01, "Full"),
+        (solution(359.9, 88.0, roll=-110.0, fov_deg=3.0), 0.01, "Full"),
+        (solution(84.0, -3.0, roll=200.0, fov_deg=20.0), 5.0, "Position"),
+    ],
+    ids=["Orion", "pole", "distorted"],
+)
+def test_tags_place_the_picture_where_another_reader_has_it(tmp_path, name, answer, off_px, quality):
+    """pyavm, of astropy's people, and the map that it makes of the tags."""
+    if quality == "Position":
+        answer = replace(answer, camera=replace(answer.camera, **TILTED))
+    annotate(Frame(rgb()[..., 0]), answer, tmp_path / name)
+    tags = pytest.importorskip("pyavm").AVM.from_image(str(tmp_path / name))
+    assert (tags.Spatial.CoordinateFrame, tags.Spatial.Quality) == ("ICRS", quality)
+    assert tags.Spatial.ReferenceDimension == [1280.0, 960.0]
+    assert tags.Credit == CREDIT
+    assert str(tags.Type) == "Observation"
+    pixels = np.array([[0.0, 0.0], [1279.0, 0.0], [0.0, 959.0], [1279.0, 959.0], [639.5, 479.5], [200.0, 700.0]])
+    upwards = np.column_stack([pixels[:, 0], 959.0 - pixels[:, 1]])  # the standard's first row is the lowest
+    there = unit_vectors(*tags.to_wcs().all_pix2world(upwards, 0).T)
+    off = np.linalg.norm(there - answer.sky_at(pixels), axis=1) * answer.camera.focal_px
+    assert off.max() < off_px
+    told = float(re.search(r"up to ([\d.]+) px", str(tags.Spatial.Notes))[1])
+    assert off.max() < 1.3 * told + 0.06
+    assert off.max() > 0.5 * told - 0.06
+
+
+@pytest.mark.parametrize("answer", [solution(mirrored=True), solution(fov_deg=165.0)], ids=["mirrored", "all sky"])
+def test_what_the_tags_have_no_words_for_is_not_told(tmp_path, answer):
+    annotate(Frame(rgb()[..., 0]), answer, tmp_path / "a.jpg")
+    assert b"avm" not in (tmp_path / "a.jpg").read_bytes()
 
 
 def test_pdf_and_svg(tmp_path):

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from functools import partial
 from multiprocessing import parent_process
@@ -164,17 +164,15 @@ def _code(outcome: Json) -> int:
 # Files that are written beside a solution; each returns sentences about what could not be.
 
 
-def refuse_wcs_over(files: Sequence[str], inputs: Sequence[str], overwrite: bool) -> None:
-    """Refuse, before any work, ``.wcs`` files that would replace what no solver wrote.
+def refuse_wcs_over(targets: Iterable[str], inputs: Sequence[str], overwrite: bool) -> None:
+    """Refuse, before any work, ``.wcs`` files that would replace what Kochab did not write.
 
-    Raises UsageError when ``FILE.wcs`` is an input, or is there and is no solution.
+    Raises UsageError when one is an input, or is there and is not Kochab's.
     """
-    if not files:
-        return
     from kochab.frames.outputs import is_solution_file, refuse_overwriting
 
-    for target in (f"{file}.wcs" for file in files):
-        refuse_overwriting([target], inputs, overwrite or is_solution_file(target))
+    for target in targets:
+        refuse_overwriting([target], inputs, overwrite or is_solution_file(target, own=True))
 
 
 def write_wcs_to(target: str, solution: "Solution") -> list[str]:

@@ -148,13 +148,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "N", "files solved at the same time, 1 to 256 (default: %(default)s)", whole(1, 256), default=1
     ),
     "--wcs": {"action": "store_true", "help": "write FILE.wcs beside each solved file"},
+    "--name-wcs": {"action": "store_true", "help": "the same as NAME.wcs, without the file's ending (astrometry.net)"},
     "--strict": {"action": "store_true", "help": "a solution outside --near counts as not solved"},
 }
 CAMERA_SETTINGS = ("--exposure", "--gain", "--binning")
 CAMERA = ("--source", "--address", *CAMERA_SETTINGS)
 MOUNT = ("--port", "--driver", "--baud", "--epoch", "--site")
 SEARCH = ("--fov", "--scale", "--near", "--method", "--attitude", "--set", "--methods", "--timeout")
-BATCH = ("--json", *SEARCH, "--profile", "--workers", "--wcs", "--overwrite", "--strict")
+BATCH = ("--json", *SEARCH, "--profile", "--workers", "--wcs", "--name-wcs", "--overwrite", "--strict")
 
 
 def add_options(parser: argparse.ArgumentParser, *names: str, **changes: Any) -> None:

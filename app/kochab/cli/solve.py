@@ -29,7 +29,7 @@ class SolveRequest:
     """One file and what is to be written from it; ``list_size`` is the frame's, px, of a list of stars."""
 
     file: str
-    wcs: bool = False
+    wcs: str | None = None
     annotate: str | None = None
     list_size: tuple[int, int] | None = None
 
@@ -103,8 +103,8 @@ def solve_one(
         outcome |= bodies_json(told)
     failures: list[str] = []
     if isinstance(result, Solution):
-        if wish.wcs:
-            failures += write_wcs_to(f"{wish.file}.wcs", result)
+        if wish.wcs is not None:
+            failures += write_wcs_to(wish.wcs, result)
         if wish.annotate is not None and frame is not None:
             dated = replace(frame, hint=replace(hint, site=hint.site or frame.hint.site)) if hint else frame
             failures += write_picture(wish.annotate, dated, result, tables_of(elements))
@@ -115,30 +115,43 @@ def _wishes(args: argparse.Namespace) -> list[SolveRequest]:
     files = [name for given in named(args.files) for name in _expand(given)]
     target = None if args.annotate is None else Path(args.annotate)
     if target is None:
-        return [SolveRequest(file, args.wcs) for file in files]
+        return [SolveRequest(file, _wcs_of(args, file)) for file in files]
     if not target.is_dir() and target.suffix.lower() not in WRITTEN:
         raise UsageError(f"--annotate {target}: the image is a .png, .jpg, .tif, .pdf or .svg.")
     if target.is_dir():
-        return [SolveRequest(f, args.wcs, str(target / f"{Path(f).name}.png")) for f in files]
+        return [SolveRequest(f, _wcs_of(args, f), str(target / f"{Path(f).name}.png")) for f in files]
     if len(files) > 1:
         raise UsageError(f"--annotate {target} is one image for {len(files)} frames: name a folder.")
-    return [SolveRequest(file, args.wcs, str(target)) for file in files]
+    return [SolveRequest(file, _wcs_of(args, file), str(target)) for file in files]
+
+
+def _wcs_of(args: argparse.Namespace, file: str) -> str | None:
+    """The ``.wcs`` that is asked for beside ``file``, None without."""
+    if args.name_wcs:
+        return str(Path(file.removesuffix(".gz")).with_suffix(".wcs"))
+    return f"{file}.wcs" if args.wcs else None
 
 
 def _refuse_overwriting(wishes: list[SolveRequest], overwrite: bool) -> None:
     inputs = [wish.file for wish in wishes]
-    refuse_wcs_over([wish.file for wish in wishes if wish.wcs], inputs, overwrite)
-    pictures: dict[str, str] = {}
-    for wish in wishes:
-        if wish.annotate and pictures.setdefault(wish.annotate, wish.file) != wish.file:
-            raise UsageError(
-                f"{wish.annotate} would be the image of both {pictures[wish.annotate]} and {wish.file}:"
-                " solve them one after the other into different folders."
-            )
+    headers = _refuse_shared([(w.wcs, w.file) for w in wishes if w.wcs], "WCS", "solve them with --wcs")
+    after = "solve them one after the other into different folders"
+    pictures = _refuse_shared([(w.annotate, w.file) for w in wishes if w.annotate], "image", after)
+    if headers:
+        refuse_wcs_over(headers, inputs, overwrite)
     if pictures:
         from kochab.frames.outputs import refuse_overwriting
 
         refuse_overwriting(pictures, inputs, overwrite)
+
+
+def _refuse_shared(outputs: list[tuple[str, str]], what: str, advice: str) -> dict[str, str]:
+    """The files by what is written from them; UsageError when one output is of two files."""
+    found: dict[str, str] = {}
+    for target, file in outputs:
+        if found.setdefault(target, file) != file:
+            raise UsageError(f"{target} would be the {what} of both {found[target]} and {file}: {advice}.")
+    return found
 
 
 def _expand(given: str) -> list[str]:
@@ -184,7 +197,7 @@ def add_identify_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def run_identify(args: argparse.Namespace) -> int:
     """Identify every list, print as they are done."""
     size = (args.width, args.height)
-    return _solve(args, [SolveRequest(file, args.wcs, list_size=size) for file in named(args.files)])
+    return _solve(args, [SolveRequest(file, _wcs_of(args, file), list_size=size) for file in named(args.files)])
 
 
 # -- ``kochab detect FILE``: the stars of a frame, without naming them -------------------------

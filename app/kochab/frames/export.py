@@ -1,8 +1,9 @@
-"""A solution as CSV or DS9 regions, and where its north is."""
+"""A solution as CSV, DS9 regions or tags within a picture, and where its north is."""
 
 import csv
 import io
 from collections.abc import Iterable
+from html import escape
 
 import numpy as np
 
@@ -52,3 +53,59 @@ def compass(solution: Solution) -> tuple[Floats, Floats]:
     ends = centre + 2.0 / camera.focal_px * east_north(centre)  # some two pixels away
     east, north = unit(solution.pixels_of(unit(ends)) - middle)
     return north, east
+
+
+_AVM = """<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>
+<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+<rdf:Description rdf:about="" xmlns:avm="http://www.communicatingastronomy.org/avm/1.0/"
+ xmlns:photoshop="http://ns.adobe.com/photoshop/1.0/">
+<avm:MetadataVersion>1.2</avm:MetadataVersion>
+<avm:Type>Observation</avm:Type>
+<photoshop:Credit>{credit}</photoshop:Credit>
+<avm:Spatial.CoordinateFrame>ICRS</avm:Spatial.CoordinateFrame>
+<avm:Spatial.Equinox>2000.0</avm:Spatial.Equinox>
+<avm:Spatial.CoordsystemProjection>TAN</avm:Spatial.CoordsystemProjection>
+<avm:Spatial.Quality>{quality}</avm:Spatial.Quality>
+<avm:Spatial.Rotation>{rotation:.6f}</avm:Spatial.Rotation>
+{lists}<avm:Spatial.Notes><rdf:Alt><rdf:li xml:lang="x-default">{notes}</rdf:li></rdf:Alt></avm:Spatial.Notes>
+</rdf:Description></rdf:RDF></x:xmpmeta>
+<?xpacket end="w"?>"""
+_FULL_PX = 2.0
+_WIDEST_RAD = 1.4
+
+
+def avm_packet(solution: Solution, credit: str) -> bytes:
+    """An XMP packet that places a picture of the frame on the sky, empty when the standard has no words for it.
+
+    Astronomy Visualization Metadata 1.2 (Hurt, Christensen and Gauthier 2011): one scale and one rotation about a
+    reference pixel, fitted to the whole frame; what distortion leaves over is told in the notes. Pixels count from 1
+    at the lower left, the rotation from up to north, both as in FITS. It can't tell a mirrored picture.
+    """
+    camera, centre = solution.camera, solution.centre_vector
+    if camera.mirrored or solution.radius_rad > _WIDEST_RAD:
+        return b""
+    x, y = np.meshgrid(np.linspace(0.0, camera.width - 1.0, 21), np.linspace(0.0, camera.height - 1.0, 21))
+    vectors = solution.sky_at(np.column_stack([x.ravel(), y.ravel()]))
+    east, north = (vectors @ east_north(centre).T / (vectors @ centre)[:, None]).T
+    seen, places = -east + 1j * north, x.ravel() + 1.0 + 1j * (camera.height - y.ravel())
+    (slope, offset), *_ = np.linalg.lstsq(np.column_stack([places, np.ones_like(places)]), seen)
+    worst_px = float(np.abs(slope * places + offset - seen).max() / np.abs(slope))
+    reference, scale_deg = -offset / slope, np.degrees(np.abs(slope))
+    lists = {
+        "ReferenceValue": solution.ra_dec_deg,
+        "ReferenceDimension": (camera.width, camera.height),
+        "ReferencePixel": (reference.real, reference.imag),
+        "Scale": (-scale_deg, scale_deg),
+    }
+    told = ""
+    for name, values in lists.items():
+        cells = "".join(f"<rdf:li>{value:.12g}</rdf:li>" for value in values)
+        told += f"<avm:Spatial.{name}><rdf:Seq>{cells}</rdf:Seq></avm:Spatial.{name}>\n"
+    text = _AVM.format(
+        credit=escape(credit),
+        quality="Full" if worst_px <= _FULL_PX else "Position",
+        rotation=-np.degrees(np.angle(slope)),
+        lists=told,
+        notes=f"Solved by Kochab; lens distortion left out, up to {worst_px:.1f} px.",
+    )
+    return text.encode("utf-8")

@@ -43,15 +43,16 @@ def refuse_input(target: Name, inputs: Iterable[Name]) -> None:
         raise UsageError("{target} is an input file and is never overwritten: name another file.", target=target)
 
 
-def is_solution_file(path: Name) -> bool:
-    """Whether a file is a ``.wcs`` or ``.ini`` that a solver wrote, which the next may replace."""
+def is_solution_file(path: Name, own: bool = False) -> bool:
+    """Whether a file is a ``.wcs`` or ``.ini`` that a solver wrote, which the next may replace; ``own``: Kochab did."""
     try:
         with open(path, "rb") as file:
             head = file.read(_HEAD_BYTES)
     except OSError:
         return False
     header_only = head.startswith(b"SIMPLE  =") and b"NAXIS   =                    0" in head
-    return head.startswith(b"PLTSOLVD=") or (header_only and b"PLTSOLVD=" in head)
+    solved = head.startswith(b"PLTSOLVD=") or (header_only and b"PLTSOLVD=" in head)
+    return solved and (not own or b"solved by Kochab" in head)
 
 
 def same_file(one: Name, other: Name) -> bool:

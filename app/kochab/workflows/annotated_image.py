@@ -19,7 +19,7 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import compass, csv_text, ds9_regions
+from kochab.frames.export import avm_packet, compass, csv_text, ds9_regions
 from kochab.frames.sky_grid import grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.sky.frame_bodies import body_marks
@@ -30,6 +30,7 @@ from kochab.sky.small_bodies import SmallBodies
 if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageFont import FreeTypeFont
+    from PIL.PngImagePlugin import PngInfo
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF", ".pdf": "PDF"}
 ENDINGS = (*FORMATS, ".svg")
@@ -185,7 +186,8 @@ def as_svg(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -
 def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], more: Sequence[SmallBodies] = ()) -> None:
     """Write the frame with the sky over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
 
-    Asteroids and comets of ``more`` tables are looked for beside the shipped ones.
+    The first three carry tags that place them on the sky. Asteroids and comets of ``more`` tables are looked for
+    beside the shipped ones.
     """
     ending = Path(path).suffix.lower()
     if ending == ".svg":
@@ -197,8 +199,25 @@ def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], mor
         "PNG": {"compress_level": 4},
         "TIFF": {"compression": "tiff_deflate"},
     }
+    if packet := avm_packet(solution, CREDIT):
+        packing["JPEG"] |= {"extra": _marker(b"http://ns.adobe.com/xap/1.0/\0" + packet)}
+        packing["PNG"] |= {"pnginfo": _png_text("XML:com.adobe.xmp", packet)}
+        packing["TIFF"] |= {"tiffinfo": {700: packet}}
     annotated_picture(frame, solution, more).save(packed, format=kind, **packing.get(kind, {}))
     write_atomically(path, packed.getvalue())
+
+
+def _marker(content: bytes) -> bytes:
+    """A segment APP1 of a JPEG."""
+    return b"\xff\xe1" + (len(content) + 2).to_bytes(2, "big") + content
+
+
+def _png_text(key: str, content: bytes) -> "PngInfo":
+    from PIL.PngImagePlugin import PngInfo
+
+    info = PngInfo()
+    info.add_itxt(key, content.decode("utf-8"))
+    return info
 
 
 def objects_csv(solution: Solution) -> str:

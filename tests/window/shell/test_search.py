@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 
 from kochab.core.attitude import radec_deg
 from kochab.core.errors import UsageError
-from kochab.core.frame import Frame, Hint
+from kochab.core.frame import Frame, Hint, Site
 from kochab.window.shell.search import body_then, outside, place_of
 from tests.window.fakes import fake_solution
 
@@ -66,6 +66,32 @@ def test_the_keyboard_alone_finds(qtbot, opened):
     qtbot.keyClicks(search.field, "grid")
     qtbot.keyClick(search.field, Qt.Key.Key_Return)
     assert grid.isChecked() != before
+
+
+EVENING, MUNICH = datetime(2026, 1, 15, 22, tzinfo=UTC), Site(48.14, 11.58, 520.0)
+
+
+@pytest.mark.parametrize(
+    ("hint", "name", "below"),
+    [
+        (Hint(time_utc=EVENING, site=MUNICH), "Antares", True),
+        (Hint(time_utc=EVENING, site=MUNICH), "Capella", False),
+        (Hint(time_utc=EVENING, site=Site(-54.8, -68.3)), "Capella", True),  # it never rises at Ushuaia
+        (Hint(time_utc=EVENING), "Antares", False),  # nobody knows from where
+        (Hint(site=MUNICH), "Antares", False),
+    ],
+)
+def test_what_was_below_the_horizon_is_told(qtbot, opened, hint, name, below):
+    """Sidereal time at Munich is 6h 28m: Capella has passed the meridian, Antares is ten hours from it."""
+    known = opened[1].session.known
+    known.frame = replace(known.frame, hint=hint)
+    search = opened[1].search()
+    qtbot.keyClicks(search.field, name)
+    qtbot.keyClick(search.field, Qt.Key.Key_Return)
+    told = search.answer.text()
+    assert "outside the frame" in told
+    assert told.endswith("outside the frame, below the horizon") is below, told
+    search.close()
 
 
 def test_a_body_is_found_wherever_it_is_when_the_frame_was_taken():
