@@ -35,7 +35,7 @@ class IndiServer:
 
     def get(self, name):
         """What INDI's own client reads."""
-        told = subprocess.run(["indi_getprop", "-1", "-t", "2", name], capture_output=True, text=True)
+        told = subprocess.run(["indi_getprop", "-1", "-t", "20", name], capture_output=True, text=True)
         return told.stdout.strip()
 
     def end(self):
