@@ -7,6 +7,7 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, RefusedError, StrayedError
+from kochab.core.frame import Site
 from kochab.core.mount import Direction, Home, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount, slew_supervisor
@@ -210,6 +211,16 @@ def test_a_model_that_is_not_known_is_refused(bench) -> None:
     bench.far_end.model = b"\x00\x01"
     with pytest.raises(RefusedError, match="does not know this Celestron"):
         bench.open(equatorial=True)
+
+
+@pytest.mark.parametrize(
+    ("equatorial", "latitude", "why"),
+    [(False, 50.0, "in altitude and azimuth directly"), (True, -33.0, "South of the equator")],
+)
+def test_a_fork_that_does_not_count_as_a_wedge_in_the_north_is_refused(bench, equatorial, latitude, why) -> None:
+    bench.far_end.model = EVOLUTION
+    with pytest.raises(RefusedError, match=why):
+        open_mount("celestronaux", bench.port, site=Site(latitude, 8.0), clock=bench.clock, equatorial=equatorial)
 
 
 class Fork:
