@@ -80,7 +80,7 @@ ADDED = {
     "types of Qt made by the window before a thread loads the plots": 14,
     "modes and layers that a screen reader's Toggle opens": 24,
     "a move that is ordered after its time, a place and a picture from before": 36,
-    "texts, plurals and numbers of the window and the rooms below through Qt's translation": 935,
+    "texts, plurals and numbers of the window and the rooms below through Qt's translation": 1091,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

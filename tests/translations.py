@@ -41,15 +41,18 @@ def qt_tool(name: str, *arguments: str) -> None:
 def data_texts() -> Iterator[str]:
     """Texts that people read and that stand in data, or in options of methods."""
     from kochab.attitude import ESTIMATORS
+    from kochab.core.mount import Ability
     from kochab.core.registry import options_of
     from kochab.detection import DETECTORS
     from kochab.gear.mounts import DRIVERS
+    from kochab.gear.mounts.protocols.skywatcher import ERRORS as REFUSALS
     from kochab.identification import IDENTIFIERS
 
     for sample in json.loads(SAMPLES.read_text(encoding="utf-8")).values():
         yield from sample.values()
     for driver in DRIVERS.loaded().values():
         yield driver.title
+    yield from (*Ability, *REFUSALS.values(), "slew rate", "change of tracking", "tracking rate", "move")
     for registry in (IDENTIFIERS, DETECTORS, ESTIMATORS):
         for name in registry:
             for option in options_of(registry.load(name)):

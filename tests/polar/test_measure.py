@@ -459,10 +459,10 @@ def test_a_movement_and_its_cure_are_told():
 def test_how_little_was_turned_and_how_much_is_not_known_are_told():
     quiet = Mount(sigma=0.2, sigma_roll=1.0)
     alike, small = measured(quiet, [0, 1.5]), measured(quiet, [0, 10])
-    assert said(alike, "ALIKE")[0].startswith("RA rotated by only 1.5°, so the uncertainty is ")
+    assert said(alike, "ALIKE")[0].startswith("RA rotated by only 1.5°: ± ")
     assert said(alike, "ALIKE")[0].endswith("at best. Rotate by at least 30°.")
     sigma = small.results[0].error.uncertainty_arcsec
-    assert said(small, "SMALL_TURN") == [f"RA rotated by only 10°, so the uncertainty is {sigma:.0f}″. Rotate further."]
+    assert said(small, "SMALL_TURN") == [f"RA rotated by only 10°: the uncertainty is {sigma:.0f}″. Rotate further."]
     steady = measured(Mount(40.0, 600.0, 400.0), [0, 20, 40, 60])
     assert said(steady, "FLEXURE_NOT_MEASURED") == [
         f"Flexure not measured (±{steady.error.flexure_total_arcsec:.0f}″ assumed). Sweep again at another"

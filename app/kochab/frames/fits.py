@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
@@ -214,7 +215,7 @@ def _read(file: BinaryIO, path: Path, packed_bytes: int) -> Frame:
         samples = np.moveaxis(samples, 0, -1)
     if header.unparsed:
         names = ", ".join(dict.fromkeys(header.unparsed[:8]))
-        notes = (*notes, f"The FITS header has cards that break the standard: {names}.")
+        notes = (*notes, tr("The FITS header has cards that break the standard: {names}.", names=names))
     return frame_with_keywords(samples, path, header.values, header.comments, notes, _saturation(header))
 
 
@@ -268,13 +269,13 @@ def _choose(shape: tuple[int, ...], deep: int, packed_bytes: int | None) -> tupl
     """The part of the array that is read, ``deep`` bytes a sample, and what is said of the rest."""
     notes: tuple[str, ...] = ()
     if len(shape) > 3:
-        shape, notes = shape[-3:], (f"Only the first of {shape[:-3]} sub-cubes is read.",)
+        shape, notes = shape[-3:], (tr("Only the first of {many} sub-cubes is read.", many=shape[:-3]),)
     if len(shape) == 3:
         if (shape[0] in (3, 4) and shape[2] > 4) or shape[2] in (3, 4):
             height, width = shape[1:] if shape[2] > 4 else shape[:2]
             check_size(width, height, deep * math.prod(shape) // (width * height or 1), packed_bytes)
             return shape, notes
-        notes = (*notes, f"Only the first of {shape[0]} planes is read.")
+        notes = (*notes, tr("Only the first of {many} planes is read.", many=shape[0]))
         shape = shape[1:]
     check_size(shape[1], shape[0], deep, packed_bytes)
     return shape, notes

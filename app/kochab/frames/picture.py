@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
+from kochab.core import tr
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.hints import exif_of, frame_with_exif
@@ -47,7 +48,7 @@ def read_picture(path: Path) -> Frame:
         if image.format not in _QUICK or image.width * image.height > _QUICK_PIXELS:
             leave_to_sandbox()
         count = getattr(image, "n_frames", 1)
-        notes = (f"Only the first of {count} images is read.",) if count > 1 else ()
+        notes = (tr("Only the first of {many} images is read.", many=count),) if count > 1 else ()
         tags = _exif(image, path)
         size = image.size
         samples = _samples(image, path, tags.get(_ORIENTATION))

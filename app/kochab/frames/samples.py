@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core import tr_n
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError
 
@@ -165,7 +166,11 @@ def finite(pixels: Array) -> tuple[Array, tuple[str, ...]]:
     values = pixels[good]
     filled = np.where(good, pixels, np.median(values[:: max(1, count // 1_000_000)]))
     bad = pixels.size - count
-    note = f"{bad} pixels have no value and are shown as background."
+    note = tr_n(
+        "{n} pixel has no value and is shown as background.",
+        "{n} pixels have no value and are shown as background.",
+        bad,
+    )
     return np.ascontiguousarray(filled, dtype=pixels.dtype), (note,)
 
 

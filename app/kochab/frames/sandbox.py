@@ -83,7 +83,7 @@ def decoding(kind: str) -> Iterator[None]:
         raise
     except Exception as error:  # tags, codecs and bindings fail in a hundred ways
         cut = "truncated" in str(error).lower() or isinstance(error, EOFError)
-        raise FrameError("is cut short." if cut else f"is a damaged or cut short {kind} file.") from None
+        raise FrameError("is cut short." if cut else "is a damaged or cut short {kind} file.", kind=kind) from None
 
 
 def memory_text() -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kochab.core import tr
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.hints import Exif, exif_of, frame_with_exif, hint_from_exif
@@ -37,7 +38,7 @@ def read_tiff(path: Path) -> Frame:
         count = len(file.pages)
     if inverted and samples.dtype.kind == "u":
         samples = np.iinfo(samples.dtype).max - samples
-    notes = (f"Only the first of {count} pages is read.",) if count > 1 else ()
+    notes = (tr("Only the first of {many} pages is read.", many=count),) if count > 1 else ()
     return frame_with_exif(samples, path, exif_of(path), (samples.shape[1], len(samples)), notes)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.fits import parse_value
@@ -31,7 +32,7 @@ def read_xisf(path: Path) -> Frame:
             raise FrameError("holds no image.")
         samples = _samples(file, metas[0], path.stat().st_size)
     values = _keywords(metas[0])
-    notes = (f"Only the first of {len(metas)} images is read.",) if len(metas) > 1 else ()
+    notes = (tr("Only the first of {many} images is read.", many=len(metas)),) if len(metas) > 1 else ()
     saturation = 1.0 if samples.dtype.kind == "f" else None
     return frame_with_keywords(samples, path, values, {}, notes, saturation, _pattern(file))
 

@@ -13,6 +13,7 @@ from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from kochab.core import tr_noop
 from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Hint, Site
@@ -25,16 +26,17 @@ from kochab.gear.session import BAUDS, EXPOSURE_S, CameraSelection, Meridian, Mo
 
 FORMAT = 1
 BOUNDS: dict[str, tuple[float, float, str]] = {
-    "exposure_s": (1e-6, 86400.0, "s"),
-    "gain": (-1e6, 1e6, ""),
-    "binning": (1, 256, "pixels a side"),
-    "focal_length_mm": (0.1, 1e6, "mm"),
-    "pixel_size_um": (0.1, 1000.0, "µm"),
-    "baud": (*BAUDS, "baud"),
-    "lowest_altitude_deg": (-5.0, 89.0, "degrees"),
-    "highest_altitude_deg": (1.0, 90.0, "degrees"),
-    "past_meridian_deg": (0.0, 90.0, "degrees"),
+    "exposure_s": (1e-6, 86400.0, tr_noop("The exposure must be between {low:g} and {high:g} s.")),
+    "gain": (-1e6, 1e6, tr_noop("The gain must be between {low:g} and {high:g}.")),
+    "binning": (1, 256, tr_noop("The binning must be between {low:g} and {high:g} pixels a side.")),
+    "focal_length_mm": (0.1, 1e6, tr_noop("The focal length must be between {low:g} and {high:g} mm.")),
+    "pixel_size_um": (0.1, 1000.0, tr_noop("The pixel size must be between {low:g} and {high:g} µm.")),
+    "baud": (*BAUDS, tr_noop("The baud rate must be between {low:g} and {high:g}.")),
+    "lowest_altitude_deg": (-5.0, 89.0, tr_noop("The lowest altitude must be between {low:g}° and {high:g}°.")),
+    "highest_altitude_deg": (1.0, 90.0, tr_noop("The highest altitude must be between {low:g}° and {high:g}°.")),
+    "past_meridian_deg": (0.0, 90.0, tr_noop("The meridian limit must be between {low:g}° and {high:g}° past it.")),
 }
+"""The least and the most of each number, and what to say of one beyond."""
 LIMITS = ("lowest_altitude_deg", "highest_altitude_deg", "past_meridian_deg", "hour_angle_deg", "horizon_deg")
 ARCSEC_PER_RAD = math.degrees(1.0) * 3600.0
 
@@ -71,11 +73,10 @@ class EquipmentProfile:
     horizon_deg: Horizon | None = None
 
     def __post_init__(self) -> None:
-        for name, (low, high, unit) in BOUNDS.items():
+        for name, (low, high, refusal) in BOUNDS.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
-                words = name.rpartition("_")[0].replace("_", " ") if name.count("_") else name
-                raise UsageError(f"The {words} must be between {low:g} and {high:g} {unit}".rstrip() + ".")
+                raise UsageError(refusal, low=low, high=high)
 
     @property
     def optics(self) -> str:

@@ -13,6 +13,7 @@ from datetime import timedelta
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.mount import SIDEREAL_RAD_S
@@ -149,7 +150,7 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
     used = tuple(s for s in stretches if len(s.attitudes) >= 2 and s.seconds[-1] >= LEAST_S)
     if not used:
         return NoAxis(
-            "Drift needs frames over more than a minute of tracking", "Track one place for 10 minutes or more."
+            tr("Drift needs frames over more than a minute of tracking"), tr("Track one place for 10 minutes or more.")
         )
     if still := next(filter(None, (stood_still(s.attitudes) for s in used)), None):
         return still
@@ -157,7 +158,9 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
     lowest = min(a.altitude_deg for s in used for a in s.attitudes)
     if lowest < 0.0:
         return NoAxis(
-            "The frames would be below the horizon", "Check the site and the time.", PolarFindingKind.SITE_OR_TIME
+            tr("The frames would be below the horizon"),
+            tr("Check the site and the time."),
+            PolarFindingKind.SITE_OR_TIME,
         )
     _, wider = _solved(used, towards, 1.0)
     found, _ = _solved(used, towards, wider)
@@ -294,17 +297,32 @@ def _restless(left: Floats, parts: Sequence[_Rows], unknown: int) -> float:
 # -- What to say, and how long more -----------------------------------------------------------------------------
 
 
+DEC_SIGN = tr_noop(
+    "The guide log doesn't say which way its Dec pulses move the mount: the error may be to the other side."
+)
+OTHER_AXIS = tr_noop("Part {part} of {parts} shows another axis. Was a bolt turned, or the mount guided?")
+GUIDED = tr_noop("Guided frames hold their place: only the rotation of the field counts. Not guided? Give --guided no.")
+LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
+UNSEEN = {
+    Knob.ALTITUDE: tr_noop(
+        "The drift can't tell altitude yet (±{sigma}). A place in the east or the west, 6 h from the meridian tells it"
+        " sooner."
+    ),
+    Knob.AZIMUTH: tr_noop("The drift can't tell azimuth yet (±{sigma}). A place near the meridian tells it sooner."),
+}
+
+
 def _doubts(stretches: Sequence[Stretch], pole: Floats, wider: float, all_of_them: _Solved) -> list[PolarFinding]:
     """What leaves the axis unknown: Dec without a sign, stretches that show different axes."""
     found = []
     if not all(s.sign_known for s in stretches):
-        text = "The guide log doesn't say which way its Dec pulses move the mount: the error may be to the other side."
+        text = tr(DEC_SIGN)
         found.append(PolarFinding(PolarFindingKind.DEC_SIGN, text, spoils=True))
     for number, stretch in enumerate(stretches, 1):
         alone, _ = _solved((stretch,), pole, wider)
         gap = alone.shift - all_of_them.shift
         if len(stretches) > 1 and gap @ np.linalg.solve(alone.covariance, gap) > 2.0 * CHI2_95:
-            text = f"Part {number} of {len(stretches)} shows another axis. Was a bolt turned, or the mount guided?"
+            text = tr(OTHER_AXIS, part=number, parts=len(stretches))
             found.append(PolarFinding(PolarFindingKind.DISAGREE, text, spoils=True))
             break
     return found
@@ -313,17 +331,13 @@ def _doubts(stretches: Sequence[Stretch], pole: Floats, wider: float, all_of_the
 def _findings(stretches: Sequence[Stretch], error: PolarError, lowest_deg: float) -> list[PolarFinding]:
     found = []
     if any(s.held for s in stretches):
-        text = "Guided frames hold their place: only the rotation of the field counts. Not guided? Give --guided no."
-        found.append(PolarFinding(PolarFindingKind.GUIDED, text))
+        found.append(PolarFinding(PolarFindingKind.GUIDED, tr(GUIDED)))
     if lowest_deg < LOWEST_DEG:
-        text = f"A frame is only {lowest_deg:.0f}° above the horizon, where refraction is hard to predict."
-        found.append(PolarFinding(PolarFindingKind.LOW, text))
+        found.append(PolarFinding(PolarFindingKind.LOW, tr(LOW, high=lowest_deg)))
     long, _, angle = replace(error, flexure=np.zeros((2, 2))).ellipse_arcsec()
     if long > 2.0 * KNOWN_ARCSEC:
         altitude = abs(np.sin(angle)) > np.sqrt(0.5)
-        where = "in the east or the west, 6 h from the meridian" if altitude else "near the meridian"
-        knob = Knob.ALTITUDE if altitude else Knob.AZIMUTH
-        text = f"The drift can't tell {knob} yet (±{angle_in_words(long)}). A place {where} tells it sooner."
+        text = tr(UNSEEN[Knob.ALTITUDE if altitude else Knob.AZIMUTH], sigma=angle_in_words(long))
         found.append(PolarFinding(PolarFindingKind.UNSEEN, text))
     return found
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.camera import Camera
@@ -104,10 +105,14 @@ def _one_night(sweeps: Sequence[Sequence[LocalAttitude]]) -> Iterator[PolarFindi
     """Frames of two cameras, or of two nights, share no axis."""
     for sweep in sweeps:
         for one, other in pairwise(sorted(sweep, key=lambda frame: frame.time_utc)):
-            names = f"{one.label or 'A frame'} and {other.label or 'another'}"
+            names = {"one": one.label or tr("A frame"), "other": other.label or tr("another")}
             hours = (other.time_utc - one.time_utc).total_seconds() / 3600.0
             if hours > NIGHT_HOURS:
-                text = f"{names} are {hours:.0f} h apart. Use frames of one night, and leave the tripod alone."
+                text = tr(
+                    "{one} and {other} are {hours:.0f} h apart. Use frames of one night, and leave the tripod alone.",
+                    hours=hours,
+                    **names,
+                )
                 yield PolarFinding(PolarFindingKind.NIGHTS, text, spoils=True)
                 return
             if one.camera is None or other.camera is None or same_optics(one.camera, other.camera):
@@ -116,46 +121,65 @@ def _one_night(sweeps: Sequence[Sequence[LocalAttitude]]) -> Iterator[PolarFindi
                 small = min(
                     (one, other), key=lambda frame: frame.camera.width * frame.camera.height if frame.camera else 0
                 )
-                text = f"{small.label or 'A frame'} is cropped, the others are larger. Use frames that are all whole."
+                text = tr(
+                    "{frame} is cropped, the others are larger. Use frames that are all whole.", frame=_name(small)
+                )
                 yield PolarFinding(PolarFindingKind.CROPPED, text, spoils=True)
                 return
-            text = f"{names} are of different cameras or focal lengths. Use frames of one."
+            text = tr("{one} and {other} are of different cameras or focal lengths. Use frames of one.", **names)
             yield PolarFinding(PolarFindingKind.TWO_CAMERAS, text, spoils=True)
             return
+
+
+BELOW = tr_noop("{frame} would be {low:.0f}° below the horizon. Check the site, the time and the time zone.")
+
+
+def _name(frame: LocalAttitude) -> str:
+    return frame.label or tr("A frame")
 
 
 def _place_and_time(lowest: LocalAttitude, error: PolarError) -> Iterator[PolarFinding]:
     if lowest.altitude_deg < 0.0:
         yield PolarFinding(
-            PolarFindingKind.SITE_OR_TIME,
-            f"{lowest.label or 'A frame'} would be {-lowest.altitude_deg:.0f}° below the horizon."
-            " Check the site, the time and the time zone.",
-            spoils=True,
+            PolarFindingKind.SITE_OR_TIME, tr(BELOW, frame=_name(lowest), low=-lowest.altitude_deg), spoils=True
         )
     elif (off := error.total_arcsec / 3600.0) > FAR_DEG:
         yield PolarFinding(
             PolarFindingKind.FAR,
-            f"The axis is {off:.0f}° from the pole. Check the site and the time, and that only RA turned.",
+            tr("The axis is {off:.0f}° from the pole. Check the site and the time, and that only RA turned.", off=off),
             spoils=True,
         )
+
+
+MOVED = {
+    (True, True): tr_noop(
+        "Declination moved by {angle} between {before} and {after}. Lock it; the axis allows for it."
+    ),
+    (True, False): tr_noop("Declination moved by {angle} between {before} and {after}. Lock it and start again."),
+    (False, True): tr_noop(
+        "The camera rotated in its holder by {angle} between {before} and {after}. Tighten it; the axis allows for it."
+    ),
+    (False, False): tr_noop(
+        "The camera rotated in its holder by {angle} between {before} and {after}. Tighten it and start again."
+    ),
+}
+"""By whether declination moved and whether that explains the residuals."""
 
 
 def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[PolarFinding]:
     if movement is not None:
         declination = movement.what == "declination"
+        angle = angle_in_words(movement.angle_arcsec)
         yield PolarFinding(
             PolarFindingKind.DEC_MOVED if declination else PolarFindingKind.CAMERA_TURNED,
-            f"{'Declination moved' if declination else 'The camera rotated in its holder'} by"
-            f" {angle_in_words(movement.angle_arcsec)} between {movement.before} and {movement.after}."
-            f" {'Lock' if declination else 'Tighten'} it"
-            f"{'; the axis allows for it' if movement.explains else ' and start again'}.",
+            tr(MOVED[declination, movement.explains], angle=angle, before=movement.before, after=movement.after),
             spoils=not movement.explains,
         )
         return
     if all(fit.freedom <= 0 for fit in fits):
         yield PolarFinding(
             PolarFindingKind.UNCHECKED,
-            "Two frames can't show whether declination or the camera moved between them. Take a third.",
+            tr("Two frames can't show whether declination or the camera moved between them. Take a third."),
         )
     for fit in fits:
         if fit.chance < UNLIKELY:
@@ -163,14 +187,19 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
             if worst < SCATTER_ARCSEC:
                 yield PolarFinding(
                     PolarFindingKind.RESTLESS,
-                    f"The frames scatter by up to {worst:.0f}″, more than their errors: wind or flexure."
-                    " The uncertainty includes it.",
+                    tr(
+                        "The frames scatter by up to {worst:.0f}″: wind or flexure. The uncertainty includes it.",
+                        worst=worst,
+                    ),
                 )
             else:
                 yield PolarFinding(
                     PolarFindingKind.DISAGREE,
-                    f"The frames do not share one axis ({angle_in_words(worst)} apart). Something slipped"
-                    " or flexed, or the tripod moved: start again.",
+                    tr(
+                        "The frames do not share one axis ({angle} apart). Something slipped or flexed, or the tripod"
+                        " moved: start again.",
+                        angle=angle_in_words(worst),
+                    ),
                     spoils=True,
                 )
             return
@@ -182,22 +211,26 @@ def _turn(fits: Sequence[AxisFit], errors: Sequence[PolarError]) -> Iterator[Pol
     if turn < ALIKE_DEG:
         yield PolarFinding(
             PolarFindingKind.ALIKE,
-            f"RA rotated by only {turn:.1f}°, so the uncertainty is {sigma} at best. Rotate by at least 30°.",
+            tr("RA rotated by only {turn:.1f}°: ± {sigma} at best. Rotate by at least 30°.", turn=turn, sigma=sigma),
             spoils=True,
         )
     elif turn < SMALL_TURN_DEG:
         yield PolarFinding(
             PolarFindingKind.SMALL_TURN,
-            f"RA rotated by only {turn:.0f}°, so the uncertainty is {sigma}. Rotate further.",
+            tr("RA rotated by only {turn:.0f}°: the uncertainty is {sigma}. Rotate further.", turn=turn, sigma=sigma),
         )
+
+
+TOO_LOW = tr_noop(
+    "{frame} is only {high:.0f}° above the horizon, where refraction is large and hard to predict."
+    " Stay above {least:.0f}°."
+)
 
 
 def _low(lowest: LocalAttitude) -> Iterator[PolarFinding]:
     if 0.0 <= lowest.altitude_deg < LOW_DEG:
         yield PolarFinding(
-            PolarFindingKind.LOW,
-            f"{lowest.label or 'A frame'} is only {lowest.altitude_deg:.0f}° above the horizon, where"
-            f" refraction is large and hard to predict. Stay above {LOW_DEG:.0f}°.",
+            PolarFindingKind.LOW, tr(TOO_LOW, frame=_name(lowest), high=lowest.altitude_deg, least=LOW_DEG)
         )
 
 
@@ -210,8 +243,11 @@ def _pole(error: PolarError, settings: "MeasureSettings") -> Iterator[PolarFindi
     if lifted >= POLES_APART_ARCSEC:
         yield PolarFinding(
             PolarFindingKind.POLE,
-            f"This close to the equator, refraction lifts the {settings.pole} pole by {angle_in_words(lifted)}, but"
-            " stars higher up by far less. Align to the true pole for better tracking.",
+            tr(
+                "This close to the equator, refraction lifts the pole by {angle}, but stars higher up by far"
+                " less. Align to the true pole for better tracking.",
+                angle=angle_in_words(lifted),
+            ),
         )
 
 
@@ -222,25 +258,33 @@ def flexure_findings(results: Sequence[SweepResult], combined: CombinedSweeps) -
         apart = angle_between(results[0].error.axis, results[-1].error.axis) / ARCSEC
         yield PolarFinding(
             PolarFindingKind.FLEXURE,
-            f"The sweeps disagree by {angle_in_words(apart)}, more than their errors and a sagging tube"
-            " explain: flexure or backlash. The axis may be off by more than that.",
+            tr(
+                "The sweeps disagree by {angle}, more than their errors and a sagging tube explain: flexure or"
+                " backlash. The axis may be off by more than that.",
+                angle=angle_in_words(apart),
+            ),
         )
     elif droop.sigma_arcsec > HARDLY * TUBE_ARCSEC:
         # Nothing to say where noise is larger anyway, or at a pole of the Earth.
         if error.uncertainty_arcsec >= FLEXURE_ARCSEC or error.flexure_total_arcsec < 1.0:
             return
-        alike = "" if len(results) == 1 else "; the sweeps are too close in declination"
-        yield PolarFinding(
-            PolarFindingKind.FLEXURE_NOT_MEASURED,
-            f"Flexure not measured (±{error.flexure_total_arcsec:.0f}″ assumed{alike}). Sweep again at"
-            " another declination to measure it.",
+        text = (
+            tr("Flexure not measured (±{flexure:.0f}″ assumed). Sweep again at another declination to measure it.")
+            if len(results) == 1
+            else tr(
+                "Flexure not measured (±{flexure:.0f}″ assumed; the sweeps are too close in declination)."
+                " Sweep again at another declination to measure it."
+            )
         )
+        text = text.format(flexure=error.flexure_total_arcsec)
+        yield PolarFinding(PolarFindingKind.FLEXURE_NOT_MEASURED, text)
     elif len(results) > 1 and abs(droop.arcsec) > 2.0 * droop.sigma_arcsec:
-        yield PolarFinding(
-            PolarFindingKind.DROOP,
-            f"The tube {'sags' if droop.arcsec > 0 else 'rises'} by {abs(droop.arcsec):.0f}″ ±"
-            f" {droop.sigma_arcsec:.0f}″ from zenith to horizon. The axis is corrected for it.",
+        text = (
+            tr("The tube sags by {by:.0f}″ ± {sigma:.0f}″ from zenith to horizon. The axis is corrected for it.")
+            if droop.arcsec > 0
+            else tr("The tube rises by {by:.0f}″ ± {sigma:.0f}″ from zenith to horizon. The axis is corrected for it.")
         )
+        yield PolarFinding(PolarFindingKind.DROOP, text.format(by=abs(droop.arcsec), sigma=droop.sigma_arcsec))
 
 
 def slipping(asked_deg: float, turned_deg: float) -> PolarFinding | None:
@@ -249,8 +293,12 @@ def slipping(asked_deg: float, turned_deg: float) -> PolarFinding | None:
         return None
     return PolarFinding(
         PolarFindingKind.SLIPPING,
-        f"The mount reports a turn of {abs(asked_deg):.0f}°, the frames show {abs(turned_deg):.0f}°: the RA"
-        " clutch slips, or its gears are not engaged.",
+        tr(
+            "The mount reports a turn of {asked:.0f}°, the frames show {turned:.0f}°: the RA clutch slips, or its gears"
+            " are not engaged.",
+            asked=abs(asked_deg),
+            turned=abs(turned_deg),
+        ),
     )
 
 
@@ -343,7 +391,7 @@ def measure_local(
     attitudes, camera = with_one_camera(attitudes)
     sweeps = _sweeps(attitudes)
     if not sweeps:
-        return NoAxis("an axis needs at least two frames of one sweep", "Rotate RA and take another frame.")
+        return NoAxis(tr("an axis needs at least two frames of one sweep"), tr("Rotate RA and take another frame."))
     if refusal := _too_alike(sweeps):
         return refusal
     fits = [fit_axis(sweep, towards) for sweep in sweeps]
@@ -387,11 +435,11 @@ def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:
 
 
 def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
-    advice = "Rotate RA by at least 30° between the first and the last frame."
+    advice = tr("Rotate RA by at least 30° between the first and the last frame.")
     for sweep in sweeps:
         turned = _turned_rad(sweep)
         if turned < LEAST_TURN_RAD:
-            reason = f"RA rotated by only {np.degrees(turned):.2f}° between the frames"
+            reason = tr("RA rotated by only {turned:.2f}° between the frames", turned=np.degrees(turned))
             return stood_still(sweep) or NoAxis(reason, advice, PolarFindingKind.ALIKE)
     return None
 
@@ -404,10 +452,13 @@ def stood_still(attitudes: Sequence[LocalAttitude]) -> NoAxis | None:
     noise = SEEN_SIGMAS * sigma
     if _turned_rad(attitudes) > STILL_SHARE * sky + noise or sky < noise:
         return None
-    moved = f"the sky turned by {np.degrees(sky):.2f}° about the pole"
     return NoAxis(
-        f"The camera stood still while {moved}: a fixed tripod, or a mount that did not track",
-        "To measure a mount, rotate its RA axis by at least 30°.",
+        tr(
+            "The camera stood still while the sky turned by {sky:.2f}° about the pole: a fixed tripod, or a mount that"
+            " did not track",
+            sky=np.degrees(sky),
+        ),
+        tr("To measure a mount, rotate its RA axis by at least 30°."),
         PolarFindingKind.FIXED_TRIPOD,
     )
 

@@ -19,7 +19,7 @@ from numpy.linalg import LinAlgError
 
 from kochab.attitude import FLOOR_PX, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
-from kochab.core import config_folder
+from kochab.core import config_folder, tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -143,10 +143,13 @@ def doubt(profile: Profile, new: CameraEvidence) -> str:
     if not new.contradicts:
         return ""
     sigma = profile.sigma["focal_px"]
-    return (
-        f"Your camera profile is off: focal length {new.focal_px:.1f} px in this frame, "
-        f"{profile.camera.focal_px:.1f} ± {sigma:.1f} px in the profile; stars would be "
-        f"{new.shift_px:.1f} px off."
+    return tr(
+        "Your camera profile is off: focal length {here:.1f} px in this frame, {known:.1f} ± {sigma:.1f} px in the"
+        " profile; stars would be {shift:.1f} px off.",
+        here=new.focal_px,
+        known=profile.camera.focal_px,
+        sigma=sigma,
+        shift=new.shift_px,
     )
 
 

@@ -16,6 +16,7 @@ from math import cos, exp, log, pi, radians, sin
 
 import numpy as np
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
@@ -153,6 +154,9 @@ class Disagreement:
     suspects: tuple[Suspect, ...]
 
 
+UNEXPLAINED = tr_noop("Mount is off by {angle}, and no single cause explains it: align it, or sync and check again.")
+
+
 def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
     """Name the cause of the disagreement, or say that no single one explains it.
 
@@ -167,14 +171,11 @@ def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
     agrees = offset <= AGREE_ARCSEC
     cause = name if shares[name] >= NAMED and not agrees else ""
     if agrees:
-        sentence = f"Mount and sky agree within {_angle(offset)}."
+        sentence = tr("Mount and sky agree within {angle}.", angle=_angle(offset))
     elif cause:
-        sentence = f"{cause}: {best.evidence} {best.advice}"
+        sentence = f"{tr(cause)}: {best.evidence} {best.advice}"
     else:
-        sentence = (
-            f"Mount is off by {_angle(offset)}, and no single cause explains it: align the mount or "
-            "sync it on a solved frame, then check again elsewhere in the sky."
-        )
+        sentence = tr(UNEXPLAINED, angle=_angle(offset))
     (ra, dec), there = seen.shift[-1], seen.expected[-1]
     east, north = -3600.0 * float(ra) * cos(radians(there[1])), -3600.0 * float(dec)
     return Disagreement(agrees, cause, sentence, offset, east, north, tuple(suspects))
@@ -189,11 +190,10 @@ def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
     found = []
     for c, x, (_, terms, left) in zip(causes, logs, fits, strict=True):
         tilt, cone = np.hypot(*terms[2:4]), abs(terms[4])
-        evidence = c.evidence.format(first=terms[0], second=terms[1], axis=_angle(3600.0 * tilt), cone=60.0 * cone)
+        evidence = tr(c.evidence).format(first=terms[0], second=terms[1], axis=_angle(3600.0 * tilt), cone=60.0 * cone)
         worst = 3600.0 * float(np.hypot(*left.T).max())
-        found.append(
-            Suspect(c.name, exp(x - total), worst, f"{evidence} It leaves {_angle(worst)} unexplained.", c.advice)
-        )
+        evidence = tr("{shown} It leaves {angle} unexplained.", shown=evidence, angle=_angle(worst))
+        found.append(Suspect(c.name, exp(x - total), worst, evidence, tr(c.advice)))
     return sorted((s for s in found if s.name), key=lambda s: -s.score)
 
 
@@ -272,8 +272,10 @@ def _unknown(offset_deg: float) -> float:
 
 def _angle(arcsec: float) -> str:
     if arcsec < 100.0:
-        return f"{arcsec:.0f} arcsec"
-    return f"{arcsec / 60.0:.1f} arcmin" if arcsec < 6000.0 else f"{arcsec / 3600.0:.1f} deg"
+        return tr("{angle:.0f} arcsec", angle=arcsec)
+    return (
+        tr("{angle:.1f} arcmin", angle=arcsec / 60.0) if arcsec < 6e3 else tr("{angle:.1f} deg", angle=arcsec / 3600.0)
+    )
 
 
 # -- What can be wrong with a mount's idea of the sky, one cause a function --------------------
@@ -290,16 +292,21 @@ def causes(seen: Seen) -> Iterator[Cause]:
     yield from epochs(seen.last)
     yield from sites(seen.last)
     yield Cause(
-        "pier side",
-        "Slew to the other side of the meridian and back, or start again from home.",
+        tr_noop("pier side"),
+        tr_noop("Slew to the other side of the meridian and back, or start again from home."),
         _off(180.0),
         0.05,
-        "Right ascension is off by 12 h with the declination right: the telescope is "
-        "on the other side of the pier than the mount assumes.",
+        tr_noop("Right ascension is off by 12 h, declination is right: the tube is on the other side of the pier."),
     )
     yield from homes(seen)
     if len(seen.sightings) > 1:
         yield from alignments(seen)
+
+
+AHEAD = tr_noop("The mount's clock is {hours} h ahead, which is {angle:.1f} deg in right ascension.")
+BEHIND = tr_noop("The mount's clock is {hours} h behind, which is {angle:.1f} deg in right ascension.")
+FAST = tr_noop("The mount's own clock is {minutes:.0f} min ahead of the computer's.")
+SLOW = tr_noop("The mount's own clock is {minutes:.0f} min behind the computer's.")
 
 
 def clocks(last: MountSighting) -> Iterator[Cause]:
@@ -310,37 +317,37 @@ def clocks(last: MountSighting) -> Iterator[Cause]:
         summer = abs(hours) == 1
         off_deg = hours * SIDEREAL_DEG_H
         yield Cause(
-            "summer time" if summer else "time zone",
-            f"Set {'daylight saving (summer time)' if summer else 'the time zone'} on the hand control, "
-            "then align again.",
+            tr_noop("summer time") if summer else tr_noop("time zone"),
+            tr_noop("Set daylight saving (summer time) on the hand control, then align again.")
+            if summer
+            else tr_noop("Set the time zone on the hand control, then align again."),
             _off(off_deg),
             (0.15 if summer else 0.10 / 21.0)
             * _witness(None if off_s is None else abs(off_s - 3600.0 * hours) < CLOCK_S),
-            f"The mount's clock is {abs(hours)} h {'ahead' if hours > 0 else 'behind'}, which is "
-            f"{abs(off_deg):.1f} deg in right ascension.",
+            tr(AHEAD if hours > 0 else BEHIND, hours=abs(hours), angle=abs(off_deg)),
         )
     if off_s is not None and abs(off_s) > CLOCK_S and abs(abs(off_s) % 3600.0 - 1800.0) < 1740.0:
         yield Cause(
-            "clock",
-            "Set the mount's clock, then align again.",
+            tr_noop("clock"),
+            tr_noop("Set the mount's clock, then align again."),
             _off(off_s / 3600.0 * SIDEREAL_DEG_H),
             0.1 * CONFIRMED,
-            f"The mount's own clock is {abs(off_s) / 60.0:.0f} min "
-            f"{'ahead of' if off_s > 0 else 'behind'} the computer's.",
+            tr(FAST if off_s > 0 else SLOW, minutes=abs(off_s) / 60.0),
         )
 
 
 def epochs(last: MountSighting) -> Iterator[Cause]:
     """J2000 taken for the equator of date, or the reverse: some 20 arcmin."""
-    words = {Epoch.DATE: "the equator of date", Epoch.J2000: "J2000"}
     other = Epoch.J2000 if last.said.epoch is Epoch.DATE else Epoch.DATE
     option = "J2000" if other is Epoch.J2000 else "date"
     yield Cause(
-        "epoch",
-        f"Choose the epoch {option} for this mount (--epoch {option}).",
+        tr_noop("epoch"),
+        tr("Choose the epoch {option} for this mount (--epoch {option}).", option=option),
         lambda seen: np.array([to_mount_epoch(*s.sky_deg, other, s.time_utc) for s in seen.sightings]),
         0.15,
-        f"The mount reports {words[other]} but Kochab takes its coordinates as {words[last.said.epoch]}.",
+        tr_noop("The mount reports J2000 but Kochab takes its coordinates as the equator of date.")
+        if other is Epoch.J2000
+        else tr_noop("The mount reports the equator of date but Kochab takes its coordinates as J2000."),
         offset=SMALL,  # where the mount was well aligned, but in another epoch
         axis=SMALL,
         cone=SMALL,
@@ -354,11 +361,11 @@ def sites(last: MountSighting) -> Iterator[Cause]:
     if told is not None and own is not None and abs(own.latitude_deg) > 1.0:
         opposite = told.latitude_deg * own.latitude_deg < 0.0
     mirrored = Cause(
-        "hemisphere",
-        "Set north or south on the hand control, then align again.",
+        tr_noop("hemisphere"),
+        tr_noop("Set north or south on the hand control, then align again."),
         lambda seen: seen.expected * (1.0, -1.0),
         0.05 * _witness(opposite),
-        "The declination is mirrored: the mount is set to the other hemisphere.",
+        tr_noop("The declination is mirrored: the mount is set to the other hemisphere."),
     )
     yield mirrored
     if own is None:
@@ -370,31 +377,30 @@ def sites(last: MountSighting) -> Iterator[Cause]:
     if abs(own.longitude_deg) > 1.0:
         off = wrapped(-2.0 * own.longitude_deg)
         yield Cause(
-            "longitude sign",
-            "Change east and west of the longitude on the hand control, then align again.",
+            tr_noop("longitude sign"),
+            tr_noop("Change east and west of the longitude on the hand control, then align again."),
             _off(off),
             0.08 * _witness(swapped),
-            f"Right ascension is off by twice the longitude, {off:+.1f} deg: east "
-            "and west of the longitude are swapped.",
+            tr("Right ascension is off by twice the longitude, {off:+.1f} deg: east and west are swapped.", off=off),
         )
     if told is None:
         return
     east, north = wrapped(told.longitude_deg - own.longitude_deg), told.latitude_deg
     if abs(east) > PLACE_DEG and not swapped:
         yield Cause(
-            "site longitude",
-            "Set the longitude on the hand control, then align again.",
+            tr_noop("site longitude"),
+            tr_noop("Set the longitude on the hand control, then align again."),
             _off(east),
             0.1 * CONFIRMED,
-            f"The mount's longitude is {east:+.1f} deg too far east.",
+            tr("The mount's longitude is {east:+.1f} deg too far east.", east=east),
         )
     if abs(north - own.latitude_deg) > PLACE_DEG and north * own.latitude_deg >= 0.0:
         yield Cause(
-            "site latitude",
-            "Set the latitude on the hand control, then align again.",
+            tr_noop("site latitude"),
+            tr_noop("Set the latitude on the hand control, then align again."),
             lambda seen: _wrong_latitude(seen, north - own.latitude_deg),
             0.1 * CONFIRMED,
-            f"The mount's latitude is {north:.1f} deg instead of {own.latitude_deg:.1f} deg.",
+            tr("The mount's latitude is {its:.1f} deg instead of {own:.1f} deg.", its=north, own=own.latitude_deg),
             alt_azimuth=True,
         )
 
@@ -404,11 +410,13 @@ def homes(seen: Seen) -> Iterator[Cause]:
     unaligned = any(s.aligned is False for s in seen.sightings)
     if unaligned or (np.abs(seen.said[:, 1]) > 89.5).all():
         yield Cause(
-            "not aligned",
-            "Align the mount, or sync it on a solved frame.",
+            tr_noop("not aligned"),
+            tr_noop("Align the mount, or sync it on a solved frame."),
             lambda seen: seen.said,
             0.3 * (CONFIRMED * CONFIRMED if unaligned else CONFIRMED),
-            f"The mount reports {'that it is not aligned' if unaligned else 'the pole, its home position'}.",
+            tr_noop("The mount reports that it is not aligned.")
+            if unaligned
+            else tr_noop("The mount reports the pole, its home position."),
             noise=ANYWHERE,
         )
 
@@ -421,10 +429,10 @@ def alignments(seen: Seen) -> Iterator[Cause]:
         alt_azimuth = 0.0
     offset = Cause(
         "not aligned",
-        "Sync it on a solved frame.",
+        tr_noop("Sync it on a solved frame."),
         _off(0.0),
         0.3,
-        "Both axes are off by the same angles everywhere, {first:+.2f} and {second:+.2f} deg.",
+        tr_noop("Both axes are off by the same angles everywhere, {first:+.2f} and {second:+.2f} deg."),
         offset=OFFSETS,
         axis=SMALL,
         cone=SMALL,
@@ -435,9 +443,9 @@ def alignments(seen: Seen) -> Iterator[Cause]:
         yield replace(offset, weight=0.3 * alt_azimuth, alt_azimuth=True)
         yield replace(
             leaning,
-            name="base tilt",
-            advice="Level the base, then align again.",
-            evidence="The base is tilted by {axis}.",
+            name=tr_noop("base tilt"),
+            advice=tr_noop("Level the base, then align again."),
+            evidence=tr_noop("The base is tilted by {axis}."),
             weight=0.2 * alt_azimuth,
             alt_azimuth=True,
         )
@@ -447,17 +455,17 @@ def alignments(seen: Seen) -> Iterator[Cause]:
     yield replace(offset, weight=0.3 * german)
     yield replace(
         leaning,
-        name="polar axis",
-        advice="Polar align the mount, then sync it.",
-        evidence="The polar axis is {axis} from the pole.",
+        name=tr_noop("polar axis"),
+        advice=tr_noop("Polar align the mount, then sync it."),
+        evidence=tr_noop("The polar axis is {axis} from the pole."),
         weight=0.2 * german,
     )
     if set(seen.side) >= {-1.0, 1.0}:
         yield replace(
             leaning,
-            name="cone error",
-            advice="Shim the dovetail until both sides agree, or sync after every flip.",
-            evidence="The offset changes sign across the meridian, {cone:.0f} arcmin on either side.",
+            name=tr_noop("cone error"),
+            advice=tr_noop("Shim the dovetail until both sides agree, or sync after every flip."),
+            evidence=tr_noop("The offset changes sign across the meridian, {cone:.0f} arcmin on either side."),
             weight=0.1 * german,
             axis=SMALL,
             cone=CONES,

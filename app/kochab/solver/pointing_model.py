@@ -10,6 +10,7 @@ from math import cos, hypot, radians, sqrt
 
 import numpy as np
 
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
@@ -39,13 +40,19 @@ FARTHEST_DEG = 5.0  # beyond, a mount is to be aligned or synced
 FLOOR_DEG = 15.0 / 3600.0  # what mounts round to
 NAMES = {
     False: (
-        "right ascension's offset",
-        "declination's offset",
-        "polar axis to the west",
-        "polar axis too high",
-        "cone",
+        tr_noop("right ascension's offset"),
+        tr_noop("declination's offset"),
+        tr_noop("polar axis to the west"),
+        tr_noop("polar axis too high"),
+        tr_noop("cone"),
     ),
-    True: ("azimuth", "altitude", "base to the west", "base to the south", "cone"),
+    True: (
+        tr_noop("azimuth"),
+        tr_noop("altitude"),
+        tr_noop("base to the west"),
+        tr_noop("base to the south"),
+        tr_noop("cone"),
+    ),
 }
 
 
@@ -79,12 +86,18 @@ class PointingModel:
         signs = (1.0, 1.0, south, south, 1.0)
         terms = (sign * term for sign, term in zip(signs, self.terms_deg, strict=True))
         rows = zip(NAMES[self.alt_azimuth], terms, self.sigmas_deg, strict=True)
-        verdict = "" if self.helps else " It does not help: sync the mount instead."
-        return [
-            *(f"{name:22} {60.0 * term:+8.2f}′ ± {60.0 * sigma:.2f}′" for name, term, sigma in rows),
-            f"{self.sightings} sightings are off by {self.before_arcsec / 60.0:.1f}′, with the model by "
-            f"{self.after_arcsec / 60.0:.1f}′; a new place by about {self.foretold_arcsec / 60.0:.1f}′.{verdict}",
-        ]
+        worth = tr_n(
+            "{n} sighting is off by {before:.1f}′, with the model by {after:.1f}′; a new place by about {new:.1f}′.",
+            "{n} sightings are off by {before:.1f}′, with the model by {after:.1f}′; a new place by about {new:.1f}′.",
+            self.sightings,
+            before=self.before_arcsec / 60.0,
+            after=self.after_arcsec / 60.0,
+            new=self.foretold_arcsec / 60.0,
+        )
+        if not self.helps:
+            worth = tr("{worth} It does not help: sync the mount instead.", worth=worth)
+        told = (f"{tr(name):22} {60.0 * term:+8.2f}′ ± {60.0 * sigma:.2f}′" for name, term, sigma in rows)
+        return [*told, worth]
 
     def aim(self, place_deg: Degrees, time_utc: datetime) -> Degrees:
         """Where to send the mount, in its own coordinates, so that it points at ``place_deg``, in the same.

@@ -116,7 +116,8 @@ def _agreeing(
                 return [one for one, _ in pair], [time for _, time in pair]
             why = tr("The frames show different places: the telescope is moving.")
         before = found, when
-    raise RefusedError(f"No two frames agree on where the telescope points. {why}".strip())
+    text = tr("No two frames agree on where the telescope points.")
+    raise RefusedError(f"{text} {why}".strip())
 
 
 def _from_before(began: datetime, now: datetime, times: list[datetime], allowed: bool) -> list[str]:

@@ -608,6 +608,5 @@ def test_an_epoch_that_the_mount_contradicts_is_told_with_the_option_that_mends_
         assert guard.epoch_doubt() == told
     monkeypatch.setattr(guarding, "reported_epoch", lambda _: other)
     assert guard.epoch_doubt() == (
-        f"The mount's altitude and azimuth show that its coordinates are {other}, not {own}. "
-        f"Choose the epoch {option} (--epoch {option})."
+        f"The mount's altitude and azimuth show another epoch: choose {option} (--epoch {option})."
     )

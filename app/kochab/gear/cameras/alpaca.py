@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.arrays import Array
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
@@ -163,7 +164,7 @@ class AlpacaCamera(ExposingCamera):
         if self._sensor <= _COLOUR or self._binned > 1:
             return None, ()
         if self._sensor != _RGGB:
-            return None, (f"{self.name}: unsupported Bayer pattern. The frame is read as mono.",)
+            return None, (tr("{name}: unsupported Bayer pattern. The frame is read as mono.", name=self.name),)
         return shifted("RGGB", *self._mosaic), ()
 
     def _hint(self, exposed: Exposure) -> Hint:

@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic, sleep
 
+from kochab.core import tr
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import FrameError, LineLostError, PortError
 from kochab.core.frame import Frame
@@ -125,7 +126,7 @@ class FolderCamera(CameraSource):
         """The folder itself, when it is one."""
         if not address or not Path(address).is_dir():
             return []
-        return [CameraDevice(cls.name, address, f"images saved to {address}")]
+        return [CameraDevice(cls.name, address, tr("images saved to {folder}", folder=address))]
 
     @classmethod
     def open(cls, address: str, settings: CaptureSettings) -> "FolderCamera":

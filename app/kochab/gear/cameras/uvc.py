@@ -14,6 +14,7 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import Any
 
+from kochab.core import tr
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import LineLostError, PortError, RefusedError
 from kochab.core.frame import Frame, Hint
@@ -171,13 +172,13 @@ class Webcam(CameraSource):
                     self._news.notify()
                 if self._stop:
                     break
-            why = "its stream ended"
+            why = tr("its stream ended")
         except (FFmpegError, OSError) as error:
             why = (error.strerror or str(error)).rstrip(".")
         finally:
             self._container.close()
         with self._news:
-            self._lost = f"{self.name} stopped sending frames: {why}. Check its cable."
+            self._lost = tr("{name} stopped sending frames: {why}. Check its cable.", name=self.name, why=why)
             self._news.notify()
 
     def _frame(self, picture: Any, arrived_s: float) -> Frame:

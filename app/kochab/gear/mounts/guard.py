@@ -14,6 +14,7 @@ from time import sleep
 from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Site
@@ -27,6 +28,7 @@ from kochab.gear.mounts.motion_plan import Limits, Plan, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 
+UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
 FASTER, OVERRUN = 4.0, 1.25  # at an unknown rate a move may go so many times as far; and how much further any may
 
 
@@ -137,9 +139,8 @@ class Guard:
         if found is None or found is self.epoch:
             return ""
         option = "J2000" if found is Epoch.J2000 else "date"
-        return (
-            f"The mount's altitude and azimuth show that its coordinates are {found}, not {self.epoch}. "
-            f"Choose the epoch {option} (--epoch {option})."
+        return tr(
+            "The mount's altitude and azimuth show another epoch: choose {epoch} (--epoch {epoch}).", epoch=option
         )
 
     def clock_doubt(self) -> str:
@@ -153,14 +154,14 @@ class Guard:
     def set_site(self, site: Site | None = None) -> None:
         """Set the mount's site to the one used here."""
         if (wanted := site or self.site) is None:
-            self._refuse("set site", "No site set: set your site first.")
+            self._refuse("set site", tr("No site set: set your site first."))
         self._set(Ability.SET_SITE, lambda: self.mount.set_site(wanted))
 
     def _set(self, ability: Ability, do: Callable[[], None]) -> None:
         """A mount whose position has moved with its clock must be synced before it slews."""
         self._require_ability(ability)
         if self.state().slewing or self.emergency.moving:
-            self._refuse(str(ability), "The mount is moving: stop it first.")
+            self._refuse(str(ability), tr("The mount is moving: stop it first."))
         self.supervisor.forget()
         before = self.position()
         self._send(str(ability), 0.0, do)
@@ -168,7 +169,7 @@ class Guard:
         self.log.add(str(ability), "done", self.policy.until_sync)
         self.clock_and_site.ask(self.mount)
         if ability in self.clock_and_site.wrong:
-            self._refuse(str(ability), f"The mount did not take it. {self.policy.doubt}")
+            self._refuse(str(ability), tr("The mount did not take it. {why}", why=self.policy.doubt))
 
     # -- syncs: on evidence, read back, and taken back on request -------------------------------
 
@@ -232,7 +233,7 @@ class Guard:
         if away > self.limits.read_back_arcsec:
             if silent is not None:
                 raise silent
-            sentence = f"The mount ignored the sync, still off by {away / 60.0:.1f}′. Slew by the offset instead."
+            sentence = tr("The mount ignored the sync, still off by {away:.1f}′. Slew by the offset.", away=away / 60.0)
             self.log.add("sync", "failed", sentence)
             raise RefusedError(sentence)
         self.log.add("sync", "done", detail={"read_back_arcsec": away})
@@ -282,7 +283,7 @@ class Guard:
         self._require_ability(Ability.UNPARK)
         self._send("unpark", 0.0, self.mount.unpark)
         if self.state().parked:
-            self._refuse("unpark", "The mount still reports that it is parked: unpark it on its hand control.")
+            self._refuse("unpark", tr("The mount still reports that it is parked: unpark it on its hand control."))
 
     def _begin_rest(self, action: str) -> None:
         self._require_ability(Ability.PARK if action == "park" else Ability.HOME)
@@ -312,7 +313,7 @@ class Guard:
         self._require_ability(Ability.PULSE)
         stops, longest = self.stops, self.limits.longest_pulse_ms
         if not 0 < milliseconds <= longest:
-            self._refuse("pulse", f"A guide pulse of {milliseconds} ms is out of range: 1 to {longest} ms.")
+            self._refuse("pulse", tr("A guide pulse is out of range: 1 to {most} ms.", most=longest))
         seconds = milliseconds / 1000.0
         self._send(
             "pulse",
@@ -330,10 +331,9 @@ class Guard:
         stops, rate = self.stops, self.rate_deg_s(rate_deg_s)
         longest_s, longest_deg = self.limits.longest_move_s, self.limits.longest_move_deg
         if not 0.0 < seconds <= longest_s:
-            self._refuse("move", f"A move of {seconds:g} s is out of range: at most {longest_s:g} s.")
+            self._refuse("move", tr("A move is out of range: at most {most:g} s.", most=longest_s))
         if not 0.0 < rate * seconds <= longest_deg:
-            sentence = f"A move of {rate * seconds:.1f}° is out of range: at most {longest_deg:g}°."
-            self._refuse("move", sentence)
+            self._refuse("move", tr("A move is out of range: at most {most:g}°.", most=longest_deg))
         self._send(
             "move",
             seconds + 2.0,
@@ -351,7 +351,7 @@ class Guard:
         if rate is not TrackingRate.OFF:
             state = self.state()
             if state.parked:
-                self._refuse("track", "The mount is parked: unpark it before it tracks.")
+                self._refuse("track", tr("The mount is parked: unpark it before it tracks."))
             if reason := self.policy.tracking(self.position(), state):
                 self._refuse("track", reason)
         self._send("track", 0.0, lambda: self.mount.track(rate), rate=str(rate))
@@ -367,9 +367,9 @@ class Guard:
         try:
             self._require_ability(Ability.TRACKING)
             self.mount.track(TrackingRate.OFF)
-            outcome, reason = "done", f"Kochab stopped the tracking. {reason}"
+            outcome, reason = "done", tr("Kochab stopped the tracking. {reason}", reason=reason)
         except RefusedError:
-            outcome, reason = "failed", f"KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand. {reason}"
+            outcome, reason = "failed", f"{tr(UNSTOPPED)} {reason}"
         self.log.add("track", outcome, reason)
         return reason
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis
@@ -20,6 +21,8 @@ from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
 
 PATIENCE_S = 0.8
+NO_SITE = tr_noop("It stores no site: give --site LAT,LON.")
+SWITCH_ON = tr_noop("Switch the mount on and check its cable. Use the computer port, not the guide port.")
 
 
 def ask_nexstar(talk: Conversation) -> Diagnosis:
@@ -33,8 +36,8 @@ def ask_nexstar(talk: Conversation) -> Diagnosis:
             if VARIANTS.get(talk.ask(nexstar.VARIANT, exactly(2, PATIENCE_S), nexstar.parse_byte)) is STARSENSE:
                 driver, maker = "starsense", "StarSense"
     aligned = talk.ask(nexstar.ALIGNED, exactly(2, PATIENCE_S), nexstar.parse_flag)
-    advice = "" if aligned else "It is not aligned: do its alignment on the hand control first."
-    name = f"{maker} hand control, version {'.'.join(map(str, version))}"
+    advice = "" if aligned else tr("It is not aligned: do its alignment on the hand control first.")
+    name = tr("{maker} hand control, version {version}", maker=maker, version=".".join(map(str, version)))
     return Diagnosis(driver=driver, name=name, advice=advice)
 
 
@@ -43,8 +46,8 @@ def ask_skywatcher(talk: Conversation) -> Diagnosis:
     reader = skywatcher.reader(PATIENCE_S)
     version = talk.ask(skywatcher.command("e", 0), reader, skywatcher.parse_data)
     talk.ask(skywatcher.command("j", 0), reader, skywatcher.parse_position)
-    advice = "It stores no site: give --site LAT,LON."
-    return Diagnosis(driver="skywatcher", name=f"Sky-Watcher motor board, version {version[:4]}", advice=advice)
+    name = tr("Sky-Watcher motor board, version {version}", version=version[:4])
+    return Diagnosis(driver="skywatcher", name=name, advice=tr(NO_SITE))
 
 
 def ask_lx200(talk: Conversation) -> Diagnosis:
@@ -61,7 +64,7 @@ def ask_lx200(talk: Conversation) -> Diagnosis:
             break
     driver = named(product)
     name = product if driver not in ("astrophysics", "rainbow") else f"{DIALECTS[driver].title} {product.strip(':AV')}"
-    return Diagnosis(driver=driver or "lx200", name=name or "LX200 classic or compatible")
+    return Diagnosis(driver=driver or "lx200", name=name or tr("LX200 classic or compatible"))
 
 
 def ask_ioptron(talk: Conversation) -> Diagnosis:
@@ -76,12 +79,11 @@ def ask_celestron_aux(talk: Conversation) -> Diagnosis:
     """Version and model of the RA or azimuth motor, as the maker's app asks."""
     asked = [nexstar.aux(nexstar.AZM, command) for command in (nexstar.AUX_VERSION, nexstar.AUX_MODEL)]
     talk.ask(asked[0], nexstar.aux_reader(asked[0], PATIENCE_S), lambda reply: nexstar.parse_aux(reply, 2, 4))
-    name = "motor board"
+    name = tr("motor board")
     with suppress(NoAnswerError):
         model = talk.ask(asked[1], nexstar.aux_reader(asked[1], PATIENCE_S), lambda reply: nexstar.parse_aux(reply, 2))
         name = nexstar.MODELS.get(model[0], name)
-    advice = "It stores no site: give --site LAT,LON."
-    return Diagnosis(driver="celestronaux", name=f"Celestron {name} (AUX bus)", advice=advice)
+    return Diagnosis(driver="celestronaux", name=tr("Celestron {model} (AUX bus)", model=name), advice=tr(NO_SITE))
 
 
 Question = Callable[[Conversation], Diagnosis]
@@ -122,18 +124,16 @@ def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink)
             link.close()
         if found is not None:
             return replace(found, port=port, baud=baud)
-    tried = "" if network else f" at {', '.join(str(baud) for baud, _ in QUESTIONS)} baud"
-    return Diagnosis(
-        port,
-        advice=f"No mount answers on {port}{tried}. Switch the mount on and check its cable. "
-        "Use the computer port, not the guide port.",
-    )
+    bauds = ", ".join(str(baud) for baud, _ in QUESTIONS)
+    tried = tr("No mount answers on {port}.") if network else tr("No mount answers on {port} at {bauds} baud.")
+    return Diagnosis(port, advice=f"{tried.format(port=port, bauds=bauds)} {tr(SWITCH_ON)}")
 
 
 def _round(port: str, baud: int, questions: tuple[Question, ...], talk: Conversation) -> Task[Diagnosis | None]:
     for ask in questions:
         make = ask.__name__.removeprefix("ask_")
-        yield Progress("asking", None, f"{port} for {make}" + (f" at {baud} baud" if baud else ""))
+        text = tr("{port} for {make} at {baud} baud") if baud else tr("{port} for {make}")
+        yield Progress("asking", None, text.format(port=port, make=make, baud=baud))
         with suppress(NoAnswerError):
             return ask(talk)
     return None
@@ -155,26 +155,28 @@ def find_served(address: str = "") -> list[Diagnosis]:
 
 
 def _ask_servers(port: str) -> Task[Diagnosis]:
-    yield Progress("asking", None, f"{port} for its mounts")
+    yield Progress("asking", None, tr("{port} for its mounts", port=port))
     there = find_served(port)
     named = [one for one in there if one.port == port or "/" not in port]
     if len(named) == 1:
         return named[0]
-    choice = f": choose one of {', '.join(one.port for one in there)}" if there else ". Start its server there"
-    return Diagnosis(port, advice=f"No mount answers at {port}{choice}.")
+    if not there:
+        return Diagnosis(port, advice=tr("No mount answers at {port}. Start its server there.", port=port))
+    choice = ", ".join(one.port for one in there)
+    return Diagnosis(port, advice=tr("No mount answers at {port}: choose one of {choice}.", port=port, choice=choice))
 
 
 # -- The serial ports of this computer, with a hint from their USB adapter ---------------------
 
 ADAPTERS = {
-    0x0403: "FTDI adapter (EQDIR cables, iOptron)",
-    0x067B: "Prolific adapter (Celestron and SynScan hand controls)",
-    0x1A86: "CH340 adapter (OnStep boards, newer Sky-Watcher mounts)",
-    0x10C4: "Silicon Labs adapter (OnStep on an ESP32, iOptron)",
+    0x0403: tr_noop("FTDI adapter (EQDIR cables, iOptron)"),
+    0x067B: tr_noop("Prolific adapter (Celestron and SynScan hand controls)"),
+    0x1A86: tr_noop("CH340 adapter (OnStep boards, newer Sky-Watcher mounts)"),
+    0x10C4: tr_noop("Silicon Labs adapter (OnStep on an ESP32, iOptron)"),
     0x2341: "Arduino",
-    0x16C0: "Teensy (OnStep)",
-    0x0483: "STMicroelectronics (mounts with their own USB)",
-    0x04D8: "Microchip (mounts with their own USB)",
+    0x16C0: tr_noop("Teensy (OnStep)"),
+    0x0483: tr_noop("STMicroelectronics (mounts with their own USB)"),
+    0x04D8: tr_noop("Microchip (mounts with their own USB)"),
 }
 """USB vendor -> the adapter, and where it is often met; many makes share one."""
 
@@ -202,8 +204,8 @@ def list_ports() -> list[PortInfo]:
 def port_info(port: Any) -> PortInfo:
     """Description and hint for a port by its USB descriptors (pyserial's ``ListPortInfo``)."""
     usb_name = " ".join(dict.fromkeys(word for word in (port.manufacturer, port.product) if word))
-    text = usb_name or (port.description if port.description not in (None, "n/a") else "") or "serial port"
+    text = usb_name or (port.description if port.description not in (None, "n/a") else "") or tr("serial port")
     usb = "" if port.vid is None else f"{port.vid:04x}:{port.pid or 0:04x}"
     maker = next((m for m in MAKERS if m in f"{text} {port.description}".lower()), None)
-    hint = f"a mount by {maker}" if maker else ADAPTERS.get(port.vid or 0, "")
+    hint = tr("a mount by {maker}", maker=maker) if maker else tr(ADAPTERS.get(port.vid or 0, ""))
     return PortInfo(port.device, text, usb, hint)

@@ -15,7 +15,7 @@ from time import monotonic, sleep
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from kochab.core import tr_noop
+from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
 
 PORTS = tr_noop("a device, COM3, tcp://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE")
@@ -47,17 +47,22 @@ def _server(port: str, error: Exception) -> str:
     except ValueError:
         is_address = False
     if not is_address:
-        return f"{port} is not an address: write it as {port.partition('://')[0]}://HOST:PORT."
+        form = f"{port.partition('://')[0]}://HOST:PORT"
+        return tr("{port} is not an address: write it as {form}.", port=port, form=form)
     if "refused" in str(error).lower():
-        return f"No answer at {port}: check the address and the mount's Wi-Fi or network adapter."
-    return f"{port} cannot be reached: check the address and the network."
+        return tr("No answer at {port}: check the address and the mount's Wi-Fi or network adapter.", port=port)
+    return tr("{port} cannot be reached: check the address and the network.", port=port)
 
 
 def _permission(port: str) -> str:
     group = _group(port)
     if group in ("", "root"):
-        return f"No permission to open {port}: ask this computer's administrator."
-    return f"No permission to open {port} (group {group}): run `sudo usermod -aG {group} $USER` and log in again."
+        return tr("No permission to open {port}: ask this computer's administrator.", port=port)
+    return tr(
+        "No permission to open {port} (group {group}): run `sudo usermod -aG {group} $USER` and log in again.",
+        port=port,
+        group=group,
+    )
 
 
 def _group(port: str) -> str:
@@ -72,9 +77,10 @@ def _group(port: str) -> str:
 
 def _absent(port: str) -> str:
     if port.startswith("/dev/") or port.upper().startswith("COM"):
-        return f"No port {port}: plug in the USB cable and switch the mount on."
-    where = "" if Path(port).parent.is_dir() else ", nor its folder"
-    return f"No port {port}{where}: list ports with `kochab mount list`."
+        return tr("No port {port}: plug in the USB cable and switch the mount on.", port=port)
+    if Path(port).parent.is_dir():
+        return tr("No port {port}: list ports with `kochab mount list`.", port=port)
+    return tr("No port {port}, nor its folder: list ports with `kochab mount list`.", port=port)
 
 
 def with_port(address: str, usual: int | None) -> str:

@@ -14,6 +14,7 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import Any, TypeVar
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.gear.servers.address import NetAddress, unreachable
 
@@ -26,6 +27,7 @@ TELL_S = 5.0  # how long a server may take to tell what it has
 MORE_S = 0.5  # how long after its first device it may take to tell of another
 POWER_UP_S = 20.0  # how long a device may take to connect to its driver
 SET_S = 5.0
+DISCONNECTED = tr_noop("The INDI server {server} disconnected. Check its computer.")
 TELESCOPE_INTERFACE, CCD_INTERFACE = 1 << 0, 1 << 1  # INDI's DriverInterface bits
 
 
@@ -215,7 +217,7 @@ class IndiLink:
 
     def _lose(self) -> None:
         with self._news:
-            self._lost = self._lost or (f"The INDI server {self._address.server} disconnected. Check its computer.")
+            self._lost = self._lost or tr(DISCONNECTED, server=self._address.server)
             self._news.notify_all()
 
     def _hear(self, event: Any) -> None:
@@ -313,7 +315,7 @@ class IndiDevice:
         self.link.check()
         connected = self.value("CONNECTION", "CONNECT")
         if connected != "On":
-            why = "its driver stopped" if connected is None else "it was disconnected"
+            why = tr("its driver stopped") if connected is None else tr("it was disconnected")
             raise LineLostError("Lost {name} on the INDI server: {why}.", name=self.name, why=why)
 
     def send(self, vector: str, members: dict[str, str]) -> float:

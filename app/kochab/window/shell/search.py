@@ -30,7 +30,7 @@ WAYS = (
     tr_noop("{angle:.1f}° north-west of the frame’s centre, outside the frame"),
 )
 CLOSEST_PX = 5.0  # a mark so near the place is what was sought
-EXAMPLE = "M 42, theta1 Ori, Sh2-155, 05h35m -5 23, grid"
+EXAMPLE = tr_noop("M 42, theta1 Ori, Sh2-155, 05h35m -5 23, grid")
 
 
 def place_of(text: str) -> Floats:
@@ -73,7 +73,7 @@ class Search(QDialog):
         super().__init__(presenter.window)
         self._presenter = presenter
         self.setWindowTitle(tr("Search"))
-        self.field = text_field(tr("Search"), EXAMPLE, tr("A star, an object, a planet, coordinates or a command"))
+        self.field = text_field(tr("Search"), tr(EXAMPLE), tr("A star, an object, a planet, coordinates or a command"))
         self.field.setMinimumWidth(self.fontMetrics().averageCharWidth() * 48)
         self.answer = label("", "muted", wrap=True)
         column(self.field, self.answer, on=self, spacing=8, margins=(12, 12, 12, 12))

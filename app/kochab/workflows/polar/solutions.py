@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from kochab.attitude.fit import refine
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import Attitude, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.errors import FrameError, KochabError
@@ -26,7 +27,7 @@ from kochab.polar.sighting import LocalAttitude
 from kochab.workflows.polar.sources import SolvedFile
 
 SIGMA_PX = 0.2  # what a WCS is believed across the frame; its roll to this over a quarter of the width
-ASSUMED = f"Solved by another program: an error of {SIGMA_PX} px is assumed."
+ASSUMED = tr_noop("Solved by another program: an error of {sigma} px is assumed.")
 FITS = (".fits", ".fit", ".fts")
 SOLVERS = re.compile(rb"PLTSOLVD= +T|astrometry\.net|ASTAP|PLATESOLVE|ImageSolver", re.IGNORECASE)
 """What solvers leave in a header (ASTAP and Kochab, astrometry.net, PlateSolve, PixInsight)."""
@@ -49,14 +50,14 @@ def solved_before(path: str | Path) -> list[SolvedFile]:
     try:
         data = path.read_bytes() if path.stat().st_size < LARGEST_BYTES else b""
     except OSError as error:
-        raise FrameError(f"{path} cannot be read: {error.strerror}.") from None
+        raise FrameError("{path} cannot be read: {why}.", path=path, why=error.strerror) from None
     if path.suffix.lower() in (".json", ".jsonl"):
         streamed = path.suffix.lower() == ".jsonl"  # of a recorded live session, where some frame is always cloudy
         return [_of_json(path, row) for row in _rows(path, data) if row["solved"] or not streamed]
     solution, hint = of_header(path, data)
     if hint.time_utc is None:
         hint = _beside(path)
-    return [SolvedFile(str(path), solution, hint.time_utc, hint.site, (ASSUMED,))]
+    return [SolvedFile(str(path), solution, hint.time_utc, hint.site, (tr(ASSUMED, sigma=SIGMA_PX),))]
 
 
 def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
@@ -73,7 +74,8 @@ def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
     except (OSError, FrameError):
         return file
     mark = SOLVERS.search(header.split(b"END" + b" " * 77)[0])
-    return replace(file, result=solution, warnings=(*file.warnings, f"As its header says. {ASSUMED}")) if mark else file
+    told = tr("As its header says."), tr(ASSUMED, sigma=SIGMA_PX)
+    return replace(file, result=solution, warnings=(*file.warnings, *told)) if mark else file
 
 
 def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
@@ -96,11 +98,11 @@ def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
             shape = tuple(int(header.get(f"IMAGE{a}") or header.get(f"NAXIS{n}") or 0) for a, n in (("W", 1), ("H", 2)))
             wcs = WCS(header)
             if not wcs.has_celestial or min(shape) < 2:
-                raise FrameError(f"{path} has no WCS, or not the size of its frame (IMAGEW, IMAGEH).")
+                raise FrameError("{path} has no WCS, or not the size of its frame (IMAGEW, IMAGEH).", path=path)
             solution = _of_map(lambda x, y: wcs.all_pix2world(x, y, 0), *shape)
         values = {key: value for key, value in header.items() if key not in ("COMMENT", "HISTORY", "")}
     except (ValueError, KeyError, TypeError, OSError) as error:
-        raise FrameError(f"{path} has no usable WCS ({type(error).__name__}).") from None
+        raise FrameError("{path} has no usable WCS ({why}).", path=path, why=type(error).__name__) from None
     hint, _ = hint_from_keywords(values, {}, shape[::-1])
     return solution, hint
 
@@ -128,7 +130,7 @@ def _rows(path: Path, data: bytes) -> Iterator[Mapping[str, Any]]:
     except ValueError:
         rows = []
     if not rows or not all(isinstance(row, dict) and "solved" in row for row in rows):
-        raise FrameError(f"{path} is not what kochab solve --json prints, an object a line.")
+        raise FrameError("{path} is not what kochab solve --json prints, an object a line.", path=path)
     yield from rows
 
 
@@ -149,7 +151,7 @@ def _of_json(path: Path, row: Mapping[str, Any]) -> SolvedFile:
         matrix = plain.centre_attitude.matrix.T @ np.array(row["dcm"], dtype=np.float64).reshape(3, 3)
         attitude = Attitude(matrix, np.diag(np.square([along, across, roll])))
     except (KeyError, TypeError, ValueError) as error:
-        raise FrameError(f"{path} is not what kochab solve --json prints ({error}).") from None
+        raise FrameError("{path} is not what kochab solve --json prints ({why}).", path=path, why=error) from None
     solution = Solution(camera, attitude, stars, plain.rms_px, plain.log10_false_alarm, plain.method)
     picture = next((p for p in (Path(name), path.parent / name, path.parent / Path(name).name) if p.is_file()), None)
     hint = _hint_of(picture) if picture and time is None else Hint(time_utc=time)
@@ -215,13 +217,14 @@ def guide_log(path: str | Path, settings: MeasureSettings) -> list[Stretch]:
     try:
         text = Path(path).read_bytes()[:LARGEST_BYTES].decode("utf-8", "replace")
     except OSError as error:
-        raise FrameError(f"{path} cannot be read: {error.strerror}.") from None
+        raise FrameError("{path} cannot be read: {why}.", path=path, why=error.strerror) from None
     sections = list(_sections(text))
     found = [s for s in (_stretch(section, settings) for section in sections) if s is not None]
     if not found:
         placed = any(np.isfinite(_hour_rad(s, settings)) for s in sections)
-        why = "no minute of guiding" if placed or not sections else "no hour angle: connect the mount in PHD2"
-        raise FrameError(f"{path} has {why}.")
+        if placed or not sections:
+            raise FrameError("{path} has no minute of guiding.", path=path)
+        raise FrameError("{path} has no hour angle: connect the mount in PHD2.", path=path)
     return found
 
 

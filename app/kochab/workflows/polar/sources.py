@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kochab.core import config_folder
+from kochab.core import config_folder, tr
 from kochab.core.attitude import wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
@@ -95,15 +95,23 @@ def doubts_of(
     unsigned = "" if site_given else next((file.unsigned for file in files if file.unsigned), "")
     west = replace(site, longitude_deg=-site.longitude_deg)
     if unsigned and astray_arcsec(error, site, 2.0 * site.longitude_deg) and _up_at(files, west):
-        text = f"The longitude in the header, {unsigned}, has no sign. Say whether it is east or west: --site."
+        text = tr(
+            "The longitude in the header, {longitude}, has no sign. Say whether it is east or west: --site.",
+            longitude=unsigned,
+        )
         doubts.append(PolarFinding(PolarFindingKind.LONGITUDE_SIGN, text, spoils=True))
     hour = 3600.0 * SIDEREAL_DEG_S
     times = [file.time_utc for file in files if file.time_utc is not None]
     astray = max(astray_arcsec(error, site, sky) for sky in (-hour, hour)) if times and not zone_given else 0.0
     if astray:
         unknown = any(NO_ZONE in file.warnings for file in files)
-        says = "The images have no time zone" if unknown else f"The frames' clock is taken as UTC ({max(times):%H:%M})"
-        text = f"{says}. An hour wrong would move the axis by {angle_in_words(astray)}: give --utc-offset, 0 for UTC."
+        says = (
+            tr("The images have no time zone.")
+            if unknown
+            else tr("The frames' clock is taken as UTC ({time}).", time=f"{max(times):%H:%M}")
+        )
+        costs = tr("An hour wrong would move the axis by {angle}: give --utc-offset, 0 for UTC.")
+        text = f"{says} {costs.format(angle=angle_in_words(astray))}"
         doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
     return doubts
 
@@ -124,7 +132,7 @@ def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sig
     sightings = []
     for file, sweep in zip(files, sweeps, strict=True):
         if file.time_utc is None:
-            raise UsageError(f"{file.path} has no time (DATE-OBS or EXIF). Polar alignment needs it.")
+            raise UsageError("{path} has no time (DATE-OBS or EXIF). Polar alignment needs it.", path=file.path)
         if isinstance(file.result, Solution):
             sightings.append(Sighting.of(file.result, file.time_utc, Path(file.path).name, sweep))
     return sightings if len(set(sweeps)) > 1 else _by_declination(sightings)
@@ -164,7 +172,9 @@ def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
         apart = abs(site.latitude_deg - first.latitude_deg)
         around = wrapped(site.longitude_deg - first.longitude_deg)
         if max(apart, abs(around)) > SAME_SITE_DEG:
-            raise UsageError(f"{first_path} and {path} were taken at different sites: give --site.")
+            raise UsageError(
+                "{one} and {other} were taken at different sites: give --site.", one=first_path, other=path
+            )
     return first
 
 
@@ -236,9 +246,12 @@ class PolarNight:
     azimuth_arcsec: float
 
     def __str__(self) -> str:
-        up = f"{angle_in_words(self.altitude_arcsec)} too {'high' if self.altitude_arcsec > 0 else 'low'}"
-        side = "clockwise" if self.azimuth_arcsec > 0 else "anticlockwise"
-        return f"{self.time_utc[:10]}: {up}, {angle_in_words(self.azimuth_arcsec)} too far {side}, seen from above"
+        text = tr("{angle} too high") if self.altitude_arcsec > 0 else tr("{angle} too low")
+        up = text.format(angle=angle_in_words(self.altitude_arcsec))
+        clockwise = self.azimuth_arcsec > 0
+        text = tr("{angle} too far clockwise") if clockwise else tr("{angle} too far anticlockwise")
+        side = tr("{angle}, seen from above", angle=text.format(angle=angle_in_words(self.azimuth_arcsec)))
+        return f"{self.time_utc[:10]}: {up}, {side}"
 
 
 def last_night(site: Site, profile: str = "", before: datetime | None = None) -> PolarNight | None:
@@ -306,11 +319,11 @@ class RestWatch:
             if found is not None and not isinstance(found, NoSolution):
                 return to_local(found, self.settings.site, self.settings.refraction)
             empty += 1
-            why = "The camera sends no frames"
+            why = tr("The camera sends no frames.")
             if isinstance(found, NoSolution):
-                why = f"No solution ({found.reason}): {found.advice}"
+                why = tr("No solution ({reason}): {advice}", reason=tr(found.reason), advice=found.advice)
             if empty > MOST_EMPTY and not patient:
-                raise NotMeasuredError(f"{why.rstrip('.')}.")
+                raise NotMeasuredError(why)
             yield PolarUpdate("measure", None, why, solved=False)
 
     def still(self, before: LocalAttitude | None = None, turn_deg: float = 0.0) -> Task[LocalAttitude]:

@@ -4,6 +4,7 @@ from contextlib import closing, suppress
 from datetime import UTC, datetime
 from typing import Any, ClassVar, Unpack
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
@@ -25,6 +26,9 @@ CAN = {
     Ability.PULSE: "canpulseguide",
     Ability.TRACKING: "cansettracking",
 }
+
+
+NOT_BY_ALPACA = tr_noop("Kochab does not do this over Alpaca: use the hand control or the server's own menu.")
 
 
 class AlpacaMount(ServerMount):
@@ -58,21 +62,31 @@ class AlpacaMount(ServerMount):
         super().__init__(settings.get("epoch") or epoch, self._leave)
         for ability, name in CAN.items():
             if not self._get(name, False):
-                self._lacks[ability] = f"The mount's Alpaca driver reports that it cannot do this ({name} is false)."
+                why = tr("The mount's Alpaca driver reports that it cannot do this ({name} is false).", name=name)
+                self._lacks[ability] = why
         offered = self._get("trackingrates", None) or [0]
         for number, rate in enumerate(RATES):
             if Ability.TRACKING in self._lacks or number not in offered:
-                self._lacks[rate.ability] = "The mount's Alpaca driver has no command for this rate."
+                self._lacks[rate.ability] = tr_noop("The mount's Alpaca driver has no command for this rate.")
         for ability in (Ability.PARK, Ability.UNPARK, Ability.HOME):  # older drivers answer only when they are there
-            self._lacks[ability] = "Kochab does not do this over Alpaca: use the hand control or the server's own menu."
+            self._lacks[ability] = NOT_BY_ALPACA
         if Ability.GOTO in self._lacks:
             self._lacks[Ability.MOVE] = self._lacks[Ability.GOTO]
-        for reporting, setting, name in (
-            (Ability.SITE, Ability.SET_SITE, "sitelatitude"),
-            (Ability.TIME, Ability.SET_CLOCK, "utcdate"),
+        for reporting, setting, name, why in (
+            (
+                Ability.SITE,
+                Ability.SET_SITE,
+                "sitelatitude",
+                tr_noop("The mount's Alpaca driver does not report its site."),
+            ),
+            (
+                Ability.TIME,
+                Ability.SET_CLOCK,
+                "utcdate",
+                tr_noop("The mount's Alpaca driver does not report its time."),
+            ),
         ):
             if self._get(name, None) is None:
-                why = f"The mount's Alpaca driver does not report its {reporting.value.split()[-1]}."
                 self._lacks |= {reporting: why, setting: why}
 
     @classmethod

@@ -12,6 +12,7 @@ from math import copysign
 from time import monotonic, sleep
 from typing import TypeVar
 
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import wrapped
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Home, MountState, PierSide, TrackingRate
@@ -83,6 +84,16 @@ class AuxMotor:
         self.under_way = self.follows = False
 
 
+UNKNOWN = tr_noop("Kochab does not know this Celestron (model {model}): use its hand control (--driver nexstar).")
+NOT_ALT_AZIMUTH = tr_noop(
+    "Kochab can't slew this mount ({model}) in altitude and azimuth directly: use its hand control (--driver nexstar)."
+    " If it is on a wedge, connect as equatorial (--equatorial)."
+)
+NO_FORK_IN_SOUTH = tr_noop(
+    "South of the equator Kochab can't slew a fork on a wedge directly: use its hand control (--driver nexstar)."
+)
+
+
 class CelestronAux(MotorMount):
     """A German mount, or a fork on a wedge in the north; a fork in altitude and azimuth is refused.
 
@@ -91,7 +102,6 @@ class CelestronAux(MotorMount):
 
     name = "celestronaux"
     title = "Celestron Wi-Fi or USB (AUX bus)"
-    called = "A Celestron's motor board"
     blind_stop = b"".join(protocol.aux(board, protocol.POSITIVE, b"\0") for board in (protocol.AZM, protocol.ALT))
     tcp_port = 2000
     timeout_s = 1.0
@@ -111,7 +121,7 @@ class CelestronAux(MotorMount):
         self.wedge = protocol.MODELS[self.model] not in EQUATORIAL
         if self.wedge:
             self.zeros, self.reach_deg = [], 360.0
-        self._lacks[Ability.KING] = "A Celestron has no King rate."
+        self._lacks[Ability.KING] = tr_noop("A Celestron has no King rate.")
         before, _ = self.counters()
         sleep(SEEN_S)
         turned = wrapped(azm.angle_deg() - before) * (-1.0 if self.south else 1.0)
@@ -121,21 +131,18 @@ class CelestronAux(MotorMount):
     def objection(self) -> str:
         """Why this mount must not be driven; empty when it may."""
         model = protocol.MODELS.get(self.model)
-        instead = "use its hand control (--driver nexstar)."
         if model is None:
-            return f"Kochab does not know this Celestron (model {self.model}): {instead}"
+            return tr(UNKNOWN, model=self.model)
         if model in EQUATORIAL:
             return ""
         if not self.equatorial:
-            return (
-                f"Kochab can't slew this mount ({model}) in altitude and azimuth directly: {instead} If it is on a"
-                " wedge, connect as equatorial (--equatorial)."
-            )
-        return f"South of the equator Kochab can't slew a fork on a wedge directly: {instead}" if self.south else ""
+            return tr(NOT_ALT_AZIMUTH, model=model)
+        return tr(NO_FORK_IN_SOUTH) if self.south else ""
 
     def identify(self) -> str:
         """Model and version."""
-        return f"Celestron {protocol.MODELS[self.model]}, motor board {self.version[0]}.{self.version[1]:02d}"
+        model, version = protocol.MODELS[self.model], f"{self.version[0]}.{self.version[1]:02d}"
+        return tr("Celestron {model}, motor board {version}", model=model, version=version)
 
     def board_id(self) -> str:
         """Model and version."""

@@ -6,8 +6,9 @@ from math import asin, cos, degrees, inf, radians, sin
 from time import monotonic
 from typing import ClassVar, Unpack
 
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
+from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts import Diagnosis, MountSettings
@@ -41,6 +42,9 @@ SPEEDS = ((0.02, 0.0), (0.3, 1.0 / 3.0), (1.5, 2.0 / 3.0), (inf, 1.0))
 """Degrees a second below which -> the place among a driver's slew rates, whose speed INDI does not tell."""
 
 
+NO_PART = tr_noop("{name} has no {part} in INDI: use its hand control.")
+
+
 class IndiMount(ServerMount):
     """The telescope at ``host:port/name``; its name may be left out when there is one only."""
 
@@ -59,10 +63,11 @@ class IndiMount(ServerMount):
             new = device.power_up()
             link.wait(lambda: monotonic() - max(link.defined_s, begun) > MORE_S and self._place() in PLACES, CALL_S)
             self._at = self._place()
+            silent = NoAnswerError(
+                "{name} on {server} does not report where it points.", name=device.name, server=where.server
+            )
             if not self._at:
-                raise NoAnswerError(
-                    "{name} on {server} does not report where it points.", name=device.name, server=where.server
-                )
+                raise silent
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
@@ -70,11 +75,11 @@ class IndiMount(ServerMount):
             unread = new and not any(device.number(self._at, member) for member in ("RA", "DEC"))  # as drivers begin
             patience_s = POWER_UP_S if unread else CALL_S if new else self._poll_s
             if not link.wait(lambda: bool(self._told(self._at, asked)), patience_s) and unread:
-                raise NoAnswerError(f"{device.name} on {where.server} does not report where it points.")
+                raise silent
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
-                    self._lacks[ability] = f"{device.name} has no {'.'.join(part)} in INDI: use its hand control."
-            self._lacks[Ability.HOME] = "INDI's drivers have no home in common: use the hand control."
+                    self._lacks[ability] = tr(NO_PART, name=device.name, part=".".join(part))
+            self._lacks[Ability.HOME] = tr_noop("INDI's drivers have no home in common: use the hand control.")
             if Ability.TRACKING not in self._lacks and device.state("TELESCOPE_TRACK_MODE") is None:
                 del self._lacks[Ability.SIDEREAL]  # the only rate
             if Ability.STOP in self._lacks:  # nothing may begin that cannot be ended
@@ -277,15 +282,12 @@ class IndiMount(ServerMount):
     def _answered(self, vector: str, sent_s: float, what: str) -> None:
         """Raise `DeviceError` when the driver has refused what was sent, or not answered at all."""
         states = [state for _, state in self._told(vector, sent_s)]
-        failed: type[DeviceError] = NoAnswerError
+        told = {"name": self._device.name, "what": tr(what), "said": self._device.said()}
         if not states:
-            failed, sentence = NoAnswerError, f"{self._device.name} does not answer to a {what} on its INDI server"
-        elif "Alert" in states:
+            raise NoAnswerError("{name} does not answer to a {what} on its INDI server{said}.", **told)
+        if "Alert" in states:
             self._refused_s = monotonic()
-            failed, sentence = RefusedError, f"{self._device.name} refuses the {what}"
-        else:
-            return
-        raise failed(f"{sentence}{self._device.said()}.")
+            raise RefusedError("{name} refuses the {what}{said}.", **told)
 
     def _told(self, vector: str, since_s: float) -> list[tuple[float, str]]:
         return self._link.heard_since(self._device.name, vector, since_s)

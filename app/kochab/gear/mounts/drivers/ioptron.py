@@ -3,6 +3,7 @@
 from dataclasses import replace
 from datetime import datetime
 
+from kochab.core import tr_noop
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport, TrackingRate
@@ -57,28 +58,28 @@ class Ioptron(SerialMount):
     def set_site(self, site: Site) -> None:
         """Latitude and longitude."""
         for command in protocol.set_site(site):
-            self.require_accepted(command, "The mount does not accept this site.")
+            self.require_accepted(command, tr_noop("The mount does not accept this site."))
 
     def set_clock(self, now: datetime) -> None:
         """The zone, then universal time."""
         for command in protocol.set_clock(now):
-            self.require_accepted(command, "The mount does not accept this time.")
+            self.require_accepted(command, tr_noop("The mount does not accept this time."))
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then match it."""
         self.set_target(ra_deg, dec_deg)
-        self.require_accepted(protocol.SYNC, "The mount refuses the sync.")
+        self.require_accepted(protocol.SYNC, tr_noop("The mount refuses the sync."))
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then slew."""
         since = self.talk.stops
         self.set_target(ra_deg, dec_deg)
-        self.require_accepted(protocol.SLEW, "The mount refuses to go there: outside its limits.", since)
+        self.require_accepted(protocol.SLEW, tr_noop("The mount refuses to go there: outside its limits."), since)
 
     def set_target(self, ra_deg: float, dec_deg: float) -> None:
         """Both coordinates."""
         for command in (protocol.set_ra(ra_deg), protocol.set_dec(dec_deg)):
-            self.require_accepted(command, "The mount does not accept these coordinates.")
+            self.require_accepted(command, tr_noop("The mount does not accept these coordinates."))
 
     def stop_commands(self, moved: bool) -> list[Command]:
         """End a slew, and moves on both axes."""
@@ -100,7 +101,7 @@ class Ioptron(SerialMount):
         """At the nearest of nine rates."""
         since = self.talk.stops
         rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
-        self.require_accepted(rate, "The mount does not accept this rate.")
+        self.require_accepted(rate, tr_noop("The mount does not accept this rate."))
         halt = protocol.HALT_DEC if direction.in_dec else protocol.HALT_RA
         with self.bounded(direction, seconds, (halt, (self.reply(1),))):
             self.talk.send(protocol.move(direction), since)
@@ -109,4 +110,4 @@ class Ioptron(SerialMount):
         """The rate, then tracking on."""
         super().track(rate)
         if rate is not TrackingRate.OFF:
-            self.require_accepted(protocol.TRACK_ON, "The mount refuses to track.")
+            self.require_accepted(protocol.TRACK_ON, tr_noop("The mount refuses to track."))

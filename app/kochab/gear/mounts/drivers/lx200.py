@@ -5,6 +5,7 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import ClassVar, TypeVar
 
+from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
@@ -18,6 +19,20 @@ from kochab.gear.mounts.serial_line import Command, ProtocolError, SerialLink, u
 T = TypeVar("T")
 PRODUCT_S = 1.0  # a classic does not know the question and stays silent
 SAME_DEG = 0.1  # a target in low precision is rounded to 0.025 deg
+
+
+NO_PULSE = tr_noop("The {mount} has no guide pulse that Kochab could send.")
+NO_COMMAND = tr_noop("Kochab knows no command to {what} of the {mount}: use its hand control.")
+NOT_KNOWN = tr_noop("Kochab knows no such command of the {mount}: use its hand control.")
+PARKED = tr_noop("A parked {mount} does not answer: switch it off and on.")
+OTHER_NAME = tr_noop(
+    "The device on {port} calls itself {name}, and the driver {driver} is for {title}: choose another driver or baud"
+    " rate."
+)
+NO_NAME = tr_noop(
+    "The device on {port} does not give its name, and the driver {driver} is for {title}: choose another driver or baud"
+    " rate."
+)
 
 
 class Lx200(SerialMount):
@@ -43,16 +58,16 @@ class Lx200(SerialMount):
         self.decimals = row.decimals if fine else 0
         self.refine()
         if not row.longest_pulse_ms or version < row.pulse_since:
-            self._lacks[Ability.PULSE] = f"The {row.title} has no guide pulse that Kochab could send."
+            self._lacks[Ability.PULSE] = tr(NO_PULSE, mount=row.title)
         site = dict.fromkeys((Ability.SITE, Ability.TIME), row.tells_site)
         site |= dict.fromkeys((Ability.SET_SITE, Ability.SET_CLOCK), row.takes_site)
-        hand = f"of the {row.title}: use its hand control."
-        self._lacks |= {one: f"Kochab knows no command to {one} {hand}" for one, can in site.items() if not can}
-        self.use_commands(row.commands, f"Kochab knows no such command {hand}")
+        self._lacks |= {one: tr(NO_COMMAND, what=tr(one), mount=row.title) for one, can in site.items() if not can}
+        self.use_commands(row.commands, tr(NOT_KNOWN, mount=row.title))
         if Ability.TRACKING in self._lacks:
-            self._lacks[Ability.TRACKING] = f"The {row.title} cannot stop tracking without losing its alignment."
+            why = tr("The {mount} cannot stop tracking without losing its alignment.", mount=row.title)
+            self._lacks[Ability.TRACKING] = why
         if row is AUTOSTAR:
-            self._lacks[Ability.UNPARK] = f"A parked {row.title} does not answer: switch it off and on."
+            self._lacks[Ability.UNPARK] = tr(PARKED, mount=row.title)
 
     def find_dialect(self) -> Dialect:
         """The one that was chosen, or by the product's name; no name is a classic."""
@@ -65,13 +80,11 @@ class Lx200(SerialMount):
         tries = (self.ask_product(row.who) for _ in range(row.boot_s))
         self.product = next(filter(None, tries), "").lstrip("0")  # which a board that boots may answer first
         if not self.product or (row.who == protocol.PRODUCT and DIALECTS.get(named(self.product)) is not row):
-            name = f"calls itself {self.product}" if self.product else "does not give its name"
             raise NoAnswerError(
-                "The device on {port} {name}, and the driver {name2} is for {title}: choose another driver "
-                "or baud rate.",
+                OTHER_NAME if self.product else NO_NAME,
                 port=self.talk.link.port,
-                name=name,
-                name2=self.name,
+                name=self.product,
+                driver=self.name,
                 title=row.title,
             )
         return row
@@ -170,7 +183,7 @@ class Lx200(SerialMount):
         """``:St`` and ``:Sg``."""
         self.require(Ability.SET_SITE)
         for command in protocol.set_site(site):
-            self.require_accepted(command, "The mount does not accept this site.")
+            self.require_accepted(command, tr_noop("The mount does not accept this site."))
 
     def set_clock(self, now: datetime) -> None:
         """Set zone, time and date; a Meade then sends two texts about updating its planetary data."""
@@ -178,7 +191,7 @@ class Lx200(SerialMount):
         if self.dialect is AUTOSTAR and self.ask_more(AUTOSTAR.questions[-1]).aligned:
             raise RefusedError(ALIGNED_BY_CLOCK)
         for command in protocol.set_clock(now):
-            self.require_accepted(command, "The mount does not accept this time.")
+            self.require_accepted(command, tr_noop("The mount does not accept this time."))
         self.talk.link.discard(PRODUCT_S)
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar, NoReturn, Protocol
 
+from kochab.core import tr_noop
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, RefusedError, StoppedError
 from kochab.core.mount import (
@@ -59,6 +60,7 @@ def natural_side(hour_angle_deg: float) -> PierSide:
     return PierSide.WEST if hour_angle_deg < 0.0 else PierSide.EAST
 
 
+NO_PARK = tr_noop("This mount knows no park position: slew where you want it, then stop tracking.")
 SLEW_DEG_S = 3.0  # predicts where the sky will be
 REACH_DEG = 105.0  # of the first axis from the counterweight's lowest place
 CLOSE_DEG, APPROACHES = 2.0 / 3600.0, 4
@@ -132,7 +134,6 @@ class MotorMount(SerialMount):
 
     zeros_at: ClassVar[dict[Home, Degrees]] = {Home.POWER_ON: (0.0, 0.0)}
     """Home -> the offset of both axes, degrees, that makes home zero."""
-    called: ClassVar[str]
     ends_alone = True
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 8, 16, 64)), 0.5, 1.0, 3.0)
     motors: tuple[Motor, Motor]
@@ -141,12 +142,12 @@ class MotorMount(SerialMount):
     def start(self) -> None:
         """Read the motors' parameters; nothing is switched on yet."""
         if self.site is None:
-            raise RefusedError(f"{self.called} stores no site: give --site LAT,LON.")
-        self._lacks[Ability.PULSE] = f"{self.called} is nudged by short gotos, which it ends itself."
+            raise RefusedError("This mount stores no site: give --site LAT,LON.")
+        self._lacks[Ability.PULSE] = tr_noop("This mount is nudged by short gotos, which it ends itself.")
         for ability in (Ability.SITE, Ability.TIME, Ability.SET_SITE, Ability.SET_CLOCK):
-            self._lacks[ability] = f"{self.called} stores neither site nor time."
+            self._lacks[ability] = tr_noop("This mount stores neither site nor time.")
         tracks = dict.fromkeys((rate.ability for rate in TrackingRate), b"")
-        self.use_commands(tracks, f"{self.called} knows no park position: slew where you want it, then stop tracking.")
+        self.use_commands(tracks, NO_PARK)
         self.south, self.rate = self.site.latitude_deg < 0.0, TrackingRate.SIDEREAL
         self.target_deg: Degrees | None = None
         self.target_side = PierSide.WEST
@@ -183,12 +184,14 @@ class MotorMount(SerialMount):
             first, second = self.counters()
             return -first, -second
         if home not in self.zeros_at:
-            raise RefusedError(f"{self.called} has no home of {home}: use --home now.")
+            raise RefusedError("This mount has no home of {home}: use --home now.", home=home)
         for other, zero in self.zeros_at.items():
             if other is not home and reads(zero, self.counters()):
                 raise RefusedError(
-                    f"The motor counters match the home position of {other}, not {home}. Point the tube at the "
-                    "pole, counterweight down, and connect with --home now."
+                    "The motor counters match the home position of {other}, not {home}. Point the tube at the "
+                    "pole, counterweight down, and connect with --home now.",
+                    other=other,
+                    home=home,
                 )
         return self.zeros_at[home]
 
@@ -285,8 +288,9 @@ class MotorMount(SerialMount):
         first, second = min(turns, key=lambda turn: abs(turn[0]))
         if abs(first) > AGREES_DEG >= apart_deg((at, dec), (hour_angle, dec_deg)):
             raise RefusedError(
-                f"So near the pole this sync would turn the RA axis by {first:+.0f}°. Home is confirmed: slew to a star"
-                " farther from the pole and sync there."
+                "So near the pole this sync would turn the RA axis by {turn:+.0f}°. Home is confirmed: slew to a star"
+                " farther from the pole and sync there.",
+                turn=first,
             )
         self.offset_deg = self.offset_deg[0] + first, self.offset_deg[1] + second
         self.keep()
@@ -316,8 +320,9 @@ class MotorMount(SerialMount):
         wanted = self.to_axes(hour_angle, dec_deg, self.target_side)
         if abs(wanted[0]) > self.reach_deg:
             raise RefusedError(
-                f"The RA axis would turn to {wanted[0]:.0f}°, beyond its limit: a flip is due. Slew back across"
-                " the meridian first, then flip from there."
+                "The RA axis would turn to {axis:.0f}°, beyond its limit: a flip is due. Slew back across"
+                " the meridian first, then flip from there.",
+                axis=wanted[0],
             )
         return wanted
 

@@ -5,6 +5,7 @@ from datetime import datetime
 from math import inf
 from typing import ClassVar
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
@@ -57,13 +58,14 @@ class NexStar(SerialMount):
         self.model = self.byte(protocol.MODEL)
         self._mode = 0
         tracks = dict.fromkeys((Ability.TRACKING, Ability.SIDEREAL), protocol.TRACKING)
-        self.use_commands(tracks, f"A {self.title} has no command for it: use its menu.")
+        self.use_commands(tracks, tr("A {mount} has no command for it: use its menu.", mount=tr(self.title)))
         if self.version < self.hand_control.sync_since:
             version, needed = (
                 ".".join(f"{n:02}" if i else str(n) for i, n in enumerate(v))
                 for v in (self.version, self.hand_control.sync_since)
             )
-            self._lacks[Ability.SYNC] = f"The hand control is version {version}, a sync needs {needed}."
+            old = tr("The hand control is version {version}, a sync needs {needed}.", version=version, needed=needed)
+            self._lacks[Ability.SYNC] = old
 
     def find_control(self) -> HandControl:
         """The variant tells it; versions between never knew the question, those before 2.0 are silent."""
@@ -78,7 +80,8 @@ class NexStar(SerialMount):
     def identify(self) -> str:
         """Model and version."""
         version = ".".join(f"{part:02d}" if i else str(part) for i, part in enumerate(self.version))
-        return f"{self.models.get(self.model, f'model {self.model}')}, hand control {version}"
+        model = self.models.get(self.model) or tr("model {number}", number=self.model)
+        return tr("{model}, hand control {version}", model=model, version=version)
 
     def position(self) -> Pointing:
         """``e``, or ``E`` of old versions."""
@@ -242,7 +245,7 @@ class SynScan(NexStar):
     def start(self) -> None:
         """No guide pulse through the hand control."""
         super().start()
-        self._lacks[Ability.PULSE] = "A SynScan hand control has no guide pulse: use the guide port."
+        self._lacks[Ability.PULSE] = tr_noop("A SynScan hand control has no guide pulse: use the guide port.")
 
     def identify(self) -> str:
         """Model and version."""

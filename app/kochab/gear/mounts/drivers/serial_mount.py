@@ -6,6 +6,7 @@ from datetime import datetime
 from types import MappingProxyType
 from typing import ClassVar, TypeVar, Unpack
 
+from kochab.core import tr
 from kochab.core.errors import DeviceError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, SiteReport, TrackingRate
@@ -61,7 +62,7 @@ class SerialMount:
     def switch(self, ability: Ability) -> None:
         """Send the command for this ability; the mount answers 1 when it accepts it."""
         self.require(ability)
-        self.require_accepted(self.commands[ability], f"The mount refuses this command: {ability}.")
+        self.require_accepted(self.commands[ability], tr("The mount refuses this command: {what}.", what=tr(ability)))
 
     def track(self, rate: TrackingRate) -> None:
         """Track at this rate, or stop tracking."""

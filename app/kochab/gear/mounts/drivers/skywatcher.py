@@ -8,6 +8,7 @@ from contextlib import suppress
 from time import monotonic
 from typing import ClassVar, NoReturn, TypeVar
 
+from kochab.core import tr
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import Home, MountState, TrackingRate
 from kochab.gear.mounts.drivers.motor_mount import Degrees, MotorMount
@@ -81,7 +82,7 @@ class BoardMotor:
         """A parameter of 24 bits, which must not be 0."""
         value = self.query(letter, protocol.parse_number)
         if value == 0:
-            raise ProtocolError(f"The motor board answers 0 to {letter}.")
+            raise ProtocolError("The motor board answers 0 to {letter}.", letter=letter)
         return value
 
     def order(self, letter: str, data: str = "", since: int | None = None) -> None:
@@ -93,7 +94,7 @@ class BoardMotor:
         tries = 1 if letter == "J" else self.tries
         refusal = self.talk.query(command, REPLY, _parse_order, tries, NoAnswerError, since)
         if refusal:
-            raise RefusedError(f"The motor board refuses: {refusal}.")
+            raise RefusedError("The motor board refuses: {why}.", why=tr(refusal))
 
     def begin(self, since: int, may_repeat: bool) -> None:
         """Start the motor; when the answer is lost, check whether it turns.
@@ -161,7 +162,6 @@ class SkyWatcher(MotorMount):
 
     name = "skywatcher"
     title = "Sky-Watcher motor board (EQMOD, EQDIR)"
-    called = "A motor board"
     blind_stop = b":L1\r:L2\r"
     bauds = (9600, 115200)
     timeout_s = 1.5
@@ -217,7 +217,7 @@ class SkyWatcher(MotorMount):
     def identify(self) -> str:
         """The board's version."""
         major, minor = int(self.version[:2], 16), int(self.version[2:4], 16)
-        return f"Sky-Watcher motor board, version {major}.{minor:02d}"
+        return tr("Sky-Watcher motor board, version {version}", version=f"{major}.{minor:02d}")
 
 
 def altaz_objection(code: int, equatorial: bool) -> str:
@@ -226,18 +226,18 @@ def altaz_objection(code: int, equatorial: bool) -> str:
     ``equatorial`` is the user's word for a board whose code does not show it.
     """
     if code in protocol.ALT_AZIMUTH:
-        return (
-            f"Kochab can't slew this alt-azimuth mount (code 0x{code:02X}) directly: "
-            "use its hand control (--driver synscan)."
+        return tr(
+            "Kochab can't slew this alt-azimuth mount (code {code}) directly: use its hand control (--driver synscan).",
+            code=f"0x{code:02X}",
         )
     if code in protocol.EQUATORIAL or equatorial:
         return ""
     if code == protocol.AZ_GTI:
-        return (
-            "Kochab slews an AZ-GTi only in equatorial mode. If yours is on a wedge, connect as "
-            "equatorial (--equatorial)."
+        return tr(
+            "Kochab slews an AZ-GTi only in equatorial mode. If yours is on a wedge, connect as equatorial"
+            " (--equatorial)."
         )
-    return (
-        f"Unknown Sky-Watcher mount (code 0x{code:02X}). If it is an equatorial mount, connect as "
-        "equatorial (--equatorial)."
+    return tr(
+        "Unknown Sky-Watcher mount (code {code}). If it is an equatorial mount, connect as equatorial (--equatorial).",
+        code=f"0x{code:02X}",
     )

@@ -168,7 +168,7 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
     try:
         return utc_of(2000 + year, month, day, hour, minute, second, offset), offset
     except ValueError:
-        raise ProtocolError(f"{reply!r} is no time.") from None
+        raise ProtocolError("{reply!r} is no time.", reply=reply) from None
 
 
 # -- The AUX bus: ``3b len from to command data checksum`` ----------------------------------------
