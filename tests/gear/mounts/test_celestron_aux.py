@@ -164,6 +164,16 @@ def test_stop_is_rate_0_on_both_axes_and_is_seen_to_work(bench, mount) -> None:
     assert mount.state().tracking is False
 
 
+def test_the_first_bytes_of_a_stop_end_both_motors(bench, mount) -> None:
+    bench.telescope._slew_deg_s = 5.0
+    mount.goto(*place(-60.0, 60.0, bench.clock))
+    wait_for(lambda: None not in bench.telescope._targets)
+    at = mount.blind_stop.index(b";", 1)
+    for order in (mount.blind_stop[:at], mount.blind_stop[at:]):
+        bench.far_end.reply(order)
+    assert still(bench.telescope)
+
+
 def test_a_motor_that_goes_the_long_way_round_is_stopped(bench, mount, monkeypatch) -> None:
     monkeypatch.setattr(slew_supervisor, "LOOK_S", 0.1)
     bench.telescope._slew_deg_s = 10.0
