@@ -15,7 +15,7 @@ from kochab.core.progress import Progress, run
 from kochab.core.registry import Registry
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
-from kochab.lab.laboratory import comparison, scene, trials
+from kochab.lab.laboratory import comparison, scene
 from kochab.lab.laboratory.comparison import (
     Choice,
     ComparedPart,
@@ -145,7 +145,7 @@ class Slow:
 @pytest.fixture
 def slow(monkeypatch):
     Slow.made = Slow.closed = 0
-    room = trials
+    room = scene
     registry = Registry("method", "kochab.methods", {"slow": f"{__name__}:Slow"})
     monkeypatch.setattr(room, "IDENTIFIERS", registry)
     monkeypatch.setattr(room, "checked", lambda method, options: options)

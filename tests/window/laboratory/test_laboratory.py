@@ -15,7 +15,7 @@ from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.progress import Progress
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
-from kochab.lab.laboratory import comparison, trials
+from kochab.lab.laboratory import comparison, scene
 from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart
 from kochab.window.application import build
 from kochab.window.laboratory.setup import Hints, StarSource
@@ -327,7 +327,7 @@ class Liar:
 
 
 def test_wrong_answers_are_told(qtbot, lab, monkeypatch):
-    monkeypatch.setattr(trials, "IDENTIFIERS", SimpleNamespace(make=lambda name, **_: Liar()))
+    monkeypatch.setattr(scene, "IDENTIFIERS", SimpleNamespace(make=lambda name, **_: Liar()))
     _, view = lab()
     field_setup(view, "patterns")
     view.run_comparison()
@@ -351,7 +351,7 @@ class Endless:
 
 
 def test_stop_ends_a_method_that_does_not(qtbot, lab, monkeypatch):
-    monkeypatch.setattr(trials, "IDENTIFIERS", SimpleNamespace(make=lambda name, **_: Endless()))
+    monkeypatch.setattr(scene, "IDENTIFIERS", SimpleNamespace(make=lambda name, **_: Endless()))
     _, view = lab()
     field_setup(view, "patterns")
     view.setup.numbers["limit_s"].setValue(600)
@@ -363,7 +363,7 @@ def test_stop_ends_a_method_that_does_not(qtbot, lab, monkeypatch):
 
 
 def test_closing_the_window_ends_a_run(qtbot, lab, monkeypatch):
-    monkeypatch.setattr(trials, "IDENTIFIERS", SimpleNamespace(make=lambda name, **_: Endless()))
+    monkeypatch.setattr(scene, "IDENTIFIERS", SimpleNamespace(make=lambda name, **_: Endless()))
     commands, view = lab()
     field_setup(view, "patterns")
     view.run_comparison()
