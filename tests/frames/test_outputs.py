@@ -115,7 +115,7 @@ def test_devices_and_folders_are_no_files_to_lose(night) -> None:
 
 @pytest.mark.parametrize("ending", ["html", "json"])
 def test_a_polar_report_spares_what_is_there(night, ending, capsys, monkeypatch) -> None:
-    monkeypatch.setattr("kochab.cli.polar.solve_polar_file", None)
+    monkeypatch.setattr("kochab.cli.polar.solutions_of", None)
     mine = night.with_name(f"report.{ending}")
     mine.write_text("mine")
     files = [str(night), str(night)]

@@ -4,7 +4,6 @@ import argparse
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,40 +14,34 @@ from kochab.cli.options import add_options, between, named, scale_range, valued
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
-from kochab.core.frame import Hint, Site
+from kochab.core.frame import Hint
 from kochab.core.solution import NoSolution
-from kochab.frames.hints import NO_ZONE
 from kochab.frames.outputs import refuse_overwriting
-from kochab.polar.drift import Drift, measure_drift, stretches_of, tracked
+from kochab.polar.drift import Drift
 from kochab.polar.error import (
     Imaging,
     Knob,
     PolarError,
     altitude_in_words,
-    angle_in_words,
     azimuth_in_words,
     good_enough,
     split_in_words,
     total_in_words,
 )
 from kochab.polar.horizon import Pole, Refraction, name_of
-from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, measure
+from kochab.polar.measure import Measurement, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
-from kochab.polar.sighting import Sighting
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
-from kochab.workflows.polar.solutions import SOLVED, guide_log, is_guide_log, or_as_its_header_says, solved_before
-from kochab.workflows.polar.sources import (
-    SolvedFile,
-    doubts_of,
-    last_night,
-    remember_night,
-    sightings_of,
-    site_of,
-    solve_polar_file,
-)
+from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of
+from kochab.workflows.polar.sources import SolvedFile, last_night
 
+SAID_BY = {
+    PolarFindingKind.CLOCK: "--utc-offset",
+    PolarFindingKind.LONGITUDE_SIGN: "--site",
+    PolarFindingKind.GUIDED: "--guided no",
+}
 WORTH_ARCSEC, BACK_DEG = 10.0, 5.0  # creep below that needs no frame of its own, nor one back at the start another
 
 
@@ -116,10 +109,8 @@ def run(args: argparse.Namespace) -> int:
     if not args.files and not args.check and args.site is not None:
         return _last(args)
     paths = [*args.files, *args.check]
-    logs = [path for path in args.files if is_guide_log(path)]
+    logs = guide_logs_of(args.files)
     args.files = [path for path in args.files if path not in logs]
-    if len(args.files) < 2 and not logs and not "".join(args.files).lower().endswith((".json", ".jsonl")):
-        raise UsageError("Polar alignment needs two frames or more.")
     if len(args.check) == 1:
         raise UsageError("A second sweep (--check) needs two frames or more as well.")
     if args.report is not None:
@@ -132,32 +123,33 @@ def run(args: argparse.Namespace) -> int:
     tried = [one for found, _ in each for one in found]
     if bad := [one for one in tried if isinstance(one, UnusableFrame)]:
         return _fail(" ".join(about(one.path, one.reason) for one in bad), args.json, max(one.code for one in bad), bad)
-    ahead = timedelta(hours=args.utc_offset or 0.0)
-    files = [replace(f, time_utc=f.time_utc and f.time_utc - ahead) for f in tried if isinstance(f, SolvedFile)]
-    sweeps = [sweep for found, sweep in each for _ in found]
+    files = [f for f in tried if isinstance(f, SolvedFile)]
+    guided = None if args.guided is None else args.guided == "yes"
+    refraction = Refraction(args.pressure, args.temperature)
+    told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.profile or "")
     try:
-        site, sightings = site_of(files, args.site), sightings_of(files, sweeps)
-    except UsageError as error:
+        axis = axis_of(files, [sweep for found, sweep in each for _ in found], logs, told)
+    except (FrameError, UsageError) as error:
         return _fail(str(error), args.json, 2)
-    settings = MeasureSettings(site, Pole(args.pole), Refraction(args.pressure, args.temperature))
-    if logs or args.guided or (tracked(sightings) and not args.check):
-        return _drift(args, logs, (files, sightings), settings, imaging)
-    result = measure(sightings, settings)
+    result = axis.result
     if isinstance(result, NoAxis):
         return _fail(result.sentence, args.json, 1, kind=result.kind)
-    result = replace(result, findings=(*result.findings, *_doubts(args, files, result.error, site)))
-    last = last_night(site, args.profile or "", result.time_utc)
-    known = {NO_ZONE} if args.utc_offset is not None else set()
-    doubts = [f"{Path(file.path).name}: {told}" for file in files for told in file.warnings if told not in known]
+    if isinstance(result, Drift) and args.report is not None:
+        raise UsageError("There is no report of a drift: leave --report out.")
+    result = replace(result, findings=tuple(_with_option(finding) for finding in result.findings))
+    doubts = [f"{name}: {warning}" for name, warning in axis.warnings]
     if args.json:
-        print(json.dumps(as_json(result, doubts, imaging) | {"last_night": last and asdict(last)}))
+        of_it = (
+            drift_as_json(result, doubts, imaging) if isinstance(result, Drift) else as_json(result, doubts, imaging)
+        )
+        print(json.dumps(of_it | {"last_night": axis.last and asdict(axis.last)}))
     else:
-        print(as_text(result, doubts, imaging) + (f"\n  last      {last}" if last else ""))
-    if not result.spoilt:
-        try:
-            remember_night(site, args.profile or "", result.time_utc, result.error)
-        except OSError as error:
-            say(f"Can't keep this for another night: {error.strerror}.")
+        text = drift_as_text(result, imaging) if isinstance(result, Drift) else as_text(result, doubts, imaging)
+        print(text + (f"\n  last      {axis.last}" if axis.last else ""))
+    try:
+        remember_axis(result, told.profile)
+    except OSError as error:
+        say(f"Can't keep this for another night: {error.strerror}.")
     if args.report is not None:
         history = History()
         history.measured(result)
@@ -170,40 +162,17 @@ def _last(args: argparse.Namespace) -> int:
     last = last_night(args.site, args.profile or "")
     if last is None:
         return _fail("Nothing was measured there yet. Polar alignment needs two frames or more.", args.json, 2)
-    told = f"Last measured there, {last}. Tonight about the same, if the tripod stands on the same marks: measure."
-    print(json.dumps({"last_night": asdict(last)}) if args.json else told)
+    print(json.dumps({"last_night": asdict(last)}) if args.json else last.guess)
     return 0
 
 
-def _drift(
-    args: argparse.Namespace,
-    logs: Sequence[str],
-    frames: tuple[Sequence[SolvedFile], Sequence[Sighting]],
-    settings: MeasureSettings,
-    imaging: Imaging | None,
-) -> int:
-    """The axis of frames that nobody turned, and of guide logs."""
-    if args.report is not None:
-        raise UsageError("There is no report of a drift: leave --report out.")
-    try:
-        guided = None if args.guided is None else args.guided == "yes"
-        stretches = stretches_of(frames[1], settings, guided)
-        stretches += [stretch for log in logs for stretch in guide_log(log, settings)]
-    except FrameError as error:
-        return _fail(str(error), args.json, 2)
-    result = measure_drift(stretches, settings)
-    if isinstance(result, NoAxis):
-        return _fail(result.sentence, args.json, 1, kind=result.kind)
-    result = replace(result, findings=(*result.findings, *_doubts(args, frames[0], result.error, settings.site)))
-    print(json.dumps(drift_as_json(result, imaging)) if args.json else drift_as_text(result, imaging))
-    return int(result.spoilt)
+def _with_option(finding: PolarFinding) -> PolarFinding:
+    """A finding that asks for something, with the option that says it."""
+    option = SAID_BY.get(finding.kind)
+    return replace(finding, text=f"{finding.text} ({option})") if option else finding
 
 
-def _doubts(args: argparse.Namespace, files: Sequence[SolvedFile], error: PolarError, site: Site) -> list[PolarFinding]:
-    return doubts_of(files, error, site, args.site is not None, args.utc_offset is not None)
-
-
-def drift_as_json(drift: Drift, imaging: Imaging | None = None) -> Json:
+def drift_as_json(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> Json:
     """The same form for an axis by drift; ``minutes_more`` is null where hours don't help."""
     error = drift.error
     long, short, angle = error.with_flexure.ellipse_arcsec()
@@ -219,31 +188,29 @@ def drift_as_json(drift: Drift, imaging: Imaging | None = None) -> Json:
         "frames": sum(len(s.attitudes) for s in drift.stretches),
         "spoilt": drift.spoilt,
         "good_enough": good_enough(error, imaging) if imaging and drift.known and not drift.spoilt else None,
-        **_findings_json(drift.findings),
+        **_findings_json(drift.findings, doubts),
     }
 
 
 def drift_as_text(drift: Drift, imaging: Imaging | None = None) -> str:
-    """A card for people: bolts only where the drift tells them."""
+    """A card for people: what to know of it first, bolts only where the drift tells them."""
     error = drift.error
-    head = total_in_words(error) if drift.known else f"At least {angle_in_words(drift.at_least_arcsec)}"
-    lines = [f"{head} from the {name_of(drift.settings.pole, drift.settings.site)}"]
+    spoils = " ".join(finding.text for finding in drift.findings if finding.spoils)
+    lines = [f"Spoilt, don't turn a bolt. {spoils}"] if spoils else []
+    lines += [f"Note: {finding.text}" for finding in drift.findings if not finding.spoils]
+    head = f"{drift.words} from the {name_of(drift.settings.pole, drift.settings.site)}"
+    lines.append(head[0].upper() + head[1:])
     if not drift.spoilt:
         for knob, words in ((Knob.ALTITUDE, altitude_in_words), (Knob.AZIMUTH, azimuth_in_words)):
-            sigma = error.with_flexure.knob_sigma_arcsec(knob)
-            lines.append(
-                f"{knob!s:9} {words(error) if drift.tells(knob) else f'not known yet (± {angle_in_words(sigma)})'}"
-            )
+            lines.append(f"{knob!s:9} {words(error) if drift.tells(knob) else drift.unknown(knob)}")
     places = f" of {len(drift.stretches)} places" if len(drift.stretches) > 1 else ""
     frames = sum(len(s.attitudes) for s in drift.stretches)
     lines += [f"drift     {drift.minutes:.0f} min{places}, {frames} points", f"of the ±  {split_in_words(error)}"]
-    if drift.minutes_more:
-        lines.append(f"better    {drift.minutes_more:.0f} min more on this place for an uncertainty of 30″")
-    elif drift.minutes_more is None:
-        lines.append("better    another place in the sky: this one won't tell it in hours")
+    if drift.better:
+        lines.append(f"better    {drift.better}")
     if imaging and drift.known and not drift.spoilt:
         lines.append(f"enough?   {good_enough(error, imaging)}")
-    return "\n  ".join(lines + [f"note      {finding.text}" for finding in drift.findings])
+    return "\n  ".join(lines)
 
 
 def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> Json:
@@ -333,10 +300,7 @@ def _better(m: Measurement) -> list[str]:
 
 def _solve(path: str, options: SolveOptions) -> "list[SolvedFile | UnusableFrame]":
     try:
-        if Path(path).suffix.lower() in SOLVED:
-            files = solved_before(path)
-        else:
-            files = [or_as_its_header_says(with_progress(path, solve_polar_file(path, options)))]
+        files = with_progress(path, solutions_of(path, options))
     except FrameError as error:
         return [UnusableFrame(path, str(error), 2)]
     return [_usable(file) for file in files]

@@ -9,7 +9,7 @@ of the field, from the bend of the path, and hardly from RA, where periodic erro
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words
+from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, total_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
 from kochab.polar.horizon import pole_direction
 from kochab.polar.measure import MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
@@ -93,6 +93,29 @@ class Drift:
         _, _, angle = self.error.ellipse_arcsec()
         across = np.array([np.cos(angle), -np.sin(angle)])  # of (altitude, azimuth), where the long one is (sin, cos)
         return abs(float(across @ [self.error.altitude_arcsec, self.error.azimuth_on_sky_arcsec]))
+
+    @property
+    def time_utc(self) -> datetime:
+        """Of the last frame."""
+        return max(s.attitudes[-1].time_utc for s in self.stretches)
+
+    @property
+    def words(self) -> str:
+        """How far the axis is from the pole, with one sigma, or at least."""
+        at_least = tr("at least {angle}", angle=angle_in_words(self.at_least_arcsec))
+        return total_in_words(self.error) if self.known else at_least
+
+    def unknown(self, knob: Knob) -> str:
+        """That a bolt is not known, and how far it may be off."""
+        return tr("not known yet (± {angle})", angle=angle_in_words(self.error.with_flexure.knob_sigma_arcsec(knob)))
+
+    @property
+    def better(self) -> str:
+        """What would make the axis better known; empty when it is good."""
+        if self.minutes_more is None:
+            return tr("Track another place in the sky: this one won't tell it in hours.")
+        more = tr("Track {minutes:.0f} min more on this place for an uncertainty of 30″.", minutes=self.minutes_more)
+        return more if self.minutes_more else ""
 
 
 def tracked(sightings: Sequence[Sighting]) -> bool:
@@ -301,7 +324,7 @@ DEC_SIGN = tr_noop(
     "The guide log doesn't say which way its Dec pulses move the mount: the error may be to the other side."
 )
 OTHER_AXIS = tr_noop("Part {part} of {parts} shows another axis. Was a bolt turned, or the mount guided?")
-GUIDED = tr_noop("Guided frames hold their place: only the rotation of the field counts. Not guided? Give --guided no.")
+GUIDED = tr_noop("Guided frames hold their place: only the rotation of the field counts. Not guided? Say so.")
 LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
 UNSEEN = {
     Knob.ALTITUDE: tr_noop(

@@ -13,6 +13,7 @@ from kochab.core.angle_text import round_angle_text
 from kochab.core.errors import KochabError
 from kochab.core.frame import Site
 from kochab.frames.atomic_file import write_atomically
+from kochab.polar.drift import Drift
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement
@@ -59,7 +60,7 @@ class History:
     pole: Pole = Pole.REFRACTED
     entries: list[Entry] = field(default_factory=list)
 
-    def measured(self, measurement: Measurement) -> None:
+    def measured(self, measurement: Measurement | Drift) -> None:
         """Keep a measurement, with its findings."""
         self.site, self.pole = measurement.settings.site, measurement.settings.pole
         text = " ".join(finding.text for finding in measurement.findings)

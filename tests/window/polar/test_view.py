@@ -19,12 +19,9 @@ from kochab.polar.error import Knob
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.report import History
-from kochab.server.phone_page import PhonePage
 from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, through, tonight
-from kochab.window.application import build
 from kochab.window.polar.history import writing
-from kochab.window.session import WorkflowEngine
 from kochab.workflows.polar.measure import MountTurner
 from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import (
@@ -36,8 +33,6 @@ from kochab.workflows.session.alignment import (
     mount_turner,
 )
 from kochab.workflows.session.alignment_state import AlignmentState
-from kochab.workflows.session.wiring import Wiring
-from tests.window.fakes import assert_no_threads_left
 from tests.window.polar_cases import adjusting
 from tests.window.test_night import assert_red
 
@@ -62,28 +57,6 @@ class Nights:
     @property
     def true_arcsec(self):
         return self.made[-1].rig.truth().axis_error().total_arcsec
-
-
-@pytest.fixture
-def polar(qtbot, settings):
-    """Windows with their polar view, and room to make another."""
-    made = []
-
-    def make(practice=None):
-        window, commands = build(WorkflowEngine(), settings, [], Wiring(practice=practice, phone_page=PhonePage))
-        qtbot.addWidget(window)
-        window.resize(1360, 860)
-        window.show()
-        commands.views.show("polar")
-        made.append((window, commands))
-        return commands, commands.views.docks["polar"].view
-
-    yield make
-    for window, commands in made:
-        window.close()
-        commands.looks.use_theme("dark", "normal")
-        assert commands.session.jobs.join()
-    assert_no_threads_left("kochab-", "polar-")
 
 
 def drive(view, each=lambda: None, limit_s=LIMIT_S):

@@ -17,6 +17,7 @@ from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Instruction
 from kochab.window.job import Job
 from kochab.window.mount.connection import PRACTISE_LATER, MountTask
 from kochab.window.shell.views import Services
+from kochab.workflows.polar.sources import SolvedFile
 from kochab.workflows.polar.update import PolarControls, TurnInstruction
 from kochab.workflows.session.alignment import (
     AlignmentRequest,
@@ -45,13 +46,19 @@ class AlignmentRun(QObject):
     kept = Signal(object)  # History
     practising = Signal(object)  # Practice
 
-    def __init__(self, services: Services, request: AlignmentRequest, parent: QObject) -> None:
+    def __init__(
+        self,
+        services: Services,
+        request: AlignmentRequest,
+        solved: dict[tuple[object, ...], list[SolvedFile]],
+        parent: QObject,
+    ) -> None:
         super().__init__(parent)
         self.controls = PolarControls()
         self._services, self._request = services, request
         self._mount = mount = services.mount
         told, start = (self.step.emit, self.kept.emit, self.practising.emit), services.wiring.practice
-        self._tools = AlignmentTools(self.controls, *told, start, lambda: mount.practice, services.cameras.open)
+        self._tools = AlignmentTools(self.controls, *told, start, lambda: mount.practice, services.cameras.open, solved)
 
     def start(self) -> Job | MountTask:
         """Start; the job returned tells of its end and can be cancelled. KochabError says why it cannot start now."""

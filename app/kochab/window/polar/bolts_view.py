@@ -57,7 +57,7 @@ class BoltsView(QWidget):
 
     def digits(self) -> str:
         """The huge digits: the error of this axis, in the end the total."""
-        error = self.state.error
+        error = self.state.known_error
         if error is None:
             return "–"
         return angle_in_words(error.total_arcsec if self._over else error.knob_arcsec(self.knob))
@@ -98,7 +98,7 @@ class BoltsView(QWidget):
     @property
     def face(self) -> Face:
         """All that the view shows."""
-        state, error = self.state, self.state.error
+        state, error = self.state, self.state.known_error
         title = tr("Polar alignment") if error is None else tr(self.knob.value.capitalize())
         old = tr("OLD: {what}", what=state.detail or tr("wait for a new frame"))
         keys = tr(TURNING if state.mount_turns else KEYS)

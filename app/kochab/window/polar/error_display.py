@@ -18,11 +18,11 @@ from kochab.polar.error import (
     good_enough,
     knob_in_words,
     split_in_words,
-    total_in_words,
 )
 from kochab.polar.horizon import Pole, name_of
 from kochab.polar.report import RINGS_ARCSEC
 from kochab.window.polar.bolts_painting import Spinner
+from kochab.window.polar.setup import zone_box
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import Page, column, draw_text, label, row, show_text, styled_frame, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
@@ -52,7 +52,13 @@ class AxisTarget(QWidget):
     def show_state(self, state: AlignmentState) -> None:
         """Draw a state."""
         self.state, error = state, state.error
-        told = tr("Not measured yet.") if error is None else f"{altitude_in_words(error)}; {azimuth_in_words(error)}"
+        told = tr("Not measured yet.")
+        if error is not None:
+            ways = {Knob.ALTITUDE: altitude_in_words, Knob.AZIMUTH: azimuth_in_words}
+            told = "; ".join(
+                words(error) if state.tells(knob) else f"{tr(KNOBS[knob][0])}: {knob_text(state, knob)}"
+                for knob, words in ways.items()
+            )
         self.setAccessibleDescription(told)
         self.update()
 
@@ -81,6 +87,7 @@ class AxisTarget(QWidget):
         painter.drawPolyline(QPolygonF([QPointF(x * scale, -y * scale) for x, y in self.state.trail]))
         if self.state.error is not None:
             self._ellipse(painter, scale, self.state.error, QPen(QColor(colours.accent), 2.0))
+        if self.state.error is not None and self.state.known_error is not None:
             self._cross(painter, _place(self.state.error, scale), colours)
         painter.end()
 
@@ -173,19 +180,24 @@ class Numbers(QWidget):
             grid.addWidget(way, 2 * line + 1, 0, 1, 2)
         grid.setColumnStretch(1, 1)
         age = row(self.spinner, (self.age, 1))
-        column(box, self.enough, age, self.reminder, self.more, self.findings, None, on=self, margins=(0, 0, 0, 0))
+        column(self.findings, box, self.enough, age, self.reminder, self.more, None, on=self, margins=(0, 0, 0, 0))
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
         error, old = state.error, state.old(now_s)
-        self.total.setText(NONE if error is None else total_in_words(error))
-        parts = "" if error is None else tr("Uncertainty: {parts}.", parts=split_in_words(error))
+        total = state.total_words
+        self.total.setText(total[0].upper() + total[1:] if total else NONE)
+        parts = (
+            ""
+            if error is None or state.known_error is None
+            else tr("Uncertainty: {parts}.", parts=split_in_words(error))
+        )
         show_text(self.split, parts)
-        usable = not any(finding.spoils for finding in state.findings)
-        show_text(self.enough, good_enough(error, self.imaging) if usable and error and self.imaging else "")
+        usable = state.bolt_error
+        show_text(self.enough, good_enough(usable, self.imaging) if usable and self.imaging else "")
         for knob, (value, way) in self.knobs.items():
-            value.setText(NONE if error is None else signed_text(error, knob))
-            mend = cure(state.bolt_error, knob) if state.bolt_error is not None else None
+            value.setText(knob_text(state, knob))
+            mend = cure(error, knob) if error is not None and state.tells(knob) and not state.spoilt else None
             way.setText("" if mend is None else f"{mend.sign} {mend.way}")
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
@@ -196,13 +208,24 @@ class Numbers(QWidget):
         show_text(self.findings, "\n".join(f"⚠ {finding.text}" for finding in state.findings))
 
 
+def knob_text(state: AlignmentState, knob: Knob) -> str:
+    """The error at a knob, or that a drift does not tell it yet."""
+    if state.error is None:
+        return NONE
+    if state.drift is not None and not state.tells(knob):
+        return state.drift.unknown(knob)
+    return signed_text(state.error, knob)
+
+
 def signed_text(error: PolarError, knob: Knob) -> str:
     """The error at a knob: positive is too high, or too far clockwise."""
     return f"{'+' if error.knob_arcsec(knob) >= 0 else '−'}{knob_in_words(error, knob)}"
 
 
 def more_text(state: AlignmentState) -> str:
-    """How much farther to rotate RA for the goal, while it is measured or when it was not reached."""
+    """How much farther to rotate RA, or how much longer to track, while it is measured or when it was not reached."""
+    if state.drift is not None:
+        return state.drift.better
     more = state.more_turn_deg
     if state.stage not in ("measure", "turn", "done") or not more:
         return ""
@@ -248,22 +271,25 @@ class AlignPage(Page):
         self.words = label("", "heading", wrap=True)
         self.words.setAccessibleDescription(tr("Instruction"))
         self.detail = label("", "muted", wrap=True)
+        self.zone = zone_box()
+        self.asks_zone = QWidget()
+        row(label(tr("Clock of the files")), self.zone, None, on=self.asks_zone, margins=(0, 0, 0, 0))
         self.numbers = Numbers()
         self.target = AxisTarget()
         box = styled_frame("card")
-        column(self.pole, self.words, self.detail, on=box)
+        column(self.pole, self.words, self.detail, self.asks_zone, on=box)
         self.parts = row((self.numbers, 2), (self.target, 3))
         column(box, on=self, margins=(4, 8, 4, 4)).addLayout(self.parts, 1)
 
-    def show_pole(self, request: AlignmentRequest) -> None:
-        """Name the pole that is aligned to."""
+    def show_pole(self, request: AlignmentRequest, guess: str) -> None:
+        """Name the pole that is aligned to, and say where the axis stood another night."""
         practice = request.source is FrameSource.PRACTICE
         frames, practised = POLES[request.pole]
         text = tr(practised if practice else frames)
         if request.site is not None and not practice:
             named = name_of(request.pole, request.site)
             text = tr("Aligning to: {pole}", pole=named[0].upper() + named[1:])
-        self.pole.setText(text)
+        self.pole.setText("\n".join(filter(None, (text, guess))))
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
@@ -271,6 +297,11 @@ class AlignPage(Page):
         show_text(self.detail, state.detail)
         self.numbers.show_state(state, now_s)
         self.target.show_state(state)
+
+    def ask_zone(self, on: bool, chosen: int) -> None:
+        """Ask for the clock of the files, where another would give another axis."""
+        self.asks_zone.setVisible(on)
+        self.zone.setCurrentIndex(chosen)
 
     def resizeEvent(self, event: object) -> None:
         wide = self.width() > BESIDE * self.fontMetrics().averageCharWidth()

@@ -95,7 +95,7 @@ class PhonePanel(Page):
     def show_state(self, state: AlignmentState) -> None:
         """Update the page."""
         if self.page is not None:
-            self.page.show(state.words, state.error, state.solved)
+            self.page.show(state.words, state.known_error, state.solved)
 
     def close_page(self) -> None:
         """Switch off at once, as when the window closes."""

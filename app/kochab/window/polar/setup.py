@@ -2,10 +2,11 @@
 
 import json
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFormLayout, QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QComboBox, QFormLayout, QListWidget, QListWidgetItem, QWidget
 
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_positive, parse_site, site_text
@@ -31,9 +32,11 @@ from kochab.window.widgets import (
     label,
     narrow_box,
     number_field,
+    show_text,
     switch,
     text_field,
 )
+from kochab.workflows.polar.sources import last_night
 from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
 
 SWEEP = Qt.ItemDataRole.UserRole
@@ -66,10 +69,20 @@ class FrameList(QListWidget):
 
 
 FRAMES = "*.fit *.fits *.fts *.xisf *.cr2 *.cr3 *.nef *.arw *.dng *.tif *.tiff *.png *.jpg"
+SOLVED_OR_GUIDED = "*.wcs *.json *.jsonl *GuideLog*.txt"
 ADVICE = tr_noop(
     "Take two or more frames with the RA axis rotated between them, in any part of the sky, tracking"
     " or not. The pole need not be visible."
 )
+FILES_ADVICE = tr_noop(
+    "Two or more frames with the RA axis rotated between them, in any part of the sky. Or what a tracking mount gave"
+    " while nobody turned it, 10 minutes or more: light frames, a recorded live session (solutions.jsonl), a PHD2 guide"
+    " log. Solved files (.wcs, JSON) do too. Drop them here."
+)
+GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
+GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
+ZONE_TIP = tr_noop("How far the clock of the files is ahead of UTC")
+HALF_ZONES_H = (-9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
 POLES = {
     Pole.REFRACTED: tr_noop("Refracted pole: best tracking at mid latitudes"),
     Pole.TRUE: tr_noop("True pole: without refraction"),
@@ -102,6 +115,11 @@ class AlignmentSetupPanel(Page):
         self.camera = CameraBox(n for n in SOURCES if n != "simulated")  # that one has its own mount
         self.exposure = number_field(tr("Exposure"), 0.05, 60.0, 2.0, 2, tr(" s"), tr(EXPOSURE_TIP))
         self.hand = narrow_box(tr("Who turns the RA axis"), 8, {tr(hand): hand for hand in AxisTurnedBy})
+        self.zone = zone_box()
+        self.guided = narrow_box(tr("Guided"), 8, {tr(text): guided for text, guided in GUIDED.items()})
+        self.guided.setToolTip(tr(GUIDED_TIP))
+        self.advice = label("", "muted", wrap=True)
+        self.last_night = label("", "", wrap=True)
         self.site = text_field(tr("Your site"), tr("{example} (empty: as the frames say)", example="48.14, 11.58"))
         self.pole = narrow_box(tr("Pole"), 8, {tr(title): pole for pole, title in POLES.items()})
         self.pole_name = label("", "muted", wrap=True)
@@ -144,6 +162,8 @@ class AlignmentSetupPanel(Page):
             (tr("Frames from"), self.source),
             ("", self.files),
             ("", self.file_row),
+            (tr("Clock"), self.zone),
+            (tr("Guided"), self.guided),
             (tr("Exposure"), self.exposure),
             (tr("RA a&xis"), self.hand),
             ("", self.mount),
@@ -159,7 +179,7 @@ class AlignmentSetupPanel(Page):
         self.form.insertRow(3, self.camera)
         self.form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
         self.form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
-        column(label(tr(ADVICE), "muted", wrap=True), self.form, None, on=self, margins=(12, 12, 12, 12))
+        column(self.advice, self.last_night, self.form, None, on=self, margins=(12, 12, 12, 12))
 
     @property
     def chosen_source(self) -> FrameSource:
@@ -189,7 +209,24 @@ class AlignmentSetupPanel(Page):
             fov_deg=parse_positive(fov, tr("The field of view"), 170.0) if fov else None,
             second_sweep=self.second.isChecked(),
             hint=current_profile(self._services.settings).hint_of(*camera.camera),
+            utc_offset_h=self.zone.currentData(),
+            guided=self.guided.currentData(),
+            profile=self._profile_name,
         )
+
+    @property
+    def guess(self) -> str:
+        """Where the axis of a tripod on the same marks stands, after another night; empty without one."""
+        site = self.site.text().strip()
+        if self.chosen_source is not FrameSource.PRACTICE and site:
+            with suppress(UsageError):
+                night = last_night(parse_site(site), self._profile_name, datetime.now(UTC))
+                return "" if night is None else night.guess
+        return ""
+
+    @property
+    def _profile_name(self) -> str:
+        return current_profile(self._services.settings).name
 
     def frames_to_take(self) -> Imaging | None:
         """What the alignment is for; UsageError says what is wrong."""
@@ -204,11 +241,13 @@ class AlignmentSetupPanel(Page):
         site = self._services.settings.site
         if not self.site.text().strip() and site is not None:
             self.site.setText(site_text(site))
+        self._name_pole()
 
     def _enable(self, _: int = 0) -> None:
         source = self.chosen_source
         files, camera = source is FrameSource.FILES, source is FrameSource.CAMERA
-        for widget in (self.files, self.file_row):
+        self.advice.setText(tr(FILES_ADVICE if files else ADVICE))
+        for widget in (self.files, self.file_row, self.zone, self.guided):
             self.form.setRowVisible(widget, files)
         for widget in (self.camera, self.mount):
             self.form.setRowVisible(widget, camera)
@@ -224,11 +263,17 @@ class AlignmentSetupPanel(Page):
             with suppress(UsageError):
                 text = tr("Target: {pole}", pole=name_of(self.chosen_pole, parse_site(site))) if site else tr(NO_SITE)
         self.pole_name.setText(text)
+        show_text(self.last_night, self.guess)
         self.form.setRowVisible(self.pole_name, bool(text))
+
+    def take_files(self, paths: list[Path]) -> None:
+        """Measure from these files, with those that are there already."""
+        self.source.setCurrentIndex(self.source.findData(FrameSource.FILES))
+        self.files.add(paths)
 
     def _ask_files(self, sweep: int) -> None:
         start = self._services.settings.text("folder", str(Path.home()))
-        kinds = tr("Frames ({endings});;All files (*)", endings=FRAMES)
+        kinds = tr("Frames ({endings});;All files (*)", endings=f"{FRAMES} {SOLVED_OR_GUIDED}")
         paths = ask_frames(self.window(), start, tr("Frames to measure"), kinds)
         self.files.add(paths, sweep)
 
@@ -250,6 +295,21 @@ class AlignmentSetupPanel(Page):
         fill_fields(self._kept, saved)
         if isinstance(saved.get("kind"), str) and isinstance(saved.get("address"), str):
             self.camera.show_selection(CameraSelection(saved["kind"], saved["address"]))
+
+
+def zone_box() -> QComboBox:
+    """To say how far the clock of files is ahead of UTC: hours, or None as they say it themselves."""
+    hours = sorted((*range(-12, 15), *HALF_ZONES_H))
+    zones = {tr("UTC{hours}", hours=hours_text(h)) if h else tr("UTC"): float(h) for h in hours}
+    made = narrow_box(tr("Clock of the files"), 14, {tr("as the files say"): None, **zones})
+    made.setToolTip(tr(ZONE_TIP))
+    return made
+
+
+def hours_text(hours: float) -> str:
+    """``+5:30`` for 5.5."""
+    whole, minutes = divmod(round(abs(hours) * 60.0), 60)
+    return f"{'+' if hours > 0 else '−'}{whole}{f':{minutes:02d}' if minutes else ''}"
 
 
 def mount_text(selection: MountSelection | None, known: MountSnapshot) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from PySide6.QtCore import QTimer
-from PySide6.QtGui import QKeySequence, QShortcut, QShowEvent
+from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QApplication
 
 from kochab.core import tr, tr_noop
@@ -22,8 +22,10 @@ from kochab.window.polar.history import HistoryPage
 from kochab.window.polar.phone import PhonePanel
 from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
 from kochab.window.polar.sound_cues import Cues, SoundCues
+from kochab.window.shell.dialogs import dropped_files
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
+from kochab.workflows.polar.sources import SolvedFile
 from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import AlignmentState, absorb
@@ -50,6 +52,9 @@ class PolarView(Page):
         self.adjuster: PracticeAdjuster | None = None
         self.job: Job | MountTask | None = None
         self._run: AlignmentRun | None = None
+        self._request: AlignmentRequest | None = None
+        self._solved: dict[tuple[object, ...], list[SolvedFile]] = {}
+        self.setAcceptDrops(True)
         self.setup = AlignmentSetupPanel(services)
         self.page = AlignPage()
         self.history = HistoryPage(services)
@@ -102,6 +107,7 @@ class PolarView(Page):
         self.bolts.remeasure.connect(self.again.click)
         self.bolts.sounds.connect(self.sound.click)
         self.phone.switched.connect(self._show_served)
+        self.page.zone.activated.connect(self._use_zone)
         services.jobs.closing.connect(self._close)
         services.mount.changed.connect(self.setup.refresh)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
@@ -126,8 +132,14 @@ class PolarView(Page):
             return
         self.state = AlignmentState("opening", tr("Opening…"))
         self.controls, self.adjuster = run.controls, None
-        self.page.show_pole(request)
+        self.page.show_pole(request, self.setup.guess)
+        self._request = request
         self._follow(job)
+
+    def _use_zone(self, index: int) -> None:
+        """Measure the files again with the clock that a person says."""
+        self.setup.zone.setCurrentIndex(index)
+        self.begin()
 
     def press(self, pressed: PolarButton) -> None:
         """Pass a button on to the alignment under way; the axis is measured again while adjusting alone."""
@@ -179,7 +191,7 @@ class PolarView(Page):
         """A new run for each alignment, so that the steps of an older one are not shown."""
         if self._run is not None:
             self._run.deleteLater()
-        self._run = run = AlignmentRun(self._services, request, self)
+        self._run = run = AlignmentRun(self._services, request, self._solved, self)
         run.step.connect(self._step)
         run.kept.connect(self.history.keep)
         run.practising.connect(self._use_practice)
@@ -216,8 +228,9 @@ class PolarView(Page):
         self.turn_for_me.setVisible(True)
 
     def _succeeded(self, history: History) -> None:
-        self.history.keep(history)
-        self.say(tr("Done. The report is in the Tonight tab."), "good")
+        if history.entries:
+            self.history.keep(history)
+            self.say(tr("Done. The report is in the Tonight tab."), "good")
 
     def _ended(self, sentence: str, role: str) -> None:
         self.state = replace(
@@ -252,6 +265,8 @@ class PolarView(Page):
     def _show(self) -> None:
         state, now_s = self.state, time.monotonic()
         self.page.show_state(state, now_s)
+        files = self._request is not None and self._request.source is FrameSource.FILES
+        self.page.ask_zone(files and not state.running and state.clock_doubted, self.setup.zone.currentIndex())
         self.phone.show_state(state)
         if self.bolts.isVisible():
             self.bolts.show_state(state, now_s)
@@ -271,6 +286,16 @@ class PolarView(Page):
         """Whether the phone page is on, in sight from every tab."""
         show_text(self.served, tr("Phone page is ON: {text}", text=self.phone.url.text()) if on else "")
         self.tabs.setTabText(PHONE, tr("Phone: ON") if on else tr("Phone"))
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        if self.job is None and dropped_files(event):
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        if self.job is None and (paths := dropped_files(event)):
+            event.acceptProposedAction()
+            self.setup.take_files(paths)
+            self.tabs.setCurrentIndex(0)
 
     def showEvent(self, event: QShowEvent) -> None:
         self.setup.refresh()

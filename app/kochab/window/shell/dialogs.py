@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from PySide6.QtCore import QPoint, Qt
-from PySide6.QtGui import QColor, QGuiApplication, QIcon, QPainter, QPalette
+from PySide6.QtGui import QColor, QDropEvent, QGuiApplication, QIcon, QPainter, QPalette
 from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QMessageBox, QWidget
 
 from kochab.core import tr
@@ -53,6 +53,12 @@ def save_task(write: Callable[[], object], path: Path) -> Task[Path]:
         why = error.strerror or error
         raise KochabError("Can't write {name}: {why}.", name=path.name, why=why) from error
     return path
+
+
+def dropped_files(event: QDropEvent) -> list[Path]:
+    """The files that are dragged or dropped; none of anything else."""
+    urls = event.mimeData().urls() if event.mimeData().hasUrls() else []
+    return [Path(u.toLocalFile()) for u in urls if u.isLocalFile()]
 
 
 def ask_frames(parent: QWidget, folder: str, title: str, kinds: str) -> list[Path]:

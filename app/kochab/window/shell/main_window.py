@@ -1,7 +1,5 @@
 """The window: it lays out its panes, takes files that are dropped, and closes cleanly."""
 
-from pathlib import Path
-
 from PySide6.QtCore import QChildEvent, QEvent, QObject, QPoint, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QBoxLayout, QMainWindow, QStackedWidget, QToolButton, QWidget
@@ -14,6 +12,7 @@ from kochab.window.panels.hints_panel import HintsPanel
 from kochab.window.panels.log_panel import LogPanel
 from kochab.window.panels.solution_panel import SolutionPanel
 from kochab.window.panels.star_table import StarTable
+from kochab.window.shell.dialogs import dropped_files
 from kochab.window.shell.menus import Menus, Rail, button_of, make_actions
 from kochab.window.shell.status import Status, TopBar
 from kochab.window.shell.welcome import Sample, Welcome
@@ -140,11 +139,11 @@ class MainWindow(QMainWindow):
         super().childEvent(event)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
-        if _files(event):
+        if dropped_files(event):
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
-        if paths := _files(event):
+        if paths := dropped_files(event):
             event.acceptProposedAction()
             self.files_dropped.emit(paths)
 
@@ -164,8 +163,3 @@ class _Pages(QStackedWidget):
     def minimumSizeHint(self) -> QSize:
         page = self.currentWidget()
         return super().minimumSizeHint() if page is None else page.minimumSizeHint()
-
-
-def _files(event: QDragEnterEvent | QDropEvent) -> list[Path]:
-    urls = event.mimeData().urls() if event.mimeData().hasUrls() else []
-    return [Path(u.toLocalFile()) for u in urls if u.isLocalFile()]

@@ -1,9 +1,9 @@
-"""What was solved or guided before: WCS headers (``.wcs``), JSON of ``kochab solve`` and ``live``, PHD2 guide logs."""
+"""The axis of files: frames, WCS headers (``.wcs``), JSON of ``kochab solve`` and ``live``, PHD2 guide logs."""
 
 import json
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -15,16 +15,27 @@ from kochab.attitude.fit import refine
 from kochab.core import tr, tr_noop
 from kochab.core.attitude import Attitude, unit_vectors
 from kochab.core.camera import Camera
-from kochab.core.errors import FrameError, KochabError
-from kochab.core.frame import Hint
+from kochab.core.errors import FrameError, KochabError, UsageError
+from kochab.core.frame import Hint, Site
+from kochab.core.progress import Task
 from kochab.core.solution import Matches, NamedStar, NoSolution, Solution
-from kochab.frames.hints import aware_utc
-from kochab.polar.drift import Stretch
-from kochab.polar.horizon import observed_at, pole_direction
-from kochab.polar.measure import MeasureSettings
+from kochab.frames.hints import NO_ZONE, aware_utc
+from kochab.polar.drift import Drift, Stretch, measure_drift, stretches_of, tracked
+from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, observed_at, pole_direction
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.rotations import ARCSEC, best_rotation
 from kochab.polar.sighting import LocalAttitude
-from kochab.workflows.polar.sources import SolvedFile
+from kochab.solver import SolveOptions
+from kochab.workflows.polar.sources import (
+    PolarNight,
+    SolvedFile,
+    doubts_of,
+    last_night,
+    remember_night,
+    sightings_of,
+    site_of,
+    solve_polar_file,
+)
 
 SIGMA_PX = 0.2  # what a WCS is believed across the frame; its roll to this over a quarter of the width
 ASSUMED = tr_noop("Solved by another program: an error of {sigma} px is assumed.")
@@ -55,9 +66,8 @@ def solved_before(path: str | Path) -> list[SolvedFile]:
         streamed = path.suffix.lower() == ".jsonl"  # of a recorded live session, where some frame is always cloudy
         return [_of_json(path, row) for row in _rows(path, data) if row["solved"] or not streamed]
     solution, hint = of_header(path, data)
-    if hint.time_utc is None:
-        hint = _beside(path)
-    return [SolvedFile(str(path), solution, hint.time_utc, hint.site, (tr(ASSUMED, sigma=SIGMA_PX),))]
+    hint, zone = _beside(path) if hint.time_utc is None else (hint, ())
+    return [SolvedFile(str(path), solution, hint.time_utc, hint.site, (tr(ASSUMED, sigma=SIGMA_PX), *zone))]
 
 
 def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
@@ -154,25 +164,27 @@ def _of_json(path: Path, row: Mapping[str, Any]) -> SolvedFile:
         raise FrameError("{path} is not what kochab solve --json prints ({why}).", path=path, why=error) from None
     solution = Solution(camera, attitude, stars, plain.rms_px, plain.log10_false_alarm, plain.method)
     picture = next((p for p in (Path(name), path.parent / name, path.parent / Path(name).name) if p.is_file()), None)
-    hint = _hint_of(picture) if picture and time is None else Hint(time_utc=time)
-    return SolvedFile(name, solution, hint.time_utc, hint.site)
+    hint, zone = _hint_of(picture) if picture and time is None else (Hint(time_utc=time), ())
+    return SolvedFile(name, solution, hint.time_utc, hint.site, zone)
 
 
-def _beside(path: Path) -> Hint:
+def _beside(path: Path) -> tuple[Hint, tuple[str, ...]]:
     """Of the picture with the same name as a ``.wcs``."""
     from kochab.frames import SUFFIXES
 
     pictures = (p for p in sorted(path.parent.glob(f"{path.stem}.*")) if p.suffix.lower() in SUFFIXES)
-    return next((hint for p in pictures if (hint := _hint_of(p)).time_utc is not None), Hint())
+    return next((told for p in pictures if (told := _hint_of(p))[0].time_utc is not None), (Hint(), ()))
 
 
-def _hint_of(picture: Path) -> Hint:
+def _hint_of(picture: Path) -> tuple[Hint, tuple[str, ...]]:
+    """When and where a picture was taken, and a warning where it does not say its time zone."""
     from kochab.frames import read_frame
 
     try:
-        return read_frame(picture).hint
+        frame = read_frame(picture)
     except KochabError:
-        return Hint()
+        return Hint(), ()
+    return frame.hint, tuple(warning for warning in frame.warnings if warning == NO_ZONE)
 
 
 # -- A PHD2 guide log: github.com/OpenPHDGuiding/phd2/wiki/PHD2GuideLog, its mount.cpp for what the signs mean ------
@@ -326,3 +338,76 @@ def _upright(boresight: Any, pole: Any) -> Any:
     """Camera axes (3, 3) in E, N, U about a direction, the pole up as an equatorial mount holds them."""
     across = np.cross(boresight, pole) / np.linalg.norm(np.cross(boresight, pole))
     return np.stack([across, np.cross(boresight, across), boresight], axis=1)
+
+
+# -- The axis of such files: by their turn, or by drift where nobody turned them -------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FilesTold:
+    """What a person says of files; None where the files say it, and ``guided`` where their drift shows it."""
+
+    site: Site | None = None
+    pole: Pole = Pole.REFRACTED
+    refraction: Refraction = STANDARD_REFRACTION
+    utc_offset_h: float | None = None
+    guided: bool | None = None
+    profile: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilesAxis:
+    """The axis, or why there is none; what reading the files warned of; what was measured there another night."""
+
+    result: Measurement | Drift | NoAxis
+    warnings: tuple[tuple[str, str], ...]
+    last: PolarNight | None = None
+
+
+def guide_logs_of(paths: Sequence[str]) -> list[str]:
+    """Those that are guide logs; raises UsageError where all files together can't show an axis."""
+    logs = [path for path in paths if is_guide_log(path)]
+    frames = [path.lower() for path in paths if path not in logs]
+    if len(frames) < 2 and not logs and not "".join(frames).endswith((".json", ".jsonl")):
+        raise UsageError("Polar alignment needs two frames or more.")
+    return logs
+
+
+def solutions_of(path: str, options: SolveOptions) -> Task[list[SolvedFile]]:
+    """What a file holds: solutions made before, or one frame, solved now or as its header says.
+
+    Raises FrameError when it can't be read.
+    """
+    if Path(path).suffix.lower() in SOLVED:
+        return solved_before(path)
+    return [or_as_its_header_says((yield from solve_polar_file(path, options)))]
+
+
+def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[str], told: FilesTold) -> FilesAxis:
+    """The axis of files that are all solved, each of a sweep (0 or 1), and of guide logs.
+
+    Raises UsageError when frames have no time or site, FrameError when a log holds nothing that can be used.
+    """
+    ahead = timedelta(hours=told.utc_offset_h or 0.0)
+    files = [replace(f, time_utc=f.time_utc and f.time_utc - ahead) for f in files]
+    site, sightings = site_of(files, told.site), sightings_of(files, sweeps)
+    settings = MeasureSettings(site, told.pole, told.refraction)
+    result: Measurement | Drift | NoAxis
+    if logs or told.guided is not None or (tracked(sightings) and len(set(sweeps)) < 2):
+        stretches = stretches_of(sightings, settings, told.guided)
+        result = measure_drift([*stretches, *(s for log in logs for s in guide_log(log, settings))], settings)
+    else:
+        result = measure(sightings, settings)
+    known = told.utc_offset_h is not None
+    warnings = tuple((Path(f.path).name, w) for f in files for w in f.warnings if not (known and w == NO_ZONE))
+    if isinstance(result, NoAxis):
+        return FilesAxis(result, warnings)
+    doubts = doubts_of(files, result.error, site, told.site is not None, known)
+    result = replace(result, findings=(*result.findings, *doubts))
+    return FilesAxis(result, warnings, last_night(site, told.profile, result.time_utc))
+
+
+def remember_axis(result: Measurement | Drift, profile: str) -> None:
+    """Keep an axis for another night, unless it is spoilt or half known; raises OSError when that can't be."""
+    if not result.spoilt and (isinstance(result, Measurement) or result.known):
+        remember_night(result.settings.site, profile, result.time_utc, result.error)

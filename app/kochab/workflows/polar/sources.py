@@ -96,7 +96,7 @@ def doubts_of(
     west = replace(site, longitude_deg=-site.longitude_deg)
     if unsigned and astray_arcsec(error, site, 2.0 * site.longitude_deg) and _up_at(files, west):
         text = tr(
-            "The longitude in the header, {longitude}, has no sign. Say whether it is east or west: --site.",
+            "The longitude in the header, {longitude}, has no sign. Say whether it is east or west: give the site.",
             longitude=unsigned,
         )
         doubts.append(PolarFinding(PolarFindingKind.LONGITUDE_SIGN, text, spoils=True))
@@ -110,7 +110,7 @@ def doubts_of(
             if unknown
             else tr("The frames' clock is taken as UTC ({time}).", time=f"{max(times):%H:%M}")
         )
-        costs = tr("An hour wrong would move the axis by {angle}: give --utc-offset, 0 for UTC.")
+        costs = tr("An hour wrong would move the axis by {angle}: give the clock's UTC offset, 0 for UTC.")
         text = f"{says} {costs.format(angle=angle_in_words(astray))}"
         doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
     return doubts
@@ -252,6 +252,12 @@ class PolarNight:
         text = tr("{angle} too far clockwise") if clockwise else tr("{angle} too far anticlockwise")
         side = tr("{angle}, seen from above", angle=text.format(angle=angle_in_words(self.azimuth_arcsec)))
         return f"{self.time_utc[:10]}: {up}, {side}"
+
+    @property
+    def guess(self) -> str:
+        """Where the axis stands tonight, more or less."""
+        text = tr("Last measured here, {night}. Tonight about the same, if the tripod stands on the same marks.")
+        return text.format(night=self)
 
 
 def last_night(site: Site, profile: str = "", before: datetime | None = None) -> PolarNight | None:

@@ -6,6 +6,7 @@ from enum import StrEnum
 from kochab.core import tr_noop
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
+from kochab.polar.drift import Drift
 from kochab.polar.live import LiveError, SteadyError
 from kochab.polar.measure import Measurement, PolarFinding
 from kochab.polar.tutor import Instruction
@@ -17,7 +18,8 @@ class PolarUpdate(Progress):
 
     ``stage`` is "measure", "turn", "adjust" or "done"; ``detail`` is a sentence for the person.
     ``more_turn_deg`` is how much further to turn for the goal: 0 enough, None not known.
-    ``solved`` tells whether the newest frame had a solution; ``moves`` counts the bolts' movements.
+    ``solved`` tells whether the newest frame had a solution; ``moves`` counts the bolts' movements. ``drift`` is an
+    axis by drift, in place of a measurement; ``notes`` are what else is known in the end.
     """
 
     measurement: Measurement | None = None
@@ -28,6 +30,8 @@ class PolarUpdate(Progress):
     more_turn_deg: float | None = None
     solved: bool = True
     moves: int = 0
+    drift: Drift | None = None
+    notes: str = ""
 
 
 @dataclass(frozen=True, slots=True)

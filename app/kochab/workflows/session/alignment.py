@@ -1,21 +1,23 @@
 """A polar alignment as one task: what was chosen, who turns the axis, from a camera or from files."""
 
+import logging
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from kochab.core import tr, tr_noop
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, RefusedError, UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.mount import Ability
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution
+from kochab.frames.hints import NO_ZONE
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import (
     EXPOSURE_S,
@@ -26,15 +28,17 @@ from kochab.gear.session import (
     Practice,
     StartPractice,
 )
+from kochab.polar.drift import Drift
 from kochab.polar.error import total_in_words
 from kochab.polar.horizon import Pole
-from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
+from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import more_turn_deg
 from kochab.polar.report import History
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, align
 from kochab.workflows.polar.measure import RATE_DEG_S, HandTurner, MountTurner, Sweep, Turner, optics_of
-from kochab.workflows.polar.sources import CameraSightings, SolvedFile, sightings_of, site_of, solve_polar_file
+from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile
 from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
 
@@ -63,7 +67,8 @@ class AlignmentRequest:
     ``check`` are files of a second sweep, at another declination: it shows flexure. ``site`` None takes it from the
     frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when ``hand`` is the mount and the frames come
     from a camera. With ``second_sweep`` nothing is called good before a sweep at another declination. ``hint`` is what
-    is known of the camera's frames.
+    is known of the camera's frames. ``utc_offset_h`` is how far the files' clock is ahead of UTC, ``guided`` whether a
+    guider held them; None: as they show. ``profile`` is the equipment's, "" for none.
     """
 
     source: FrameSource
@@ -80,6 +85,9 @@ class AlignmentRequest:
     fov_deg: float | None = None
     second_sweep: bool = False
     hint: Hint | None = None
+    utc_offset_h: float | None = None
+    guided: bool | None = None
+    profile: str = ""
 
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
@@ -94,7 +102,7 @@ class AlignmentTools:
 
     ``practice`` starts a practice night; ``practising`` hears of the one that is used. ``there``
     gives the one that is under way already, if any: it goes on when the alignment is over.
-    ``open_camera`` opens a camera that other views may use too.
+    ``open_camera`` opens a camera that other views may use too. ``solved`` keeps what files gave, for another try.
     """
 
     controls: PolarControls
@@ -104,6 +112,7 @@ class AlignmentTools:
     practice: StartPractice | None = None
     there: Callable[[], Practice | None] = lambda: None
     open_camera: OpenCamera | None = None
+    solved: "dict[tuple[object, ...], list[SolvedFile]]" = field(default_factory=dict)
 
 
 def _with_each_step(task: Task[T], change: Callable[[Progress], Progress]) -> Task[T]:
@@ -168,6 +177,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         done = yield from align(
             source, turner, MeasureSettings(site, wish.pole), options_of(wish), tools.controls, keep=tools.keep
         )
+        _remember(done.last, wish)
         return done.history
 
 
@@ -220,52 +230,101 @@ def _site_of_frames(camera: CameraSource) -> Task[Site]:
 
 # -- One measurement from frames on disk -------------------------------------------------------
 
+NOT_TURNED = {
+    PolarFindingKind.FIXED_TRIPOD: tr_noop("Fixed tripod: there is no axis to align."),
+    PolarFindingKind.TOO_FEW: tr_noop("No axis yet: more frames are needed."),
+}
+
 
 def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
-    """Solve every file, then measure. Raises KochabError with one sentence on what to do."""
-    if len(wish.files) < 2:
-        raise UsageError("Polar alignment needs two frames or more: add another.")
-    solved = yield from _solved(wish)
-    sweeps = [0] * len(wish.files) + [1] * len(wish.check)
+    """Solve every file, then measure, by drift where nobody turned the axis.
+
+    Raises KochabError with one sentence on what to do.
+    """
+    paths = [str(path) for path in wish.files]
+    logs = guide_logs_of(paths)
+    frames = [(path, 0) for path in paths if path not in logs] + [(str(path), 1) for path in wish.check]
+    solved = yield from _solved(frames, wish, tools)
+    files, sweeps = [file for file, _ in solved], [sweep for _, sweep in solved]
+    told = FilesTold(wish.site, wish.pole, utc_offset_h=wish.utc_offset_h, guided=wish.guided, profile=wish.profile)
     try:
-        site = site_of(solved, wish.site)
+        axis = axis_of(files, sweeps, logs, told)
     except UsageError as error:
         raise UsageError(str(error).replace("give --site", "fill in “Your site”")) from None
-    result = measure(sightings_of(solved, sweeps), MeasureSettings(site, wish.pole))
+    history, result = History(), axis.result
     if isinstance(result, NoAxis):
-        raise KochabError(result.sentence)
-    history = History()
-    history.measured(result)
-    tools.keep(history)
-    yield _told(result, wish, len(solved))
+        finding = PolarFinding(result.kind, result.sentence, spoils=True)
+        yield PolarUpdate("done", 1.0, tr(NOT_TURNED.get(result.kind, NO_AXIS)), findings=(finding,))
+        return history
+    if isinstance(result, Measurement) or result.known:
+        history.measured(result)
+        tools.keep(history)
+    _remember(result, wish)
+    notes = dict.fromkeys(warning for _, warning in axis.warnings if warning != NO_ZONE)  # of that there is a finding
+    if axis.last is not None and wish.site is None:  # the set-up did not know the site
+        notes[tr("Last measured here, {night}.", night=axis.last)] = None
+    yield _told(result, wish, "\n".join(notes))
     return history
 
 
-def _solved(wish: AlignmentRequest) -> Task[list[SolvedFile]]:
-    options = SolveOptions(fov_deg=wish.fov_deg)
-    files, solved = (*wish.files, *wish.check), []
-    for number, path in enumerate(files):
-        told_of = f"{path.name}, {number + 1} of {len(files)}"
-        yield PolarUpdate("measure", number / len(files), told_of)
-        # Its steps are cancel points only: what they say is of one frame, not of the alignment.
-        one = yield from _with_each_step(solve_polar_file(path, options), lambda _: Progress("solve"))
-        if isinstance(one.result, NoSolution):
-            raise KochabError(
-                "{name} has no solution, {reason}: {advice}",
-                name=path.name,
-                reason=tr(one.result.reason),
-                advice=one.result.advice,
-            )
-        solved.append(one)
+NO_AXIS = tr_noop("No axis measured.")
+
+
+def _remember(result: Measurement | Drift, wish: AlignmentRequest) -> None:
+    """For another night, but not of a simulated telescope."""
+    if wish.source is not FrameSource.PRACTICE:
+        try:
+            remember_axis(result, wish.profile)
+        except OSError as error:
+            logging.getLogger(__name__).warning("The polar error can't be kept for another night: %s", error)
+
+
+def _solved(
+    frames: list[tuple[str, int]], wish: AlignmentRequest, tools: AlignmentTools
+) -> Task[list[tuple[SolvedFile, int]]]:
+    """What every file gives, with its sweep; each is solved once, however often it is measured."""
+    options, solved = SolveOptions(fov_deg=wish.fov_deg), []
+    for number, (path, sweep) in enumerate(frames):
+        name = Path(path).name
+        yield PolarUpdate("measure", number / len(frames), f"{name}, {number + 1} of {len(frames)}")
+        key = (path, _changed(path), wish.fov_deg)
+        if key not in tools.solved:
+            # Its steps are cancel points only: what they say is of one frame, not of the alignment.
+            found = yield from _with_each_step(solutions_of(path, options), lambda _: Progress("solve"))
+            for one in found:
+                if isinstance(one.result, NoSolution):
+                    raise KochabError(
+                        "{name} has no solution, {reason}: {advice}",
+                        name=Path(one.path).name,
+                        reason=tr(one.result.reason),
+                        advice=one.result.advice,
+                    )
+            tools.solved[key] = found
+        solved += [(one, sweep) for one in tools.solved[key]]
     return solved
 
 
-def _told(result: Measurement, wish: AlignmentRequest, frames: int) -> PolarUpdate:
+def _changed(path: str) -> int:
+    try:
+        return Path(path).stat().st_mtime_ns
+    except OSError:  # whoever reads it says so
+        return 0
+
+
+def _told(result: Measurement | Drift, wish: AlignmentRequest, notes: str) -> PolarUpdate:
+    findings = tuple(sorted(result.findings, key=lambda finding: not finding.spoils))
+    spoilt = tr("Spoilt, don't turn a bolt. {findings}", findings=findings[0].text) if result.spoilt else ""
+    if isinstance(result, Drift):
+        words = tr_n(
+            "Polar alignment error: {angle}, from {n} minute of drift.",
+            "Polar alignment error: {angle}, from {n} minutes of drift.",
+            round(result.minutes),
+            angle=result.words,
+        )
+        return PolarUpdate("done", 1.0, spoilt or words, findings=findings, drift=result, notes=notes)
     more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
     words = tr("Polar alignment error: {angle}.", angle=total_in_words(result.error))
-    if result.spoilt:
-        words = tr("Spoilt, don't turn a bolt. {findings}", findings=next(f.text for f in result.findings if f.spoils))
-    return PolarUpdate("done", 1.0, words, result, findings=result.findings, more_turn_deg=more)
+    return PolarUpdate("done", 1.0, spoilt or words, result, findings=findings, more_turn_deg=more, notes=notes)
 
 
 def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:

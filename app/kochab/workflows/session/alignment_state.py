@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 from kochab.core import tr, tr_noop
 from kochab.core.progress import Progress
-from kochab.polar.error import Knob, PolarError
-from kochab.polar.measure import PolarFinding
+from kochab.polar.drift import Drift
+from kochab.polar.error import Knob, PolarError, total_in_words
+from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.tutor import Instruction, TutorStep
 from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
 
@@ -23,7 +24,8 @@ class AlignmentState:
 
     ``turn_instruction`` is the turn that a person is asked for, ``error_at_s`` when the newest error came,
     on the clock of whoever absorbs; ``trail`` are the
-    axes seen while adjusting, ``measured`` the errors of the measurements.
+    axes seen while adjusting, ``measured`` the errors of the measurements. ``drift`` is what ``error`` is of, where
+    nobody turned the axis.
     """
 
     stage: str = "idle"
@@ -40,6 +42,7 @@ class AlignmentState:
     error_at_s: float = 0.0
     trail: tuple[Point, ...] = ()
     measured: tuple[PolarError, ...] = ()
+    drift: Drift | None = None
 
     @property
     def running(self) -> bool:
@@ -49,7 +52,33 @@ class AlignmentState:
     @property
     def bolt_error(self) -> PolarError | None:
         """The error that bolts may be turned by: none of a spoilt measurement."""
-        return None if any(finding.spoils for finding in self.findings) else self.error
+        return None if self.spoilt else self.known_error
+
+    @property
+    def spoilt(self) -> bool:
+        """Whether no bolt is to be turned."""
+        return any(finding.spoils for finding in self.findings)
+
+    @property
+    def clock_doubted(self) -> bool:
+        """Whether another clock of the frames would give another axis."""
+        return any(finding.kind is PolarFindingKind.CLOCK for finding in self.findings)
+
+    @property
+    def known_error(self) -> PolarError | None:
+        """The error where both bolts are known: a drift may leave one open."""
+        return self.error if self.drift is None or self.drift.known else None
+
+    def tells(self, knob: Knob) -> bool:
+        """Whether the error at a bolt is known."""
+        return self.error is not None and (self.drift is None or self.drift.tells(knob))
+
+    @property
+    def total_words(self) -> str:
+        """How far the axis is from the pole, with one sigma, or at least; empty before it is known."""
+        if self.error is None:
+            return ""
+        return total_in_words(self.error) if self.drift is None else self.drift.words
 
     @property
     def hand_needed(self) -> bool:
@@ -105,7 +134,7 @@ def absorb(state: AlignmentState, step: Progress, now_s: float) -> AlignmentStat
     elif step.stage == "adjust":
         state = _adjusting(state, step)
     else:
-        state = replace(state, words=step.detail, detail="", turn_instruction=None, instruction=None)
+        state = replace(state, words=step.detail, detail=step.notes, turn_instruction=None, instruction=None)
     return _with_error(state, step, now_s)
 
 
@@ -149,9 +178,10 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
             trail = (*state.trail[-PAST:], (seen.azimuth_on_sky_arcsec, seen.altitude_arcsec))
             return replace(state, trail=trail, error_at_s=now_s, findings=step.findings)
         return state
-    if step.measurement is None:
+    shown = step.drift or step.measurement
+    if shown is None:
         return state
-    error = step.measurement.error
+    state, error = replace(state, drift=step.drift), shown.error
     if step.stage == "adjust" or step.stage == "done":
         fresh = not state.measured or state.measured[-1] is not error
         measured = (*state.measured, error) if fresh else state.measured

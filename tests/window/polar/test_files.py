@@ -1,0 +1,225 @@
+"""The axis of what the files hold: solved frames, a live session, a guide log; by turn, by drift, or of no mount."""
+
+import json
+import logging
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from PIL import Image
+from PySide6.QtCore import QMimeData, QPointF, Qt, QUrl
+from PySide6.QtGui import QDropEvent
+
+from kochab.cli.main import main
+from kochab.core.frame import Site
+from kochab.frames.wcs import write_wcs
+from kochab.polar.error import Knob, PolarError
+from kochab.polar.horizon import Pole, pole_direction
+from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
+from kochab.polar.sighting import Sighting
+from kochab.workflows.polar.sources import last_night, remember_night
+from kochab.workflows.session.alignment import AlignmentRequest, FrameSource, _remember
+from tests.cli.test_polar import stream
+from tests.polar.test_drift import falling, log_text
+from tests.window.polar.test_view import choose_files, drive
+from tests.workflows.test_polar_solutions import BEGUN, SITE, picture, solution
+
+HERE = "47, 8, 450"
+
+
+@pytest.fixture(autouse=True)
+def nights(tmp_path, monkeypatch):
+    """What is remembered of other nights: nothing yet."""
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+    return tmp_path / "config" / "polar-nights.json"
+
+
+def solved_frames(folder, turns=(0.0, 25.0, 50.0), image=picture, minutes=1.0):
+    paths = []
+    for k, turn in enumerate(turns):
+        write_wcs(solution(turn), folder / f"{k}.wcs")
+        image(folder / f"{k}.fits", BEGUN + timedelta(minutes=minutes * k))
+        paths.append(folder / f"{k}.wcs")
+    return paths
+
+
+def snapshot(path, moment):
+    """As a camera without a time zone dates it."""
+    exif = Image.Exif()
+    exif[271], exif[36867] = "Canon", moment.strftime("%Y:%m:%d %H:%M:%S")
+    Image.new("L", (8, 8)).save(path.with_suffix(".jpg"), exif=exif)
+
+
+def measured(view, paths, site=HERE):
+    choose_files(view, paths)
+    view.setup.site.setText(site)
+    view.begin()
+    drive(view)
+    return view.state
+
+
+def drop(view, paths):
+    mime = QMimeData()
+    mime.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    keys = Qt.KeyboardModifier.NoModifier
+    event = QDropEvent(QPointF(5, 5), Qt.DropAction.CopyAction, mime, Qt.MouseButton.LeftButton, keys)
+    view.dropEvent(event)
+
+
+def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp_path):
+    _, view = polar()
+    log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
+    log.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0))
+    drop(view, [log])
+    assert view.setup.chosen_source is FrameSource.FILES
+    assert view.setup.files.paths(0) == (log,)
+    view.setup.site.setText(HERE)
+    view.begin()
+    drive(view)
+    numbers = view.page.numbers
+    assert view.state.stage == "done", view.message.text()
+    assert view.page.words.text().startswith("Polar alignment error: at least 7.")
+    assert view.page.words.text().endswith("from 10 minutes of drift.")
+    assert numbers.total.text().startswith("At least 7.")
+    (altitude, way), (azimuth, other) = numbers.knobs[Knob.ALTITUDE], numbers.knobs[Knob.AZIMUTH]
+    assert altitude.text().startswith("not known yet (± ")
+    assert not way.text()
+    assert azimuth.text().startswith("+")
+    assert other.text() == "↺ anticlockwise, seen from above"
+    assert "can't tell altitude yet" in numbers.findings.text()
+    assert "min more on this place" in numbers.more.text()
+    assert "not known yet" in view.page.target.accessibleDescription()
+    assert view.bolts.digits() == "–"
+    # Half an axis is no report, and nothing for another night.
+    assert view.history.history is None
+    assert "report" not in view.message.text()
+
+
+def test_a_live_session_that_nobody_turned_gives_what_the_command_line_says_and_a_report(polar, tmp_path, capsys):
+    options = ["--site=40,10,300", "--utc-offset=0", "--guided=no", "--pole=true", "--json"]
+    assert main(["polar", stream(tmp_path), *options]) == 0
+    told = json.loads(capsys.readouterr().out)
+    _, view = polar()
+    view.setup.pole.setCurrentIndex(1)
+    view.setup.guided.setCurrentIndex(2)
+    view.setup.zone.setCurrentIndex(view.setup.zone.findText("UTC"))
+    state = measured(view, [tmp_path / stream(tmp_path)], "40, 10, 300")
+    assert state.stage == "done", view.message.text()
+    assert state.error.altitude_arcsec == pytest.approx(told["altitude_error_arcsec"])
+    assert state.error.azimuth_arcsec == pytest.approx(told["azimuth_error_arcsec"])
+    assert [f.kind.name.lower() for f in state.findings] == [f["code"] for f in told["findings"]]
+    assert view.history.history.entries[0].total_arcsec == pytest.approx(state.error.total_arcsec)
+    assert "report" in view.message.text()
+    assert last_night(Site(40.0, 10.0)) is not None
+    guided = view.setup.guided
+    guided.setCurrentIndex(guided.findData(True))
+    view.begin()
+    drive(view)
+    assert PolarFindingKind.GUIDED in [f.kind for f in view.state.findings]
+    assert view.state.error is None or not view.state.drift.known
+
+
+def test_findings_come_before_the_numbers(polar, tmp_path):
+    _, view = polar()
+    measured(view, solved_frames(tmp_path))
+    numbers = view.page.numbers
+    assert numbers.findings.text().startswith("⚠ ")
+    assert numbers.findings.y() < numbers.total.parentWidget().y()
+    assert "0.2 px is assumed" in view.page.detail.text()
+    assert view.page.detail.text().count("assumed") == 1  # not once a frame
+
+
+def test_a_fixed_tripod_is_told_as_one(polar, tmp_path):
+    _, view = polar()
+    state = measured(view, [tmp_path / stream(tmp_path, rate_deg_min=0.0)], "40, 10, 300")
+    assert view.page.words.text() == "Fixed tripod: there is no axis to align."
+    assert [f.kind for f in state.findings] == [PolarFindingKind.FIXED_TRIPOD]
+    assert "The camera stood still" in view.page.numbers.findings.text()
+    assert view.page.numbers.total.text() == "–"
+    assert view.history.history is None
+
+
+def test_a_clock_without_a_zone_is_asked_for_and_the_files_are_measured_again(polar, tmp_path):
+    _, view = polar()
+    state = measured(view, solved_frames(tmp_path, image=snapshot))
+    assert next(f for f in state.findings if f.kind is PolarFindingKind.CLOCK).spoils
+    assert "no time zone" in view.page.words.text()
+    assert not view.page.numbers.knobs[Knob.ALTITUDE][1].text(), "no bolt by a clock that nobody knows"
+    assert not (tmp_path / "config").exists()
+    zone = view.page.zone
+    assert zone.isVisible()
+    zone.setCurrentIndex(zone.findText("UTC+2"))
+    zone.activated.emit(zone.currentIndex())
+    drive(view)
+    assert not view.page.asks_zone.isVisible()
+    assert not state.tells(Knob.ALTITUDE) or view.state.bolt_error is not None
+    two = axis(tmp_path, -2.0)
+    assert view.state.error.altitude_arcsec == pytest.approx(two.altitude_arcsec, abs=1.0)
+    assert abs(view.state.error.altitude_arcsec - state.error.altitude_arcsec) > 60.0
+    view.setup.zone.setCurrentIndex(0)  # another time they are asked about again
+    view.begin()
+    drive(view)
+    assert view.page.asks_zone.isVisible()
+
+
+def axis(folder, hours):
+    """The error of the same solutions at another hour, without files."""
+    sightings = [
+        Sighting.of(solution(25.0 * k), BEGUN + timedelta(minutes=k, hours=hours), f"{k}.wcs") for k in range(3)
+    ]
+    return measure(sightings, MeasureSettings(SITE)).error
+
+
+def test_zones_are_those_of_the_world(polar):
+    _, view = polar()
+    box = view.setup.zone
+    assert [box.itemData(i) for i in range(3)] == [None, -12.0, -11.0]
+    told = {box.itemText(i): box.itemData(i) for i in range(box.count())}
+    assert (told["UTC"], told["UTC+5:45"], told["UTC−9:30"], told["UTC+14"]) == (0.0, 5.75, -9.5, 14.0)
+    assert not view.page.asks_zone.isVisible()
+
+
+def test_a_tripod_on_the_same_marks_begins_with_what_is_remembered(polar):
+    _, view = polar()
+    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.site.setText(HERE)
+    assert not view.setup.last_night.text()
+    pole = pole_direction(SITE, Pole.TRUE)
+    for ago, shown in ((timedelta(days=3), True), (timedelta(hours=1), False)):  # tonight's own is no guess
+        night = datetime.now(UTC) - ago
+        remember_night(SITE, "", night, PolarError(pole, pole, np.eye(2) * 1e-12))
+        view.setup.refresh()
+        told = view.setup.last_night.text()
+        assert (f"Last measured here, {night:%Y-%m-%d}: 0″ too low, " in told) is shown
+        assert ("stands on the same marks" in told) is shown
+        view.page.show_pole(view.setup.request(), view.setup.guess)
+        assert ("Last measured here" in view.page.pole.text()) is shown
+
+
+def test_what_is_measured_is_remembered_and_told_another_night(polar, tmp_path, nights, caplog):
+    _, view = polar()
+    view.setup.zone.setCurrentIndex(view.setup.zone.findText("UTC"))
+    state = measured(view, solved_frames(tmp_path))
+    assert last_night(SITE).altitude_arcsec == pytest.approx(state.error.altitude_arcsec)
+    later = json.loads(nights.read_text())
+    later[0]["time_utc"] = (BEGUN - timedelta(days=3)).isoformat()
+    nights.write_text(json.dumps(later))
+    measured(view, [])
+    assert "Last measured here" not in view.page.detail.text(), "the set-up tells it, for a site that is given there"
+    nights.unlink()
+    nights.mkdir()  # can't be written
+    with caplog.at_level(logging.WARNING):
+        measured(view, [])
+    assert view.state.stage == "done"
+    assert "can't be kept for another night" in caplog.text
+
+
+def test_practice_is_not_remembered():
+    """A simulated tripod stands on no marks."""
+    found = measure(
+        [Sighting.of(solution(25.0 * k), BEGUN + timedelta(minutes=k), f"{k}.wcs") for k in range(3)],
+        MeasureSettings(SITE),
+    )
+    for source in (FrameSource.PRACTICE, FrameSource.CAMERA):
+        _remember(found, AlignmentRequest(source))
+        assert (last_night(SITE) is not None) == (source is FrameSource.CAMERA)
