@@ -66,6 +66,7 @@ ADDED = {
     "bodies of the Solar System found wherever they are": 44,
     "exports with the frame's date and site, the person's elements, and regions of objects": 49,
     "pictures that carry their place on the sky, a .wcs by astrometry.net's name": 96,
+    "satellites of two-line elements, with their trails": 309,
     "closed outlines with names beside them, fields called by named nebulae": 6,
     "bodies of the Solar System in the sky layer and on their cards": 79,
     "the sky layer and names beside a second source in a bench": 105,

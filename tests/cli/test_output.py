@@ -20,6 +20,7 @@ from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.frame_bodies import BodyInFrame, FrameBodies, UnknownSource
 from kochab.sky.orbits import OBLIQUITY
 from kochab.sky.solar_system import Body, BodyKind, observer_at
+from tests.patterns import REPOSITORY
 
 STAR = NamedStar(10.0, 20.0, "HIP 91262", "Vega", 0.03, 279.23, 38.78, 0.2)
 SOLUTION = Solution(
@@ -118,14 +119,48 @@ def test_bodies_and_unknown_sources_stand_in_the_card():
     jupiter = Body("Jupiter", BodyKind.PLANET, 10.0, 20.0, 5.0, -2.04, 40.0, 1.0, 0.1)
     moon = Body("Moon", BodyKind.MOON, 10.0, 20.0, 0.003, -12.0, 1900.0, 0.5, 3400.0)
     unknown = UnknownSource(5.0, 6.0, 10.0, 20.0, 1.23, 4.5, 0.2)
-    told = FrameBodies((BodyInFrame(moon, 1.0, 2.0, False), BodyInFrame(jupiter, 100.4, 200.0, True)), (unknown,))
+    iss = Body(
+        "ISS", BodyKind.SPACECRAFT, 10.0, 20.0, 3e-6, math.nan, 0.0, math.nan, 900.0, ((9.0, 20.0), (11.0, 20.0))
+    )
+    bodies = (
+        BodyInFrame(moon, 1.0, 2.0, False),
+        BodyInFrame(jupiter, 100.4, 200.0, True),
+        BodyInFrame(iss, 7, 8, False),
+    )
+    told = FrameBodies(bodies, (unknown,))
     outcome = bodies_json(told)
-    assert json.loads(to_line(outcome))["bodies"][1]["name"] == "Jupiter"
+    listed = json.loads(to_line(outcome))["bodies"]
+    assert [(body["name"], body.get("trail")) for body in listed[1:]] == [
+        ("Jupiter", None),
+        ("ISS", [[9, 20], [11, 20]]),
+    ]
     assert list(body_lines(outcome)) == [
         "body     Moon, magnitude -12.0, at 1, 2 px +-3400 arcsec, not detected",
         "body     Jupiter, magnitude -2.0, at 100, 200 px",
+        "body     ISS, at 7, 8 px +-900 arcsec",
         "unknown  not in the catalogue: magnitude 4.5 +-0.2, 00h40m00.00s +20d00'00.0\" +-1.2 arcsec, at 5, 6 px",
     ]
+
+
+def test_a_satellite_before_the_pleiades_is_listed_with_its_trail(capsys):
+    """Skyfield has Iridium 33 at RA 56.82635, Dec 24.32165 at mid-exposure, 910 km from there, and half a degree a second."""
+    sample = str(data_folder("resources") / "samples" / "pleiades.fits")
+    command = ["solve", sample, "--elements", str(REPOSITORY / "tests" / "sky" / "iridium-2025-01-05.tle")]
+    assert main([*command, "--json", "--site=13.60,-32.73"]) == 0
+    outcome = json.loads(capsys.readouterr().out)
+    (body,) = outcome["bodies"]
+    assert (body["name"], body["kind"], body["magnitude"]) == ("IRIDIUM 33", "satellite", None)
+    trail = unit_vectors(*np.array(body["trail"]).T)
+    there = unit_vectors(56.82635, 24.32165)
+    assert min(np.degrees(np.linalg.norm(trail - there, axis=1))) < 0.1
+    assert abs(np.degrees(there @ np.cross(trail[0], trail[-1]) / np.linalg.norm(trail[0] - trail[-1]))) < 0.01
+    assert body["distance_au"] * 149597870.7 == pytest.approx(910.0, rel=0.01)
+    assert 1000.0 < body["sigma_arcsec"] < 4000.0
+    assert not [text for text in outcome["warnings"] if "atellites" in text]
+    assert main([*command, "--site=48.1,11.6"]) == 0
+    assert "IRIDIUM" not in capsys.readouterr().out
+    assert main(command) == 0
+    assert "note     Satellites are left out: their places need your site." in capsys.readouterr().out
 
 
 def test_the_users_own_elements_are_looked_for(capsys, tmp_path):

@@ -22,7 +22,7 @@ from kochab.core.progress import Task, run
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Frame
     from kochab.core.solution import Solution
-    from kochab.sky.small_bodies import SmallBodies
+    from kochab.sky.solar_system import Moving
 
 
 class OfFile(Protocol):
@@ -182,7 +182,7 @@ def write_wcs_to(target: str, solution: "Solution") -> list[str]:
     return _written(target, lambda: write_wcs(solution, target))
 
 
-def write_picture(target: str, frame: "Frame", solution: "Solution", more: "Sequence[SmallBodies]" = ()) -> list[str]:
+def write_picture(target: str, frame: "Frame", solution: "Solution", more: "Sequence[Moving]" = ()) -> list[str]:
     """Write the picture with the sky drawn over it."""
     from kochab.workflows.annotated_image import annotate
 

@@ -110,6 +110,9 @@ def _unsolved(file: str, n: "NoSolution") -> Json:
 def bodies_json(told: "FrameBodies") -> Json:
     """The bodies of the Solar System in a frame, and the bright detections that are in no catalogue."""
     bodies = [{**asdict(b.body), "x": b.x, "y": b.y, "seen": b.seen} for b in told.bodies]
+    for body in bodies:
+        if not body["trail"]:
+            del body["trail"]
     return {"bodies": bodies, "not_in_catalogue": [asdict(source) for source in told.unknown]}
 
 
@@ -140,7 +143,8 @@ def _solved_lines(o: Json) -> list[str]:
 def body_lines(o: Json) -> Iterator[str]:
     """A line a body of the Solar System, and a bright detection without a name."""
     for b in o.get("bodies", ())[:12]:
-        yield f"body     {b['name']}, magnitude {b['magnitude']:.1f}, at {b['x']:.0f}, {b['y']:.0f} px{_doubt(b)}"
+        bright = f", magnitude {b['magnitude']:.1f}" if math.isfinite(b["magnitude"]) else ""
+        yield f"body     {b['name']}{bright}, at {b['x']:.0f}, {b['y']:.0f} px{_doubt(b)}"
     for u in o.get("not_in_catalogue", ())[:12]:
         place = f"{radec(u['ra_deg'], u['dec_deg'])} +-{u['sigma_arcsec']:.1f} arcsec, at {u['x']:.0f}, {u['y']:.0f} px"
         yield f"unknown  not in the catalogue: magnitude {u['mag']:.1f} +-{u['sigma_mag']:.1f}, {place}"
@@ -148,7 +152,9 @@ def body_lines(o: Json) -> Iterator[str]:
 
 def _doubt(body: Json) -> str:
     sigma = body["sigma_arcsec"]
-    return (f" +-{sigma:.0f} arcsec" if sigma >= 30 else "") + ("" if body["seen"] else ", not detected")
+    return (f" +-{sigma:.0f} arcsec" if sigma >= 30 else "") + (
+        "" if body["seen"] or "trail" in body else ", not detected"
+    )
 
 
 def _unsolved_lines(o: Json) -> list[str]:

@@ -16,8 +16,8 @@ from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import Task
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
-    from kochab.core.frame import Detections
-    from kochab.sky.small_bodies import SmallBodies
+    from kochab.core.frame import Detections, Site
+    from kochab.sky.solar_system import Moving
     from kochab.solver import SolveOptions
 
 WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
@@ -40,34 +40,38 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "solve", description="Exit code: 0 all solved, 1 one has no solution, 2 unusable input."
     )
     parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
-    add_options(parser, *BATCH, "--detector")
+    add_options(parser, *BATCH, "--detector", "--site")
     parser.add_argument(
         "--annotate",
         metavar="PNG",
         help="save the frame with the sky over it: .png, .jpg, .tif, .pdf, .svg, or a folder",
     )
-    told = "asteroids and comets to look for in dated frames: MPC lines, or SBDB's JSON or CSV; may be repeated"
+    told = "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
     parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=told)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Solve every file, print as they are done."""
-    return _solve(args, _wishes(args), args.detector, tuple(args.elements))
+    return _solve(args, _wishes(args), args.detector, tuple(args.elements), args.site)
 
 
 def _solve(
-    args: argparse.Namespace, wishes: list[SolveRequest], detector: str = "auto", elements: tuple[Path, ...] = ()
+    args: argparse.Namespace,
+    wishes: list[SolveRequest],
+    detector: str = "auto",
+    elements: tuple[Path, ...] = (),
+    site: "Site | None" = None,
 ) -> int:
     if elements:
         tables_of(elements)  # a file that cannot be read is told before anything is solved
     _refuse_overwriting(wishes, args.overwrite)
-    work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements)
+    work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements, site=site)
     return run_batch(work, wishes, args.json, args.workers)
 
 
 @cache
-def tables_of(elements: tuple[Path, ...]) -> "list[SmallBodies]":
+def tables_of(elements: tuple[Path, ...]) -> "list[Moving]":
     """The bodies of the user's files of elements."""
     from kochab.sky.elements import read_elements
 
@@ -75,7 +79,11 @@ def tables_of(elements: tuple[Path, ...]) -> "list[SmallBodies]":
 
 
 def solve_one(
-    wish: SolveRequest, options: "SolveOptions", bound: Place | None = None, elements: tuple[Path, ...] = ()
+    wish: SolveRequest,
+    options: "SolveOptions",
+    bound: Place | None = None,
+    elements: tuple[Path, ...] = (),
+    site: "Site | None" = None,
 ) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it."""
     from kochab.core.solution import Solution
@@ -97,16 +105,19 @@ def solve_one(
         from kochab.sky import open_catalogue
         from kochab.sky.frame_bodies import bodies_in_frame
 
-        site = hint.site or frame.hint.site
-        more = tables_of(elements)
-        told = yield from bodies_in_frame(result, solved.detections, hint.time_utc, site, open_catalogue(), more)
+        place, more = site or hint.site or frame.hint.site, tables_of(elements)
+        exposure_s = hint.exposure_s or frame.hint.exposure_s or 0.0
+        told = yield from bodies_in_frame(
+            result, solved.detections, hint.time_utc, place, open_catalogue(), more, exposure_s
+        )
         outcome |= bodies_json(told)
+        outcome["warnings"] += [text for table in more if (text := table.warning(hint.time_utc, place))]
     failures: list[str] = []
     if isinstance(result, Solution):
         if wish.wcs is not None:
             failures += write_wcs_to(wish.wcs, result)
         if wish.annotate is not None and frame is not None:
-            dated = replace(frame, hint=replace(hint, site=hint.site or frame.hint.site)) if hint else frame
+            dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
             failures += write_picture(wish.annotate, dated, result, tables_of(elements))
     return {**outcome, "failures": failures} if failures else outcome
 

@@ -1,11 +1,11 @@
-"""Orbital elements from files: JPL's Small-Body Database (JSON, CSV), and the Minor Planet Center's lines."""
+"""Orbital elements from files: JPL's Small-Body Database (JSON, CSV), the Minor Planet Center's lines, satellites'."""
 
 import csv
 import json
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from kochab.core.errors import CatalogueError
 from kochab.sky.ephemeris import GM
 from kochab.sky.orbits import state_at_perihelion, two_body
 from kochab.sky.small_bodies import SmallBodies
+
+if TYPE_CHECKING:
+    from kochab.sky.satellites import Satellites
 
 Row = Mapping[str, Any]
 MJD = 2400000.5
@@ -28,8 +31,8 @@ ALIASES = {  # what the Small-Body Database calls them
 }
 
 
-def read_elements(path: Path) -> SmallBodies:
-    """The bodies of a file of elements on the ecliptic of J2000, whichever of the known forms it has.
+def read_elements(path: Path) -> "SmallBodies | Satellites":
+    """The bodies of a file of elements, whichever of the known forms it has: on the ecliptic of J2000, or satellites'.
 
     CatalogueError with one sentence, the first bad line named, when one of them cannot be read.
     """
@@ -37,6 +40,10 @@ def read_elements(path: Path) -> SmallBodies:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise CatalogueError("Can't read {name}: not a text file of orbital elements.", name=path.name) from None
+    from kochab.sky.satellites import are_satellites, read_satellites
+
+    if are_satellites(text):
+        return read_satellites(path.name, text)
     rows: list[Row] = []
     for where, read in _lines(path, text):
         try:

@@ -1,26 +1,30 @@
 """What a dated frame shows besides stars: bodies of the Solar System, and bright detections without a name."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import radec_deg
+from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.sky.apparent import julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue
 from kochab.sky.layer import BODY_MAG, Mark
-from kochab.sky.small_bodies import SmallBodies, bodies_near
-from kochab.sky.solar_system import Body
+from kochab.sky.small_bodies import bodies_near
+from kochab.sky.solar_system import Body, BodyKind, Moving
 
 COMPLETE_TO_V = 9.5
 """The catalogue lacks no star to V 10; half a magnitude is for the frame's colours."""
 FEWEST = 10
 """Stars from which a zero point is taken."""
+
+SEEN_ARCSEC = 100.0
+"""No detection is taken for a body whose place is less certain; for the Moon it is."""
+TRAIL_POINTS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,49 +64,70 @@ def bodies_in_frame(
     time_utc: datetime,
     site: Site | None,
     catalogue: Catalogue,
-    more: Sequence[SmallBodies] = (),
+    more: Sequence[Moving] = (),
+    exposure_s: float = 0.0,
 ) -> Task[FrameBodies]:
     """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed.
 
-    Asteroids and comets of ``more`` tables count beside the shipped ones.
+    Asteroids, comets and satellites of ``more`` tables count beside the shipped ones.
     """
     camera, radius = solution.camera, solution.radius_rad + np.radians(0.3)
     faintest = max((star.mag for star in solution.stars), default=0.0)
-    near = yield from bodies_near(time_utc, site, solution.centre_vector, radius, faintest, more)
+    near = yield from bodies_near(time_utc, site, solution.centre_vector, radius, faintest, more, exposure_s)
     matched = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2) <= 1e-6
     free = ~matched.any(axis=1)
     bodies = []
-    for body in near:
+    for given in near:
+        body = _within(solution, given) if given.trail else given
         (x, y) = solution.pixels_of(body.vector[None])[0].tolist()
         disc_px = body.diameter_arcsec / 2.0 / camera.scale_arcsec_px
         if not (-disc_px <= x <= camera.width - 1 + disc_px and -disc_px <= y <= camera.height - 1 + disc_px):
             continue
         reach = disc_px + 3.0 * float(np.hypot(solution.rms_px + 0.5, body.sigma_arcsec / camera.scale_arcsec_px))
-        its = free & (np.hypot(*(detections.xy - (x, y)).T) <= reach)
+        its = (
+            free
+            & (np.hypot(*(detections.xy - (x, y)).T) <= reach)
+            & (body.sigma_arcsec <= SEEN_ARCSEC or body.kind is BodyKind.MOON)
+        )
         free &= ~its
         bodies.append(BodyInFrame(body, x, y, bool(its.any())))
     return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, julian_years(time_utc), catalogue))
 
 
+def _within(solution: Solution, body: Body) -> Body:
+    """A satellite at the middle of its trail through the frame, with that part alone; the same when it is outside."""
+    xy = solution.pixels_of(np.array([unit_vectors(*place) for place in body.trail]))
+    size = (solution.camera.width - 0.5, solution.camera.height - 0.5)
+    inside = np.flatnonzero(((xy >= -0.5) & (xy <= size)).all(axis=1))
+    if not len(inside):
+        return body
+    kept = np.unique(np.linspace(inside[0], inside[-1], TRAIL_POINTS + 1).round().astype(int))
+    ra, dec = body.trail[inside[len(inside) // 2]]
+    return replace(body, ra_deg=ra, dec_deg=dec, trail=tuple(body.trail[k] for k in kept.tolist()))
+
+
 def body_marks(
-    frame: Frame, solution: Solution, site: Site | None = None, more: Sequence[SmallBodies] = ()
+    frame: Frame, solution: Solution, site: Site | None = None, more: Sequence[Moving] = ()
 ) -> Task[tuple[Mark, ...]]:
     """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines."""
     hint = frame.hint
     if hint.time_utc is None or hint.time_of_file:
         return ()
     nothing = Detections.from_list(np.empty((0, 2)), frame.width, frame.height)
-    found = yield from bodies_in_frame(solution, nothing, hint.time_utc, hint.site or site, open_catalogue(), more)
+    place, exposure_s = hint.site or site, hint.exposure_s or 0.0
+    found = yield from bodies_in_frame(solution, nothing, hint.time_utc, place, open_catalogue(), more, exposure_s)
     turn = np.linspace(0.0, 2.0 * np.pi, 49)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     marks = []
     for number, one in enumerate(found.bodies):
         body, xy = one.body, np.array([one.x, one.y])
         radius = body.diameter_arcsec / 2.0 / solution.camera.scale_arcsec_px
+        shape = xy + radius * circle
+        if body.trail:
+            shape = solution.pixels_of(np.array([unit_vectors(*place) for place in body.trail]))
+            radius = float(np.hypot(*(shape - xy).T).max())
         rank = float(np.nan_to_num(body.magnitude, nan=20.0)) - BODY_MAG
-        marks.append(
-            Mark(str(body.kind), number, xy, radius, rank, body.name, body.name, (xy + radius * circle,), body)
-        )
+        marks.append(Mark(str(body.kind), number, xy, radius, rank, body.name, body.name, (shape,), body))
     return tuple(marks)
 
 

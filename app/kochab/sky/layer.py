@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FAMILIES = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
 FAMILIES |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
 FAMILIES |= dict.fromkeys(
-    ("sun", "moon", "planet", "dwarf planet", "moon of a planet", "asteroid", "comet"), "ecliptic"
+    ("sun", "moon", "planet", "dwarf planet", "moon of a planet", "asteroid", "comet", "satellite"), "ecliptic"
 )
 """What a kind of object is drawn as; all others are nebulae."""
 BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else

@@ -18,7 +18,7 @@ from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.orbits import carried, period_years, two_body
 from kochab.sky.planet_moons import MOONS, planet_moons
-from kochab.sky.solar_system import Body, BodyKind, Observer, covers, lit_share, major_bodies, observer_at
+from kochab.sky.solar_system import Body, BodyKind, Moving, Observer, covers, lit_share, major_bodies, observer_at
 
 ASTEROID_SIGMA_ARCSEC = 1.0
 COMET_SIGMA_ARCSEC = 60.0
@@ -64,6 +64,33 @@ class SmallBodies:
             self._carried.update(zip(some.tolist(), states, strict=True))
         return np.array([self._carried[row] for row in rows.tolist()]).reshape(-1, 6), float(night)
 
+    def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
+        """The bodies as :func:`bodies_near` has them: only those that may be in the field are carried."""
+        ephemeris, jd = shipped_ephemeris(), float(observer.jd_tdb[0])
+        sun = ephemeris("sun", observer.jd_tdb)
+        about = two_body(self.state, jd - self.epoch_jd)[:, :3]
+        vectors = about + sun - observer.place
+        years = np.abs(jd - self.epoch_jd) / 365.25
+        stray = np.radians(0.2 + STRAY_DEG_PER_YEAR * years**1.5) * np.maximum(
+            1.0, 1.5 / np.linalg.norm(vectors, axis=1)
+        )
+        reach = np.cos(np.minimum(np.pi, radius_rad + stray))
+        bright = magnitudes(self, vectors, about)[0] < faintest + 0.5 + np.minimum(stray, 2.0)
+        known = ~self.comet | (years < COMET_YEARS) | (period_years(self.state) > 200.0)
+        rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & known)
+        if not len(rows):
+            return []
+        seen = yield from _seen(self, rows, observer)
+        return [
+            body
+            for body in seen
+            if body.vector @ centre >= np.cos(min(np.pi, radius_rad)) and body.magnitude <= faintest
+        ]
+
+    def warning(self, time_utc: datetime, site: Site | None) -> str:
+        """Nothing: each body's sigma tells how old its elements are."""
+        return ""
+
     def write(self, path: Path) -> None:
         """Write them as :func:`read_small_bodies` takes them."""
         text = np.frombuffer("\n".join(self.names).encode("utf-8"), np.uint8)
@@ -98,16 +125,17 @@ def bodies_near(
     centre: Floats,
     radius_rad: float,
     faintest: float,
-    more: Sequence[SmallBodies] = (),
+    more: Sequence[Moving] = (),
+    exposure_s: float = 0.0,
 ) -> Task[list[Body]]:
     """All bodies of the Solar System within ``radius_rad`` of the ICRS direction ``centre`` (3,), brightest first.
 
     Asteroids, comets and planets' moons down to magnitude ``faintest``, those of ``more`` tables before the shipped
-    one's; the Sun, the Moon and the planets of any. None at a date that the ephemeris does not cover.
+    one's; the Sun, the Moon, the planets and satellites of any. None at a date that the ephemeris does not cover.
     """
     if not covers(time_utc):
         return []
-    observer = observer_at(time_utc, site)
+    observer = observer_at(time_utc, site, exposure_s)
     everything = major_bodies(observer)
     for planet in [body for body in everything if body.name in MOONS]:
         everything += [moon for moon in planet_moons(observer, planet) if moon.magnitude <= faintest]
@@ -118,9 +146,9 @@ def bodies_near(
     ]
     for table in (*more, shipped_small_bodies()):
         known = {body.name for body in found}
-        others = yield from small_bodies(table, observer, centre, radius_rad, faintest)
+        others = yield from table.near(observer, centre, radius_rad, faintest)
         found += [body for body in others if body.name not in known]
-    return sorted(found, key=lambda body: body.magnitude)
+    return sorted(found, key=lambda body: np.nan_to_num(body.magnitude, nan=np.inf))
 
 
 def body_called(text: str, time_utc: datetime, site: Site | None) -> Task[Body | None]:
@@ -136,28 +164,6 @@ def body_called(text: str, time_utc: datetime, site: Site | None) -> Task[Body |
         bodies += yield from _seen(table, np.array(rows[:1], dtype=np.intp), observer)
         wanted = bodies[-1].name.casefold()
     return next((body for body in bodies if body.name.casefold() == wanted), None)
-
-
-def small_bodies(
-    table: SmallBodies, observer: Observer, centre: Floats, radius_rad: float, faintest: float
-) -> Task[list[Body]]:
-    """The bodies of a table as :func:`bodies_near` has them: only those that may be in the field are carried."""
-    ephemeris, jd = shipped_ephemeris(), float(observer.jd_tdb[0])
-    sun = ephemeris("sun", observer.jd_tdb)
-    about = two_body(table.state, jd - table.epoch_jd)[:, :3]
-    vectors = about + sun - observer.place
-    years = np.abs(jd - table.epoch_jd) / 365.25
-    stray = np.radians(0.2 + STRAY_DEG_PER_YEAR * years**1.5) * np.maximum(1.0, 1.5 / np.linalg.norm(vectors, axis=1))
-    reach = np.cos(np.minimum(np.pi, radius_rad + stray))
-    bright = magnitudes(table, vectors, about)[0] < faintest + 0.5 + np.minimum(stray, 2.0)
-    known = ~table.comet | (years < COMET_YEARS) | (period_years(table.state) > 200.0)
-    rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & known)
-    if not len(rows):
-        return []
-    seen = yield from _seen(table, rows, observer)
-    return [
-        body for body in seen if body.vector @ centre >= np.cos(min(np.pi, radius_rad)) and body.magnitude <= faintest
-    ]
 
 
 def _seen(table: SmallBodies, rows: Indices, observer: Observer) -> Task[list[Body]]:

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit, unit_vectors
 from kochab.core.frame import Site
+from kochab.core.progress import Task
 from kochab.sky.apparent import JD_UNIX, LIGHT_AU_DAY, julian_date_tt, of_date_matrix
 from kochab.sky.ephemeris import shipped_ephemeris
 
@@ -44,7 +46,7 @@ class Body:
 
     ``ra_deg``, ``dec_deg`` ICRS, astrometric; ``distance_au`` from the observer; ``magnitude`` V, NaN when not known;
     ``diameter_arcsec`` of the disc, 0 when not known; ``phase`` the lit share of the disc; ``sigma_arcsec`` 1 sigma of
-    the place, a site that is not known included.
+    the place, a site that is not known included; ``trail`` RA and Dec, degrees, of a satellite during the exposure.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Body:
     diameter_arcsec: float
     phase: float
     sigma_arcsec: float
+    trail: tuple[tuple[float, float], ...] = ()
 
     @property
     def vector(self) -> Floats:
@@ -65,12 +68,13 @@ class Body:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observer:
-    """Where and when: ``place`` (1, 3) au from the barycentre, ICRS axes, at ``jd_tdb`` (1,)."""
+    """Where and when: ``place`` (1, 3) au from the barycentre, ICRS axes, at ``jd_tdb`` (1,), of mid-exposure."""
 
     time_utc: datetime
     site: Site | None
     jd_tdb: Floats
     place: Floats
+    exposure_s: float = 0.0
 
     def sees(self, where: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
         """Vectors (N, 3) au from here to bodies as their light shows them, and the light's dates (N,).
@@ -88,13 +92,23 @@ class Observer:
         return math.hypot(own, 0.0 if self.site else PARALLAX_ARCSEC / distance_au)
 
 
+class Moving(Protocol):
+    """A table of bodies that move among the stars."""
+
+    def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
+        """Its bodies within ``radius_rad`` of an ICRS direction (3,), down to a magnitude."""
+
+    def warning(self, time_utc: datetime, site: Site | None) -> str:
+        """What is to be said of its elements at that time, in a sentence, or nothing."""
+
+
 def covers(time_utc: datetime) -> bool:
     """Whether the shipped ephemeris reaches that date, a year of light time and integration steps left."""
     ephemeris = shipped_ephemeris()
     return bool(ephemeris.first_jd + 1.0 < julian_date_tt(time_utc) < ephemeris.last_jd - 1.0)
 
 
-def observer_at(time_utc: datetime, site: Site | None) -> Observer:
+def observer_at(time_utc: datetime, site: Site | None, exposure_s: float = 0.0) -> Observer:
     """An observer on the ground at ``site``, or at the Earth's centre when that is not known.
 
     UT1 is taken for UTC and polar motion left out: 0.2 arcsec of the Moon.
@@ -108,7 +122,7 @@ def observer_at(time_utc: datetime, site: Site | None) -> Observer:
         ground = erfa.gd2gc(1, np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
         of_date = erfa.rz(-erfa.gst06a(ut1, 0.0, jd[0], 0.0), np.eye(3)) @ ground
         place = place + of_date @ of_date_matrix(time_utc) / (1e3 * AU_KM)
-    return Observer(time_utc, site, jd, place)
+    return Observer(time_utc, site, jd, place, exposure_s)
 
 
 RADIUS_KM = {

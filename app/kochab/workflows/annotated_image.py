@@ -25,7 +25,7 @@ from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, wh
 from kochab.sky.frame_bodies import body_marks
 from kochab.sky.layer import DOT_PX, FAMILIES, Mark, View, faintest_of, in_frame, labels, outlined
 from kochab.sky.sky_tables import EPOCH, sky_tables
-from kochab.sky.small_bodies import SmallBodies
+from kochab.sky.solar_system import Moving
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -103,7 +103,7 @@ def drawing_of(solution: Solution, year: float = EPOCH, bodies: tuple[Mark, ...]
     return made
 
 
-def dated_drawing(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -> Drawing:
+def dated_drawing(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> Drawing:
     """The same at the frame's date: stars where they have moved to, and the bodies of the Solar System."""
     from kochab.solver.pipeline import year_of
 
@@ -148,7 +148,7 @@ def picture_of(frame: Frame) -> "Image":
     return picture if picture.width == frame.width else picture.resize((frame.width, frame.height))
 
 
-def annotated_picture(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -> "Image":
+def annotated_picture(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> "Image":
     """The frame with the sky drawn over it."""
     from PIL import ImageDraw
 
@@ -162,7 +162,7 @@ def annotated_picture(frame: Frame, solution: Solution, more: Sequence[SmallBodi
     return picture
 
 
-def as_svg(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -> str:
+def as_svg(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:
     """The same as SVG: the picture inside, lines and letters as such."""
     packed, drawn = io.BytesIO(), dated_drawing(frame, solution, more)
     picture_of(frame).save(packed, format="JPEG", quality=92)
@@ -183,7 +183,7 @@ def as_svg(frame: Frame, solution: Solution, more: Sequence[SmallBodies] = ()) -
     return "\n".join([*lines, "</g></svg>", ""])
 
 
-def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], more: Sequence[SmallBodies] = ()) -> None:
+def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], more: Sequence[Moving] = ()) -> None:
     """Write the frame with the sky over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
 
     The first three carry tags that place them on the sky. Asteroids and comets of ``more`` tables are looked for

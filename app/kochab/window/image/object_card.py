@@ -14,6 +14,7 @@ from kochab.core.solution import Solution
 from kochab.sky.landmarks import constellation_at
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables
+from kochab.sky.solar_system import AU_KM, BodyKind
 from kochab.window.widgets import button, column, copy_text, label, row, styled_frame
 
 if TYPE_CHECKING:
@@ -68,7 +69,9 @@ def facts(
     elif (body := mark.body) is not None:
         told |= {tr("Magnitude"): number(body.magnitude, ".1f")} if np.isfinite(body.magnitude) else {}
         told |= {tr("Diameter"): number(body.diameter_arcsec, ".3g") + "″"} if body.diameter_arcsec else {}
-        told[tr("Distance")] = tr("{au:.4g} au", au=body.distance_au)
+        near = body.kind is BodyKind.SPACECRAFT
+        far = tr("{km:.0f} km", km=body.distance_au * AU_KM) if near else tr("{au:.4g} au", au=body.distance_au)
+        told[tr("Distance")] = far
         return told  # heights of now would be those of where it was
     else:
         objects, k = tables.objects, mark.row
