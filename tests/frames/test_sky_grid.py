@@ -1,3 +1,7 @@
+"""The lines of a grid have the values that they claim, also against astropy's horizon."""
+
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,8 +9,11 @@ from hypothesis import strategies as st
 
 from kochab.core.attitude import attitude_from, radec_deg
 from kochab.core.camera import Camera
+from kochab.core.frame import Site
 from kochab.core.solution import Solution
 from kochab.frames.sky_grid import grid_lines
+from kochab.polar.horizon import STANDARD_REFRACTION as AIR
+from kochab.polar.horizon import Horizon
 
 
 def solution_at(ra, dec, roll=0.0, fov=12.0):
@@ -53,3 +60,54 @@ def test_zooming_in_makes_finer_lines():
     wide = grid_lines(solution, 0, 0, 599, 399)
     near = grid_lines(solution, 290, 190, 310, 205)
     assert min(x.step_deg for x in near) < min(x.step_deg for x in wide) / 5
+
+
+WHEN = datetime(2025, 1, 15, 21, 30, tzinfo=UTC)
+PLACES = {"Munich": Site(48.14, 11.58, 520.0), "Paranal": Site(-24.63, -70.40, 2635.0), "Quito": Site(-0.2, -78.5)}
+
+
+@pytest.mark.parametrize("fov", [0.8, 12.0, 70.0])
+@pytest.mark.parametrize(("alt", "az"), [(45.0, 200.0), (12.0, 0.0), (89.0, 90.0), (60.0, 359.9)])
+@pytest.mark.parametrize("place", sorted(PLACES))
+def test_lines_of_altitude_and_azimuth_are_astropys(place, alt, az, fov):
+    """Above 5 degrees; UT1 - UTC, 45 ms that day, turns all the sky by 0.7 arcsec, polar motion by 0.5."""
+    import astropy.units as u
+    from astropy.coordinates import AltAz, EarthLocation, SkyCoord
+    from astropy.time import Time
+
+    site = PLACES[place]
+    horizon = Horizon(site, WHEN)
+    a, h = np.radians([az, alt])
+    (centre,) = horizon.catalogue(np.array([[np.cos(h) * np.sin(a), np.cos(h) * np.cos(a), np.sin(h)]]))
+    solution = solution_at(*radec_deg(centre), roll=33.0, fov=fov)
+    lines = grid_lines(solution, -0.5, -0.5, 599.5, 399.5, horizon)
+    assert {line.kind for line in lines} == {"az", "alt"}
+    assert 3 < len(lines) < 60
+    frame = AltAz(
+        obstime=Time(WHEN.replace(tzinfo=None)),
+        location=EarthLocation(site.longitude_deg * u.deg, site.latitude_deg * u.deg, site.height_m * u.m),
+        pressure=AIR.pressure_at(site) * u.hPa,
+        temperature=AIR.temperature_c * u.deg_C,
+        relative_humidity=AIR.humidity,
+        obswl=AIR.wavelength_um * u.micron,
+    )
+    seen = 0
+    for line in lines:
+        on = line.xy[np.isfinite(line.xy).all(axis=1)]
+        ra, dec = np.array([radec_deg(v) for v in solution.sky_at(on)]).T
+        there = SkyCoord(ra * u.deg, dec * u.deg).transform_to(frame)
+        value = there.az.deg if line.kind == "az" else there.alt.deg
+        away = (value - line.value_deg + 180.0) % 360.0 - 180.0
+        shrink = np.cos(there.alt.rad) if line.kind == "az" else 1.0
+        high = there.alt.deg > 5.0
+        assert np.abs(away * shrink)[high].max(initial=0.0) * 3600.0 < 2.0
+        seen += int(high.sum())
+    assert seen > 100
+
+
+def test_the_text_of_a_line_says_which_grid_it_belongs_to():
+    solution = solution_at(83.0, 20.0)
+    texts = {line.text for line in grid_lines(solution, 0, 0, 599, 399, Horizon(PLACES["Munich"], WHEN))}
+    assert {text.split()[0] for text in texts} == {"az", "alt"}
+    assert any(text.startswith("alt +5") for text in texts)
+    assert all(text.endswith("°") for text in texts)

@@ -155,7 +155,7 @@ def test_closer_shows_more_and_the_amount_too(tables):
     assert counts[0] < counts[1] < counts[2]
     far, near = (View(s, 600 - 750 * s, 400 - 500 * s, (0.0, 0.0, 1200.0, 800.0)) for s in (0.8, 3.0))
     assert faintest_of(near, solution)["object"] > faintest_of(far, solution)["object"]
-    assert len(outlined(sky, near, 14.0)) > 5
+    assert len(outlined(sky, near, {"object": 14.0})) > 5
 
 
 def test_lines_stay_on_the_sky_they_belong_to(tables):

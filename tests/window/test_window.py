@@ -282,7 +282,7 @@ def test_recent_files_and_settings_survive_a_restart(qtbot, make_window, engine,
     assert new.settings.recent == [a_file]
     assert any("orion.fits" in a.text() for a in again.menus.recent.actions())
     assert not new.actions["grid"].isChecked()
-    assert not new.presenter.overlay.on["grid"]
+    assert not new.presenter.overlay.layers.on["grid"]
     assert not again.workspace.strip.auto.isChecked()
     assert again.workspace.solution.style_box.currentIndex() == 2
     assert new.settings.text("theme", "") == "light"

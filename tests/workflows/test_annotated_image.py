@@ -13,20 +13,24 @@ from PIL import Image
 
 from kochab.core.attitude import attitude_from, radec_deg, unit_vectors, wrapped
 from kochab.core.camera import Camera
-from kochab.core.frame import Frame, Hint
+from kochab.core.frame import Frame, Hint, Site
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.sky_grid import grid_lines
-from kochab.sky.layer import in_frame
+from kochab.polar.horizon import Horizon
+from kochab.sky.layer import MARKS, Layers, in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.small_bodies import shipped_small_bodies
+from kochab.window.themes import THEMES
 from kochab.workflows.annotated_image import (
     CREDIT,
-    GRID,
+    INKS,
+    USUAL,
     annotate,
     annotated_picture,
     as_svg,
     dated_drawing,
     drawing_of,
+    font_of,
     objects_csv,
     picture_of,
     sky_regions,
@@ -47,15 +51,15 @@ def test_a_dated_frame_has_its_planets_named():
     frame = Frame(np.zeros((960, 1280), np.uint8), hint=Hint(time_utc=datetime(2023, 11, 3, 22, 0, tzinfo=UTC)))
     picture = solution(39.9, 14.0)  # Jupiter at its opposition of 2023 (Astronomical Almanac: 2h 38m, +13.8)
     picture = replace(picture, stars=(NamedStar(1.0, 1.0, "", "", 6.0, 0.0, 0.0, 0.0),))
-    assert ">Jupiter<" in as_svg(frame, picture)
-    assert ">Jupiter<" not in as_svg(replace(frame, hint=Hint()), picture)
+    assert ">Jupiter<" in as_svg(frame, dated_drawing(frame, picture))
+    assert ">Jupiter<" not in as_svg(frame, dated_drawing(replace(frame, hint=Hint()), picture))
 
 
 def test_a_finished_picture_keeps_its_colours_and_its_size():
     colour = rgb()
     frame = Frame(colour.mean(axis=2).astype(np.uint8), colour=colour)
     assert np.array_equal(np.asarray(picture_of(frame)), colour)
-    drawn = np.asarray(annotated_picture(frame, solution()))
+    drawn = np.asarray(annotated_picture(frame, drawing_of(solution())))
     assert drawn.shape == colour.shape
     assert 0.6 < (drawn == colour).all(axis=2).mean() < 0.999  # all but what is drawn
 
@@ -150,7 +154,7 @@ def test_what_cannot_be_written_raises(tmp_path):
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_grid_shows_round_right_ascensions_and_declinations(dec, fov, mirrored):
     answer = solution(83.0, dec, 20.0, fov, mirrored)
-    places = np.concatenate([xy for xy, ink, _ in drawing_of(answer).strokes if ink == GRID])
+    places = np.concatenate([xy for xy, ink, _ in drawing_of(answer).strokes if ink[:7] == INKS["grid"]])
     wanted = {kind: [] for kind in ("ra", "dec")}
     for line in grid_lines(answer, -0.5, -0.5, 1279.5, 959.5):
         wanted[line.kind].append(line.value_deg)
@@ -158,6 +162,73 @@ def test_the_grid_shows_round_right_ascensions_and_declinations(dec, fov, mirror
     from_ra = np.abs(wrapped(ras[:, None] - wanted["ra"])).min(axis=1) * np.cos(np.radians(decs))
     from_dec = np.abs(decs[:, None] - wanted["dec"]).min(axis=1)
     assert np.minimum(from_ra, from_dec).max() < answer.camera.scale_arcsec_px / 3600.0
+
+
+def test_the_colours_are_those_of_the_window():
+    assert {name: getattr(THEMES["dark"], name) for name in INKS} == INKS
+
+
+def test_what_is_off_is_not_drawn_and_the_colour_is_the_chosen_one():
+    answer, everything = solution(60.0, 20.0, fov_deg=60.0), Layers(dict.fromkeys(MARKS, True))
+    evening = Horizon(Site(50.0, 8.0), datetime(2026, 1, 15, 22, 0, tzinfo=UTC))
+    answer = replace(answer, stars=(NamedStar(99.0, 99.0, "", "", 6.0, 0.0, 0.0, 0.0),))
+    found = np.array([[700.0, 500.0]])
+
+    def inks(layers):
+        drawn = drawing_of(answer, layers=layers, horizon=evening, detected=found)
+        return {ink[:7] for _, ink, _ in drawn.strokes} | {ink for *_, ink in drawn.words}
+
+    drawn = inks(everything)
+    for layer in {*MARKS} - {"bodies", "compass"}:
+        chosen = inks(replace(everything, colour={layer: "#123456"}))
+        assert "#123456" in chosen, layer
+        assert "#123456" not in drawn
+        off = replace(everything, on=everything.on | {layer: False}, colour={layer: "#123456"})
+        assert "#123456" not in inks(off), layer
+    assert inks(Layers(dict.fromkeys(MARKS, False))) == {INKS["dark"]}  # the credit
+
+
+def test_lines_are_as_strong_as_in_the_window():
+    layers = Layers(dict.fromkeys(MARKS, False) | {"grid": True})
+    for amount, strength in ((0.5, "55"), (1.0, "ff")):
+        layers.amount["grid"] = amount
+        assert {ink for _, ink, _ in drawing_of(solution(), layers=layers).strokes} == {INKS["grid"] + strength}
+    layers.amount["grid"] = 0.5
+    lines = drawing_of(solution(), layers=layers)
+    lines.words.clear()
+    drawn = np.asarray(annotated_picture(Frame(np.zeros((960, 1280), np.uint8)), lines))
+    colours, counts = np.unique(drawn[drawn.any(axis=2)], axis=0, return_counts=True)
+    assert (colours <= (45, 56, 68)).all()  # a third, where two lines cross, too
+    assert colours[counts.argmax()].tolist() == [45, 56, 68]
+
+
+def test_the_horizon_is_drawn_where_and_when_the_frame_says_so():
+    hint = Hint(time_utc=datetime(2026, 1, 15, 22, 0, tzinfo=UTC), site=Site(50.0, 8.0))
+    layers = replace(USUAL, on=USUAL.on | {"altaz": True})
+
+    def texts(hint):
+        frame = Frame(np.zeros((960, 1280), np.uint8), hint=hint)
+        return [text for _, text, _ in dated_drawing(frame, solution(), layers=layers).words]
+
+    told = texts(hint)
+    assert [text for text in told if text.startswith("alt +3")]  # Orion's belt stands at 38 degrees
+    assert [text for text in told if text.startswith("az 1")]
+    for less in (replace(hint, site=None), replace(hint, time_utc=None), replace(hint, time_of_file=True)):
+        assert not [text for text in texts(less) if text.startswith(("alt ", "az "))]
+
+
+def test_values_of_a_grid_stand_free_of_names_and_the_credit():
+    letter = drawing_of(solution()).letter
+    font = font_of(letter)
+    for ra, dec, fov in [(84.0, -3.0, 10.0), (187.7, 12.4, 15.0), (266.4, -29.0, 40.0)]:
+        words = drawing_of(
+            solution(ra, dec, fov_deg=fov), layers=replace(USUAL, on=USUAL.on | {"compass": False})
+        ).words
+        boxes = [(x, y, x + font.getbbox(text)[2], y + font.getbbox(text)[3]) for (x, y), text, _ in words]
+        assert [1 for _, text, _ in words if text.endswith("°")]
+        for k, one in enumerate(boxes):
+            for other in boxes[:k]:
+                assert one[0] >= other[2] or other[0] >= one[2] or one[1] >= other[3] or other[1] >= one[3]
 
 
 def test_the_table_lists_what_is_in_the_frame():

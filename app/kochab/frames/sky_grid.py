@@ -1,9 +1,11 @@
-"""The lines of RA and Dec on a solved frame, or on the part of it that is seen."""
+"""The lines of RA and Dec, or of azimuth and altitude, on a solved frame or on the part of it that is seen."""
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors, wrapped
 from kochab.core.solution import Solution
@@ -11,23 +13,60 @@ from kochab.core.solution import Solution
 DEC_STEPS_DEG = (30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 360)
 _PARTS_OF_AN_HOUR = (1, 2, 3, 6, 12, 30, 60, 120, 180, 360, 720, 1800, 3600)
 RA_STEPS_DEG = (90.0, 45.0, 30.0, *(15.0 / part for part in _PARTS_OF_AN_HOUR))
+AZIMUTH_STEPS_DEG = (90.0, 45.0, *DEC_STEPS_DEG)
 POINTS = 65
 WANTED = 6  # lines across the view, about
 FAR_PX = 1e5
+NORTH_EAST_UP = [1, 0, 2]  # of east, north, up, and back: azimuth runs from north through east
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridLine:
     """One line: ``xy`` (N, 2) image px with NaN where it is out of sight, and its value."""
 
-    kind: str  # "ra" or "dec"
+    kind: str  # "ra" or "dec", "az" or "alt"
     value_deg: float
     step_deg: float
     xy: Floats
 
+    @property
+    def text(self) -> str:
+        """Its value, as fine as its step needs."""
+        units, whole_deg, turn = ("hms", 15.0, 24) if self.kind == "ra" else ("°′″", 1.0, 360)
+        sign = "" if self.kind in ("ra", "az") else "−" if self.value_deg < 0 else "+"
+        minutes, s = divmod(round(abs(self.value_deg) / whole_deg * 3600.0), 60)
+        whole, m = divmod(minutes, 60)
+        places = 3 if s or self.step_deg < whole_deg / 60.0 else 2 if m or self.step_deg < whole_deg else 1
+        value = " ".join((f"{sign}{whole % turn}{units[0]}", f"{m:02d}{units[1]}", f"{s:02d}{units[2]}")[:places])
+        if self.kind in ("ra", "dec"):
+            return value
+        return tr("az {angle}", angle=value) if self.kind == "az" else tr("alt {angle}", angle=value)
 
-def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -> list[GridLine]:
-    """The lines that cross the part (x0, y0)..(x1, y1) of the frame, image px."""
+    def spot(self, xy: Floats, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float] | None:
+        """Where its text belongs in a box: low for meridians, far left for the others; ``xy`` (N, 2) is the line."""
+        x, y = xy[:, 0], xy[:, 1]
+        with np.errstate(invalid="ignore"):
+            inside = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        if not inside.any():
+            return None
+        best = int(np.where(inside, y if self.kind in ("ra", "az") else -x, -np.inf).argmax())
+        return float(x[best]), float(y[best])
+
+
+class LocalSky(Protocol):
+    """A site's horizon at a moment: both ways between ICRS and east, north, up, unit vectors (N, 3)."""
+
+    def observed(self, vectors: Floats) -> Floats:
+        """East, north, up of ICRS."""
+
+    def catalogue(self, directions: Floats) -> Floats:
+        """ICRS of east, north, up."""
+
+
+def grid_lines(
+    solution: Solution, x0: float, y0: float, x1: float, y1: float, horizon: LocalSky | None = None
+) -> list[GridLine]:
+    """The lines that cross the part (x0, y0)..(x1, y1) of the frame, image px: RA and Dec, or those of a horizon."""
     camera = solution.camera
     x0, y0 = max(x0, -0.5), max(y0, -0.5)
     x1, y1 = min(x1, camera.width - 0.5), min(y1, camera.height - 0.5)
@@ -37,24 +76,26 @@ def grid_lines(solution: Solution, x0: float, y0: float, x1: float, y1: float) -
     sky = solution.sky_at(np.column_stack([gx.ravel(), gy.ravel()]))
     middle = sky[len(sky) // 2]
     reach = float(np.arccos(np.clip((sky @ middle).min(), -1.0, 1.0)))
-    dec0, dec1, ra0, ra1 = _bounds(sky, middle, reach)
+    across, along, steps = ("ra", "dec", RA_STEPS_DEG) if horizon is None else ("az", "alt", AZIMUTH_STEPS_DEG)
+    own = sky if horizon is None else horizon.observed(sky)[:, NORTH_EAST_UP]
+    dec0, dec1, ra0, ra1 = _bounds(own, own[len(own) // 2], reach)
     size = min(np.degrees(reach) * 1.4, 180.0)
     dec_step = _step(DEC_STEPS_DEG, size / WANTED)
     shrink = max(float(np.cos(np.radians((dec0 + dec1) / 2.0))), 0.01)
     # Near a pole meridians crowd: the step leaves at most a dozen lines over the view.
-    ra_step = _step(RA_STEPS_DEG, max(size / WANTED / shrink, (ra1 - ra0) / 12.0))
+    ra_step = _step(steps, max(size / WANTED / shrink, (ra1 - ra0) / 12.0))
     near = np.cos(min(reach * 1.15 + 1e-6, np.pi))
     lines: list[GridLine] = []
     for value in _multiples(dec0, dec1, dec_step):
         ra = np.linspace(ra0, ra1, POINTS if ra1 - ra0 < 180 else 4 * POINTS)
-        lines.append(_line("dec", value, dec_step, ra, value))
+        lines.append(_line(along, value, dec_step, ra, value))
     for value in _multiples(ra0, ra1, ra_step):
         if ra1 - ra0 >= 360.0 and value >= ra0 + 360.0 - 1e-9:
             continue
         top = min(90.0 - dec_step / 2, dec1) if dec1 > 90.0 - 1e-6 else dec1
         low = max(-90.0 + dec_step / 2, dec0) if dec0 < -90.0 + 1e-6 else dec0
-        lines.append(_line("ra", value % 360.0, ra_step, value, np.linspace(low, top, POINTS)))
-    drawn = _projected(solution, lines, middle, near)
+        lines.append(_line(across, value % 360.0, ra_step, value, np.linspace(low, top, POINTS)))
+    drawn = _projected(solution, lines, middle, near, horizon)
     return [line for line in drawn if np.isfinite(line.xy).all(axis=1).sum() > 1]
 
 
@@ -85,16 +126,20 @@ def _multiples(low: float, high: float, step: float) -> list[float]:
 
 
 def _line(kind: str, value: float, step: float, ra: Floats | float, dec: Floats | float) -> GridLine:
-    """One line whose ``xy`` are still (RA, Dec), degrees."""
+    """One line whose ``xy`` are still (RA, Dec) or (azimuth, altitude), degrees."""
     return GridLine(kind, value, step, np.stack(np.broadcast_arrays(ra, dec), axis=-1))
 
 
-def _projected(solution: Solution, lines: list[GridLine], middle: Floats, near: float) -> list[GridLine]:
+def _projected(
+    solution: Solution, lines: list[GridLine], middle: Floats, near: float, horizon: LocalSky | None
+) -> list[GridLine]:
     """The lines in image px, all at once: a live camera wants them several times a second."""
     if not lines:
         return []
     ra, dec = np.concatenate([line.xy for line in lines]).T
     vectors = unit_vectors(ra, dec)
+    if horizon is not None:
+        vectors = horizon.catalogue(vectors[:, NORTH_EAST_UP])
     xy = solution.pixels_of(vectors)
     # A distortion polynomial folds far outside the frame; a wide lens shows what is beside it almost anywhere.
     xy[(vectors @ middle < near) | ~(np.abs(xy) < FAR_PX).all(axis=1)] = np.nan

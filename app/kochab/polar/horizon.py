@@ -15,7 +15,7 @@ import numpy as np
 
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.frame import Site
+from kochab.core.frame import Frame, Site
 from kochab.polar.rotations import alt_az, direction
 from kochab.sky.apparent import JD_UNIX, julian_date_tt
 
@@ -68,11 +68,26 @@ class Horizon:
         level = np.sin(zenith_distance)
         return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
 
+    def catalogue(self, directions: Floats) -> Floats:
+        """ICRS unit vectors (N, 3) of refracted directions (N, 3) in E, N, U (ERFA ``atoiq``, ``aticq``)."""
+        import erfa
+
+        east, north, up = np.asarray(directions, dtype=np.float64).reshape(-1, 3).T
+        context = _context(self.site, self.time_utc, self.refraction)
+        apparent = erfa.atoiq("A", np.arctan2(east, north), np.arctan2(np.hypot(east, north), up), context)
+        return np.asarray(erfa.s2c(*erfa.aticq(*apparent, context)))
+
     def altaz_deg(self, vector: Floats) -> tuple[float, float]:
         """Refracted altitude and azimuth (from north through east), degrees, of an ICRS unit vector (3,)."""
         east, north, up = self.observed(vector)[0]
         altitude = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
         return float(altitude), float(np.degrees(np.arctan2(east, north)) % 360.0)
+
+
+def horizon_of(frame: Frame, site: Site | None = None) -> Horizon | None:
+    """Where and when a frame was taken, at ``site`` if it does not say where; None when either is not known."""
+    where = frame.hint.site or site
+    return None if where is None or frame.hint.time_utc is None else Horizon(where, frame.hint.time_utc)
 
 
 @lru_cache(maxsize=64)

@@ -37,8 +37,53 @@ DOT_PX = 6.0  # so small on the screen, an object has its short name alone
 AREA_PX2 = 22_000.0  # of the screen for each name, in the middle of the scale
 BEST = 400  # candidates that are looked at for a view
 
+MARKS = (
+    *("objects", "names", "bodies", "figures", "boundaries", "ecliptic", "galactic", "grid", "altaz"),
+    *("centre", "compass", "identified", "detected"),
+)
+"""The layers, by their names in the settings."""
+SHOWN = ("objects", "names", "bodies", "figures", "grid", "centre", "compass")  # until the person switches
+LAYER_OF = {"star": "names", "object": "objects", "body": "bodies"}
+LINES = {
+    "figures": ("figure", 150),
+    "boundaries": ("figure", 150),
+    "ecliptic": ("ecliptic", 150),
+    "galactic": ("galaxy", 150),
+    "grid": ("grid", 85),
+    "altaz": ("horizon", 85),
+}
+DOTTED = "boundaries"
+"""The layers that are lines: their colours' names in a theme, and how opaque they are, of 255."""
+AMOUNTS = dict.fromkeys((*LAYER_OF.values(), *LINES), 0.5) | {"bodies": 1.0}
+"""The layers with more or less of them, and how much at first, 0..1: the density of names, the strength of lines."""
+OUTLINE = 190  # how opaque an outline is, of 255
+
 TextSize = Callable[[str], tuple[float, float]]
 """Width and height of a text, px."""
+
+
+@dataclass(slots=True)
+class Layers:
+    """Which of :data:`MARKS` are drawn, how much of each, and in which colour ("#rrggbb") where not in its own."""
+
+    on: dict[str, bool] = field(default_factory=lambda: {name: name in SHOWN for name in MARKS})
+    amount: dict[str, float] = field(default_factory=lambda: dict(AMOUNTS))
+    colour: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def density(self) -> float:
+        """How close names may stand."""
+        return max(self.amount["names"], self.amount["objects"])
+
+    def opaque(self, line: str) -> int:
+        """How opaque a layer of lines is, of 255: as it is made at half the amount, wholly at all of it."""
+        return int(255.0 * (LINES[line][1] / 255.0) ** (2.0 - 2.0 * self.amount[line]) + 0.5)
+
+    def faintest(self, view: "View", solution: Solution) -> dict[str, float]:
+        """The ranks down to which marks of the kinds that are on are named and outlined, for :func:`labels`."""
+        bodies = BODIES if self.amount["bodies"] >= 1.0 else 4.0 + 16.0 * self.amount["bodies"] - BODY_MAG
+        ranks = faintest_of(view, solution, self.amount["names"], self.amount["objects"]) | {"body": bodies}
+        return {kind: rank for kind, rank in ranks.items() if self.on[LAYER_OF[kind]]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,8 +275,8 @@ def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, 
     return None if best is None else sky.marks[best[1]]
 
 
-def outlined(sky: SkyInFrame, view: View, faintest: float) -> list[Mark]:
-    """Bodies, and objects down to that rank, with an outline larger than a dot and not about the whole view."""
+def outlined(sky: SkyInFrame, view: View, faintest: dict[str, float]) -> list[Mark]:
+    """Marks down to the rank of their kind, with an outline larger than a dot and not about the whole view."""
     at = view.to_screen(sky.places)
     x0, y0, x1, y1 = view.bounds
     largest = MOST_RADII * max(x1 - x0, y1 - y0)
@@ -239,9 +284,10 @@ def outlined(sky: SkyInFrame, view: View, faintest: float) -> list[Mark]:
     for mark, (x, y) in zip(sky.marks, at.tolist(), strict=True):
         radius = mark.radius * view.scale
         near = x0 - radius < x < x1 + radius and y0 - radius < y < y1 + radius
-        if mark.mag > max(faintest, BODIES):
+        if mark.mag > max(faintest.values(), default=-np.inf):
             break
-        if mark.shapes and DOT_PX <= radius < largest and near:
+        seen = mark.mag <= faintest.get(mark.group, -np.inf)
+        if seen and mark.shapes and DOT_PX <= radius < largest and near:
             drawn.append(mark)
     return drawn[:MOST_OUTLINES]
 

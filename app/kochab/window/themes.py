@@ -51,6 +51,8 @@ class Colours:
     ecliptic: str = _shades("#f2c14e", "#f2c14e", "#a00000")
     grid: str = _shades("#86a8cc", "#86a8cc", "#960000")
     grid_text: str = _shades("#b4cbe4", "#b4cbe4", "#e00000")
+    horizon: str = _shades("#84c9a2", "#84c9a2", "#780000")  # the Alt/Az grid
+    horizon_text: str = _shades("#b2dfc4", "#b2dfc4", "#c80000")
     centre: str = _shades("#ff7ab0", "#ff7ab0", "#ff0000")
     halo: str = _shades("#0c0e11", "#0c0e11", "#000000")  # behind labels on the frame
     stop: str = _shades("#c62828", "#c62828", "#ff0000")  # the one button that stops a mount
@@ -59,6 +61,18 @@ class Colours:
 
 THEME_TITLES = {"dark": tr_noop("&Dark"), "light": tr_noop("&Light"), "night": tr_noop("&Night (red light only)")}
 THEMES = {theme: Colours(**{f.name: f.metadata[theme] for f in fields(Colours)}) for theme in THEME_TITLES}
+HUES = {
+    tr_noop("White"): "#f2f5f9",
+    tr_noop("Blue"): "#6fb1ff",
+    tr_noop("Turquoise"): "#5fd8d2",
+    tr_noop("Green"): "#7fd98a",
+    tr_noop("Yellow"): "#ffd75e",
+    tr_noop("Orange"): "#ffa64d",
+    tr_noop("Red"): "#ff6f66",
+    tr_noop("Pink"): "#ff9ad5",
+    tr_noop("Violet"): "#b99aff",
+}
+"""What a layer of the sky may be drawn in instead of its own colours."""
 _CURRENT = "kochab_theme"  # the property of the application that names its theme
 
 

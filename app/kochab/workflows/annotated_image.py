@@ -20,10 +20,26 @@ from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import avm_packet, compass, csv_text, ds9_regions
-from kochab.frames.sky_grid import grid_lines, pieces
+from kochab.frames.sky_grid import GridLine, LocalSky, grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
+from kochab.polar.horizon import horizon_of
 from kochab.sky.frame_bodies import body_marks
-from kochab.sky.layer import DOT_PX, FAMILIES, Mark, View, faintest_of, in_frame, labels, outlined
+from kochab.sky.layer import (
+    DOT_PX,
+    DOTTED,
+    FAMILIES,
+    LAYER_OF,
+    LINES,
+    MARKS,
+    OUTLINE,
+    SHOWN,
+    Layers,
+    Mark,
+    View,
+    in_frame,
+    labels,
+    outlined,
+)
 from kochab.sky.sky_tables import EPOCH, sky_tables
 from kochab.sky.solar_system import Moving
 
@@ -41,24 +57,40 @@ INKS = {
     "nebula": "#ff9db4",
     "dark": "#b9c4d0",
     "ecliptic": "#f2c14e",
+    "figure": "#9fb4d6",
+    "grid": "#86a8cc",
+    "grid_text": "#b4cbe4",
+    "horizon": "#84c9a2",
+    "horizon_text": "#b2dfc4",
+    "centre": "#ff7ab0",
+    "identified": "#62d6ff",
+    "detected": "#f0b440",
 }
-FIGURE, GRID, NORTH, EAST, EDGE = "#6f83a5", "#3f5f85", "#ff6b6b", "#6bb8ff", "#0c0e11"
+"""The colours of the window's dark theme."""
+NORTH, EAST, EDGE = "#ff6b6b", "#6bb8ff", "#0c0e11"
+SMALL_PX = 12_000_000  # a picture this small has smooth lines; in others they are wide
 LETTER_PX, ACROSS = 13, 1200.0  # of a picture 1200 px across; larger ones have larger letters
 CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos"
+
+
+USUAL = Layers({name: name in SHOWN and name != "centre" for name in MARKS})
+NOTHING: Floats = np.empty((0, 2))
+_TURN = np.linspace(0.0, 2.0 * np.pi, 33)
+CIRCLE: Floats = np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+Stroke = tuple[Floats, str, float]  # places (N, 2), colour "#rrggbbaa", width
 
 
 @dataclass(slots=True)
 class Drawing:
     """What is drawn over a picture of ``width`` x ``height`` px.
 
-    ``strokes`` are (places (N, 2), colour, width); ``words`` (upper left corner, text, colour), in letters of
-    ``letter`` px.
+    ``words`` are (upper left corner, text, colour), in letters of ``letter`` px.
     """
 
     width: int
     height: int
     letter: int
-    strokes: list[tuple[Floats, str, float]] = field(default_factory=list)
+    strokes: list[Stroke] = field(default_factory=list)
     words: list[tuple[tuple[float, float], str, str]] = field(default_factory=list)
 
 
@@ -70,48 +102,113 @@ def font_of(size: int) -> "FreeTypeFont":
     return ImageFont.truetype(data_folder("resources") / "DejaVuSans.ttf", size)
 
 
-def drawing_of(solution: Solution, year: float = EPOCH, bodies: tuple[Mark, ...] = ()) -> Drawing:
-    """Outlines, figures, names, grid and compass of a solved frame; names as dense as in the window."""
+def drawing_of(
+    solution: Solution,
+    year: float = EPOCH,
+    bodies: tuple[Mark, ...] = (),
+    layers: Layers = USUAL,
+    horizon: LocalSky | None = None,
+    detected: Floats = NOTHING,
+) -> Drawing:
+    """The layers over a solved frame, as the window has them; names as dense as there, ``detected`` (N, 2) px."""
     camera = solution.camera
     unit = max(camera.width, camera.height) / ACROSS
     letter = max(9, round(LETTER_PX * unit))
     made, line = Drawing(camera.width, camera.height, letter), max(1.0, 1.2 * unit)
-    for grid in grid_lines(solution, -0.5, -0.5, camera.width - 0.5, camera.height - 0.5):
-        made.strokes += [(part, GRID, max(1.0, 0.7 * unit)) for part in pieces(grid.xy)]
-    sky = in_frame(sky_tables(), solution, year, bodies)
-    made.strokes += [(part, FIGURE, line) for part in sky.lines["figures"]]
     scale = LETTER_PX / letter
     view = View(scale, 0.0, 0.0, (4.0, 4.0, camera.width * scale - 4.0, camera.height * scale - 4.0))
-    ranks = faintest_of(view, solution)
+
+    def ink_of(mark: Mark) -> str:
+        return _ink(layers, LAYER_OF[mark.group], FAMILIES.get(mark.kind, "nebula"))
 
     def size(text: str) -> tuple[float, float]:
         left, _, right, bottom = font_of(letter).getbbox(text)
         return (right - left + 2) * scale, (bottom + 2) * scale
 
-    shown = labels(sky, view, ranks, size, [_compass_box(view)])
-    for mark in outlined(sky, view, ranks["object"]):
-        made.strokes += [(shape, _ink(mark), line) for shape in mark.shapes]
-    turn = np.linspace(0.0, 2.0 * np.pi, 33)
-    ring = np.column_stack([np.cos(turn), np.sin(turn)]) * DOT_PX / scale
+    sky, grids = in_frame(sky_tables(), solution, year, bodies), _grids(solution, layers, horizon)
+    lines = {kind: [part for one in drawn for part in pieces(one.xy)] for kind, drawn in grids.items()}
+    lines |= {kind: [*parts] for kind, parts in sky.lines.items() if layers.on[kind]}
+    for kind, parts in lines.items():
+        ink = f"{_ink(layers, kind, LINES[kind][0])}{layers.opaque(kind):02x}"
+        made.strokes += [(part, ink, line) for xy in parts for part in (_dots(xy, line) if kind == DOTTED else [xy])]
+    made.strokes += _circles(solution, layers, detected, unit, line)
+    ranks = layers.faintest(view, solution)
+    taken = [(0.0, view.bounds[3] - 1.6 * LETTER_PX, size(CREDIT)[0] + LETTER_PX, 1.6 * LETTER_PX + 4.0)]
+    taken += [_compass_box(view)] if layers.on["compass"] else []
+    shown = labels(sky, view, ranks, size, taken, layers.density)
+    for mark in outlined(sky, view, ranks):
+        made.strokes += [(shape, f"{ink_of(mark)}{OUTLINE:02x}", line) for shape in mark.shapes]
     for label in shown:
         if label.mark.kind != "star" and label.mark.radius * scale < DOT_PX:
-            made.strokes.append((label.mark.xy + ring, _ink(label.mark), line))
-        x, y = label.box[0] / scale - 0.5, label.box[1] / scale - 0.5
-        made.words.append(((x, y), label.text, _ink(label.mark)))
-    _draw_compass(made, solution)
+            ring = label.mark.xy + CIRCLE * DOT_PX / scale
+            made.strokes.append((ring, f"{ink_of(label.mark)}{OUTLINE:02x}", line))
+    words = [(label.box, label.text, ink_of(label.mark)) for label in shown]
+    for kind, drawn in grids.items():
+        ink = _ink(layers, kind, f"{LINES[kind][0]}_text")
+        for one in drawn:
+            width, height = size(one.text)
+            if (spot := one.spot(view.to_screen(one.xy), *view.bounds)) is not None:
+                x, y = min(spot[0] + 4.0, view.bounds[2] - width), max(spot[1] - 4.0 - height, view.bounds[1])
+                boxes = [*taken, *(box for box, _, _ in words)]
+                if not any(x < u + w and u < x + width and y < v + h and v < y + height for u, v, w, h in boxes):
+                    words.append(((x, y, width, height), one.text, ink))
+    made.words += [((x / scale - 0.5, y / scale - 0.5), text, ink) for (x, y, _, _), text, ink in words]
+    if layers.on["compass"]:
+        _draw_compass(made, solution)
     made.words.append(((0.6 * letter, camera.height - 1.6 * letter), CREDIT, INKS["dark"]))
     return made
 
 
-def dated_drawing(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> Drawing:
+def _dots(xy: Floats, width: float) -> list[Floats]:
+    """A line (N, 2) as dots of this width, twice as far apart."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    begun = np.arange(0.0, along[-1], 3.0 * width)
+    ends = np.column_stack([begun, begun + width])
+    return list(np.stack([np.interp(ends, along, side) for side in xy.T], axis=-1))
+
+
+def _ink(layers: Layers, layer: str, usual: str) -> str:
+    return layers.colour.get(layer, INKS[usual])
+
+
+def _grids(solution: Solution, layers: Layers, horizon: LocalSky | None) -> dict[str, list[GridLine]]:
+    edges = -0.5, -0.5, solution.camera.width - 0.5, solution.camera.height - 0.5
+    grids = {"grid": grid_lines(solution, *edges)} if layers.on["grid"] else {}
+    if layers.on["altaz"] and horizon is not None:
+        grids["altaz"] = grid_lines(solution, *edges, horizon)
+    return grids
+
+
+def _circles(solution: Solution, layers: Layers, detected: Floats, unit: float, line: float) -> list[Stroke]:
+    """Those of detections and identified stars, and the cross in the centre, where they are on."""
+    rings = {"detected": (detected, 4.5), "identified": (solution.stars_px, 8.0)}
+    made = [
+        (place + radius * unit * CIRCLE, f"{_ink(layers, layer, layer)}ff", line)
+        for layer, (places, radius) in rings.items()
+        if layers.on[layer]
+        for place in places
+    ]
+    if layers.on["centre"]:
+        middle = np.array([solution.camera.width - 1, solution.camera.height - 1]) / 2.0
+        ink = f"{_ink(layers, 'centre', 'centre')}ff"
+        ways = np.vstack([np.eye(2), -np.eye(2)])
+        made += [(middle + unit * np.outer((6.0, 18.0), way), ink, 1.5 * line) for way in ways]
+    return made
+
+
+def dated_drawing(
+    frame: Frame,
+    solution: Solution,
+    more: Sequence[Moving] = (),
+    layers: Layers = USUAL,
+    detected: Floats = NOTHING,
+) -> Drawing:
     """The same at the frame's date: stars where they have moved to, and the bodies of the Solar System."""
     from kochab.solver.pipeline import year_of
 
-    return drawing_of(solution, year_of(frame.hint.time_utc), run(body_marks(frame, solution, more=more)))
-
-
-def _ink(mark: Mark) -> str:
-    return INKS[FAMILIES.get(mark.kind, "nebula")]
+    bodies = run(body_marks(frame, solution, more=more))
+    horizon = None if frame.hint.time_of_file else horizon_of(frame)
+    return drawing_of(solution, year_of(frame.hint.time_utc), bodies, layers, horizon, detected)
 
 
 def _compass_box(view: View) -> tuple[float, float, float, float]:
@@ -127,7 +224,7 @@ def _draw_compass(made: Drawing, solution: Solution) -> None:
         side = np.array([-way[1], way[0]]) * length * 0.12
         tip, back = middle + length * way, middle + 0.75 * length * way
         for places in ([middle, tip], [tip, back + side, back - side, tip]):
-            made.strokes.append((np.array(places), ink, made.letter / 8.0))
+            made.strokes.append((np.array(places), f"{ink}ff", made.letter / 8.0))
         x, y = middle + 1.3 * length * way - (0.35 * made.letter, 0.6 * made.letter)
         made.words.append(((float(x), float(y)), name, ink))
 
@@ -148,23 +245,29 @@ def picture_of(frame: Frame) -> "Image":
     return picture if picture.width == frame.width else picture.resize((frame.width, frame.height))
 
 
-def annotated_picture(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> "Image":
-    """The frame with the sky drawn over it."""
-    from PIL import ImageDraw
+def annotated_picture(frame: Frame, drawn: Drawing) -> "Image":
+    """The frame with a drawing over it; strokes of one colour are one, so that none is stronger where they meet."""
+    from PIL import Image, ImageDraw
 
-    picture, drawn = picture_of(frame), dated_drawing(frame, solution, more)
-    draw = ImageDraw.Draw(picture)
-    for places, ink, width in drawn.strokes:
-        draw.line([(x, y) for x, y in places.tolist()], fill=ink, width=max(1, round(width)))
-    font, edge = font_of(drawn.letter), max(1, drawn.letter // 8)
+    picture = picture_of(frame)
+    fine = 2 if picture.width * picture.height < SMALL_PX else 1
+    for ink in dict.fromkeys(ink for _, ink, _ in drawn.strokes):
+        mask = Image.new("L", (fine * picture.width, fine * picture.height))
+        draw = ImageDraw.Draw(mask)
+        for places, of, width in drawn.strokes:
+            if of == ink:
+                at = [(x, y) for x, y in ((places + 0.5) * fine - 0.5).tolist()]
+                draw.line(at, fill=int(ink[7:], 16), width=max(1, round(fine * width)))
+        picture.paste(ink[:7], mask=mask.reduce(fine))
+    draw, font, edge = ImageDraw.Draw(picture), font_of(drawn.letter), max(1, drawn.letter // 8)
     for place, text, ink in drawn.words:
         draw.text(place, text, fill=ink, font=font, stroke_width=edge, stroke_fill=EDGE)
     return picture
 
 
-def as_svg(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:
+def as_svg(frame: Frame, drawn: Drawing) -> str:
     """The same as SVG: the picture inside, lines and letters as such."""
-    packed, drawn = io.BytesIO(), dated_drawing(frame, solution, more)
+    packed = io.BytesIO()
     picture_of(frame).save(packed, format="JPEG", quality=92)
     size = f'width="{drawn.width}" height="{drawn.height}"'
     data = base64.b64encode(packed.getvalue()).decode()
@@ -176,22 +279,30 @@ def as_svg(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str
     ]
     for places, ink, width in drawn.strokes:
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places.tolist())
-        lines.append(f'<polyline points="{points}" stroke="{ink}" stroke-width="{width:.1f}"/>')
+        opaque = f'stroke="{ink[:7]}" stroke-opacity="{int(ink[7:], 16) / 255.0:.2f}"'
+        lines.append(f'<polyline points="{points}" {opaque} stroke-width="{width:.1f}"/>')
     lines.append(f'</g><g {style} stroke-width="{drawn.letter / 6:.1f}">')
     for (x, y), text, ink in drawn.words:
         lines.append(f'<text x="{x:.1f}" y="{y + drawn.letter:.1f}" fill="{ink}">{escape(text, quote=False)}</text>')
     return "\n".join([*lines, "</g></svg>", ""])
 
 
-def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], more: Sequence[Moving] = ()) -> None:
-    """Write the frame with the sky over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
+def annotate(
+    frame: Frame,
+    solution: Solution,
+    path: str | os.PathLike[str],
+    more: Sequence[Moving] = (),
+    layers: Layers = USUAL,
+    detected: Floats = NOTHING,
+) -> None:
+    """Write the frame with the layers over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
 
     The first three carry tags that place them on the sky. Asteroids and comets of ``more`` tables are looked for
     beside the shipped ones.
     """
-    ending = Path(path).suffix.lower()
+    ending, drawn = Path(path).suffix.lower(), dated_drawing(frame, solution, more, layers, detected)
     if ending == ".svg":
-        write_atomically(path, as_svg(frame, solution, more))
+        write_atomically(path, as_svg(frame, drawn))
         return
     packed, kind = io.BytesIO(), FORMATS.get(ending, "PNG")
     packing: dict[str, dict[str, Any]] = {
@@ -203,7 +314,7 @@ def annotate(frame: Frame, solution: Solution, path: str | os.PathLike[str], mor
         packing["JPEG"] |= {"extra": _marker(b"http://ns.adobe.com/xap/1.0/\0" + packet)}
         packing["PNG"] |= {"pnginfo": _png_text("XML:com.adobe.xmp", packet)}
         packing["TIFF"] |= {"tiffinfo": {700: packet}}
-    annotated_picture(frame, solution, more).save(packed, format=kind, **packing.get(kind, {}))
+    annotated_picture(frame, drawn).save(packed, format=kind, **packing.get(kind, {}))
     write_atomically(path, packed.getvalue())
 
 

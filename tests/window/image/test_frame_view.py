@@ -1,5 +1,8 @@
 """The frame on the screen: zoom, pan, marks, and the table that follows them."""
 
+from dataclasses import replace
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,13 +10,15 @@ from hypothesis import strategies as st
 from PySide6.QtCore import QPoint, QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QWheelEvent
 
+from kochab.core.frame import Site
 from kochab.frames.export import compass
-from kochab.sky.layer import Mark
+from kochab.polar.horizon import Horizon
+from kochab.sky.layer import BODY_MAG, LINES, MARKS, Layers, Mark
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import Body, BodyKind
-from kochab.window.image.overlay import MARKS, Overlay
+from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import Viewport
-from kochab.window.themes import theme_colours
+from kochab.window.themes import HUES, theme_colours
 from tests.window.fakes import fake_solution
 
 
@@ -112,7 +117,7 @@ def test_keys_zoom_move_and_switch(qtbot, opened):
     assert view.viewport.dx < dx
     assert commands.actions["grid"].isChecked()
     qtbot.keyClick(view, Qt.Key.Key_G)
-    assert not commands.presenter.overlay.on["grid"]
+    assert not commands.presenter.overlay.layers.on["grid"]
 
 
 def painted(overlay, view=None):
@@ -133,14 +138,14 @@ def jupiter_at(x, y, radius=0.0):
 
 @pytest.mark.parametrize("radius", [0.0, 30.0])  # a dot, and a disc of its own
 def test_a_body_is_named_and_drawn_without_the_objects(qtbot, radius):
-    overlay = Overlay(on=dict.fromkeys(MARKS, False) | {"bodies": True}, tables=sky_tables())
+    overlay = Overlay(Layers(dict.fromkeys(MARKS, False) | {"bodies": True}), tables=sky_tables())
     overlay.show(np.empty((0, 2)), fake_solution(600, 400))
     assert painted(overlay).sum() == 0
     overlay.show_bodies((jupiter_at(150.0, 100.0, radius),))
     assert painted(overlay).sum() > 0
     assert [label.text for label in overlay.labels] == ["Jupiter"]
     assert overlay.mark_at(151.0, 100.0, 5.0).text == "Jupiter"
-    overlay.on |= {"bodies": False, "objects": True}
+    overlay.layers.on |= {"bodies": False, "objects": True}
     painted(overlay)
     assert "Jupiter" not in [label.text for label in overlay.labels]
     overlay.show(np.empty((0, 2)), fake_solution(600, 400))
@@ -148,8 +153,9 @@ def test_a_body_is_named_and_drawn_without_the_objects(qtbot, radius):
 
 
 def everything():
-    """An overlay with all marks on, over Orion's belt."""
-    overlay = Overlay(on=dict.fromkeys(MARKS, True), tables=sky_tables())
+    """An overlay with all marks on, over Orion's belt in a winter's night."""
+    night = Horizon(Site(50.0, 8.0), datetime(2026, 1, 15, 22, 0, tzinfo=UTC))
+    overlay = Overlay(Layers(dict.fromkeys(MARKS, True)), lambda: night, tables=sky_tables())
     overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
     overlay.show_bodies((jupiter_at(150.0, 100.0),))
     return overlay
@@ -159,7 +165,7 @@ def everything():
 def test_each_mark_can_be_switched(qtbot, mark):
     overlay = everything()
     every = painted(overlay)
-    overlay.on[mark] = False
+    overlay.layers.on[mark] = False
     without = painted(overlay)
     assert (every != without).any()
     assert every.sum() > without.sum() or mark in (
@@ -167,12 +173,55 @@ def test_each_mark_can_be_switched(qtbot, mark):
         "objects",
         "bodies",
         "grid",
+        "altaz",
     )  # whose dark edges may cover more
+
+
+def test_without_time_or_site_there_is_no_horizon_to_draw(qtbot):
+    overlay = everything()
+    overlay.layers.on = dict.fromkeys(MARKS, False) | {"altaz": True}
+    assert painted(overlay).sum() > 0
+    overlay.horizon = lambda: None
+    assert painted(overlay).sum() == 0
+
+
+@pytest.mark.parametrize("layer", sorted(LINES))
+def test_more_of_a_layer_of_lines_is_stronger(layer):
+    layers = Layers()
+    strengths = []
+    for layers.amount[layer] in (0.0, 0.25, 0.5, 0.75, 1.0):
+        strengths.append(layers.opaque(layer))
+    assert strengths == sorted(strengths)
+    assert (strengths[2], strengths[-1]) == (LINES[layer][1], 255)
+    assert 0 < strengths[0] < 100
+
+
+def test_fewer_bodies_are_the_brighter_ones(qtbot):
+    overlay = Overlay(Layers(dict.fromkeys(MARKS, False) | {"bodies": True}), tables=sky_tables())
+    overlay.show(np.empty((0, 2)), fake_solution(600, 400))
+    faint = replace(jupiter_at(300.0, 300.0), text="Alcathous", short="Alcathous", mag=15.0 - BODY_MAG)
+    overlay.show_bodies((jupiter_at(150.0, 100.0), faint))
+    painted(overlay)
+    assert [label.text for label in overlay.labels] == ["Jupiter", "Alcathous"]
+    overlay.layers.amount["bodies"] = 0.5
+    painted(overlay)
+    assert [label.text for label in overlay.labels] == ["Jupiter"]
+
+
+@pytest.mark.parametrize("layer", sorted({*MARKS} - {"ecliptic", "galactic"}))
+def test_a_layer_has_the_colour_that_was_chosen_and_at_night_red_alone(qtbot, use_theme, layer):
+    overlay = everything()
+    overlay.layers.on = dict.fromkeys(MARKS, False) | {layer: True}
+    overlay.layers.colour[layer] = HUES["Violet"]
+    assert shows(painted(overlay), QColor(HUES["Violet"]))
+    use_theme("night")
+    assert painted(overlay)[..., 2].max() > 0
+    assert painted(overlay)[..., :2].max() == 0
 
 
 def test_nothing_is_marked_when_everything_is_off(qtbot):
     overlay = everything()
-    overlay.on = dict.fromkeys(MARKS, False)
+    overlay.layers.on = dict.fromkeys(MARKS, False)
     assert painted(overlay).sum() == 0
 
 
@@ -180,7 +229,7 @@ def test_at_first_names_are_the_catalogues_and_no_star_is_circled(qtbot):
     overlay = Overlay(tables=sky_tables())
     overlay.show(np.array([[300.0, 50.0]]), fake_solution(600, 400))
     amber, blue = (QColor(colour) for colour in (theme_colours().detected, theme_colours().identified))
-    overlay.on |= {"compass": False, "objects": True}
+    overlay.layers.on |= {"compass": False, "objects": True}
     image = painted(overlay)
     assert not shows(image, amber)
     assert not shows(image, blue)
@@ -209,7 +258,7 @@ def test_a_name_that_the_tables_lack_is_no_loss(qtbot):
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 4.0])
 def test_circles_lie_on_their_star_and_keep_their_size(qtbot, scale):
-    overlay = Overlay(on=dict.fromkeys(MARKS, True))
+    overlay = Overlay(Layers(dict.fromkeys(MARKS, True)))
     overlay.show(np.array([[40.0, 30.0]]), None)
     view = Viewport(600, 400, scale, 20.0, 30.0)
     ys, xs = np.nonzero(painted(overlay, view).sum(axis=2) > 200)
@@ -221,13 +270,13 @@ def test_circles_lie_on_their_star_and_keep_their_size(qtbot, scale):
 
 def test_a_star_is_circled_once_unless_identified_ones_are_off(qtbot):
     solution = fake_solution(600, 400, stars=1)
-    overlay = Overlay(on=dict.fromkeys(MARKS, True))
+    overlay = Overlay(Layers(dict.fromkeys(MARKS, True)))
     overlay.show(np.array([[s.x, s.y] for s in solution.stars]), solution)
     for mark in ("names", "grid", "centre", "compass"):
-        overlay.on[mark] = False
+        overlay.layers.on[mark] = False
     amber = QColor(theme_colours().detected)
     assert not shows(painted(overlay), amber)
-    overlay.on["identified"] = False
+    overlay.layers.on["identified"] = False
     assert shows(painted(overlay), amber)
 
 
@@ -238,8 +287,6 @@ def shows(image, colour):
 
 
 def test_north_and_east_of_an_unrotated_frame(qtbot):
-    from dataclasses import replace
-
     from kochab.core.attitude import attitude_from
 
     solution = replace(fake_solution(600, 400), attitude=attitude_from(84.0, 20.0, 0.0))

@@ -1,11 +1,10 @@
 from kochab.frames.sky_grid import grid_lines
-from kochab.window.image.overlay import label
 from tests.frames.test_sky_grid import solution_at
 
 
 def test_labels_are_as_fine_as_the_step():
-    texts = {label(line) for line in grid_lines(solution_at(84.0, -1.0), 0, 0, 599, 399)}
+    texts = {line.text for line in grid_lines(solution_at(84.0, -1.0), 0, 0, 599, 399)}
     assert "−2°" in texts
     assert "5h 40m" in texts
-    fine = [label(x) for x in grid_lines(solution_at(84.0, -1.0, fov=0.2), 0, 0, 599, 399)]
+    fine = [line.text for line in grid_lines(solution_at(84.0, -1.0, fov=0.2), 0, 0, 599, 399)]
     assert len(set(fine)) == len(fine)

@@ -6,6 +6,8 @@ from PySide6.QtWidgets import QMessageBox
 
 from kochab.cli.output import as_json, to_line
 from kochab.window.application import build
+from kochab.window.themes import HUES
+from kochab.workflows.annotated_image import INKS
 from kochab.workflows.session.wiring import Wiring
 from tests.window.fakes import FakeEngine, no_solution
 
@@ -50,6 +52,22 @@ def test_ds9_and_wcs(qtbot, commands, tmp_path):
 def test_the_annotated_picture_is_a_png(qtbot, commands, tmp_path):
     path = write(qtbot, commands, "picture", tmp_path / "a.png")
     assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_the_annotated_picture_is_what_is_seen(qtbot, commands, tmp_path):
+    for name, on in (("detected", True), ("grid", False)):
+        if commands.actions[name].isChecked() != on:
+            commands.actions[name].trigger()
+    commands.looks.set_colour("detected", HUES["Green"])
+    commands.looks.set_amount("figures", 1.0)
+    drawn = write(qtbot, commands, "picture", tmp_path / "a.svg").read_text("utf-8")
+    assert drawn.count(f'stroke="{HUES["Green"]}"') == 12 + 24  # those identified have no circle of their own here
+    assert INKS["grid"] not in drawn
+    assert f'stroke="{INKS["figure"]}" stroke-opacity="1.00"' in drawn
+    commands.actions["identified"].trigger()
+    drawn = write(qtbot, commands, "picture", tmp_path / "b.svg").read_text("utf-8")
+    assert drawn.count(f'stroke="{HUES["Green"]}"') == 12
+    commands.actions["identified"].trigger()
 
 
 def test_a_place_that_cannot_be_written_is_one_sentence(qtbot, commands, tmp_path):

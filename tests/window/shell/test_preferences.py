@@ -6,8 +6,10 @@ from PySide6.QtCore import QSettings, Qt
 from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Site
 from kochab.gear.profiles import current_profile, load_profile
+from kochab.sky.layer import AMOUNTS
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.preferences import OFFLINE, Preferences
+from kochab.window.themes import HUES
 from tests.window.mount_bench import connected
 
 
@@ -58,14 +60,55 @@ def test_angles_theme_and_layers_are_applied_at_once_and_kept(qtbot, shown, tmp_
     assert commands.actions["night"].isChecked()
     choose(dialog.text, "large")
     dialog.layers["grid"].click()
-    assert not commands.presenter.overlay.on["grid"]
+    assert not commands.presenter.overlay.layers.on["grid"]
     commands.actions["detected"].trigger()  # by its own key, the box follows
-    assert dialog.layers["detected"].isChecked() == commands.presenter.overlay.on["detected"]
+    assert dialog.layers["detected"].isChecked() == commands.presenter.overlay.layers.on["detected"]
     commands.settings.write()
     again = WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
     assert again.angle_style is AngleStyle.DECIMAL
     assert (again.text("theme", ""), again.text("text_size", "")) == ("night", "large")
     assert not again.flag("sky/grid", True)
+
+
+def test_layers_have_amounts_and_colours_that_are_kept_and_drawn(qtbot, shown, make_window, engine):
+    _window, commands, dialog = shown
+    commands.actions["layers"].trigger()
+    assert dialog.tabs.currentWidget() is dialog.layers_page
+    layers = commands.presenter.overlay.layers
+    assert {*dialog.colours} == {*layers.on}
+    assert {*dialog.amounts} == {*layers.amount}
+    assert {box.currentText() for box in dialog.colours.values()} == {"Default"}
+    dialog.amounts["objects"].setValue(90)
+    choose(dialog.colours["figures"], HUES["Green"])
+    choose(dialog.colours["grid"], HUES["Pink"])
+    choose(dialog.colours["grid"], "")
+    assert (layers.amount["objects"], layers.colour) == (0.9, {"figures": HUES["Green"]})
+    dialog.close()
+    again = make_window(engine)[1].presenter.overlay.layers
+    assert (again.amount["objects"], again.amount["names"]) == (0.9, 0.5)
+    assert again.colour == {"figures": HUES["Green"]}
+
+
+def test_samples_of_colours_are_not_shown_in_red_light(qtbot, shown):
+    _, _commands, dialog = shown
+    assert not dialog.colours["grid"].itemIcon(2).isNull()
+    choose(dialog.theme, "night")
+    assert all(box.itemIcon(k).isNull() for box in dialog.colours.values() for k in range(box.count()))
+
+
+@pytest.mark.parametrize("kept", ['{"objects": 7.0, "names": "x", "grid": [1]}', "[]", "{", '{"objects": NaN}'])
+def test_damaged_amounts_and_colours_read_as_none(make_window, engine, settings, kept):
+    settings.keep("sky/amounts", kept)
+    settings.keep("sky/colours", kept.replace("7.0", '"red; }"'))
+    layers = make_window(engine)[1].presenter.overlay.layers
+    assert (layers.amount, layers.colour) == (AMOUNTS, {})
+
+
+def test_a_grid_of_the_horizon_says_what_it_lacks(qtbot, opened):
+    window, commands = opened
+    commands.actions["altaz"].trigger()
+    assert "time or your site" in window.status.currentMessage()
+    assert commands.presenter.overlay.layers.on["altaz"]
 
 
 def test_a_new_profile_with_its_telescope_is_kept_and_stands_in_the_bar(qtbot, shown):

@@ -3,8 +3,18 @@
 from collections.abc import Callable
 
 import numpy as np
-from PySide6.QtCore import QPointF, QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
+from PySide6.QtCore import QPoint, QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import (
+    QColor,
+    QContextMenuEvent,
+    QFocusEvent,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QResizeEvent,
+    QWheelEvent,
+)
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from kochab.core import tr
@@ -27,6 +37,7 @@ class FrameView(QWidget):
 
     hovered = Signal(object)  # (x, y) image px, or None outside
     clicked = Signal(float, float, float)  # x, y image px and reach in px
+    menu_wanted = Signal(object, QPoint)  # (x, y, reach) image px, or None by the keyboard; where on the screen
     zoomed = Signal(float)  # screen px per image px
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -162,6 +173,13 @@ class FrameView(QWidget):
             self.clicked.emit(x, y, 14.0 / self.viewport.scale)
         self._pressed = None
         self.unsetCursor()
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        at = None
+        if event.reason() == QContextMenuEvent.Reason.Mouse:
+            at = *self.viewport.to_image(event.pos().x(), event.pos().y()), 14.0 / self.viewport.scale
+        if self.picture is not None:
+            self.menu_wanted.emit(at, event.globalPos())
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         if self._fits and self.picture is not None:

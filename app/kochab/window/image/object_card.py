@@ -1,13 +1,18 @@
-"""The card of an object or a star of the frame: what it is, how bright and large, where, and how high tonight."""
+"""An object, a star or a place of the frame: its card, with what it is and how high tonight, and its menu."""
 
+from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
+from functools import partial
 from typing import TYPE_CHECKING
+from urllib.parse import urlencode
 
 import numpy as np
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QPoint, QUrl, Signal
+from PySide6.QtGui import QAction, QDesktopServices
+from PySide6.QtWidgets import QMenu, QWidget
 
 from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, radec_text
+from kochab.core.angle_text import AngleStyle, radec_plain, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
@@ -39,14 +44,18 @@ KINDS = {
     "SNR": tr_noop("Supernova remnant"),
     "star": tr_noop("Star"),
 }
+SIMBAD, ALADIN = "https://simbad.cds.unistra.fr/simbad/", "https://aladin.cds.unistra.fr/AladinLite/"
+KNOWN = ("HIP ", "M ", "NGC ", "IC ")  # as Simbad spells them
 TURN_H = 23.9344696  # of the sky
 MARGIN_PX, LETTERS = 12, 44
 
 
-def vector_of(tables: SkyTables, mark: Mark) -> Floats:
-    """Its ICRS unit vector (3,): at J2000, a body's at the frame's time."""
+def vector_of(tables: SkyTables, mark: Mark, solution: Solution) -> Floats:
+    """Its ICRS unit vector (3,): at J2000, that of a body or of a bare place at the frame's time."""
     if mark.body is not None:
         return mark.body.vector
+    if not mark.kind:
+        return np.asarray(solution.sky_at(mark.xy[None])[0])
     return np.asarray((tables.stars if mark.kind == "star" else tables.objects).vector[mark.row])
 
 
@@ -54,7 +63,7 @@ def facts(
     tables: SkyTables, mark: Mark, solution: Solution, style: AngleStyle, horizon: "Horizon | None"
 ) -> dict[str, str]:
     """What the card tells, by title; ``horizon`` is the person's, now."""
-    vector = vector_of(tables, mark)
+    vector = vector_of(tables, mark, solution)
     told = {
         "": tr(KINDS.get(mark.kind, mark.kind.capitalize() if mark.body else "")),
         tr("In"): constellation_at(vector),
@@ -103,8 +112,62 @@ def _clock(when: datetime) -> str:
     return when.astimezone().strftime("%H:%M")
 
 
+def links(tables: SkyTables, mark: Mark, vector: Floats, width_deg: float) -> dict[str, str]:
+    """Addresses of pages about a mark at a direction (3,), by their titles; ``width_deg`` is that of an image."""
+    ra, dec = radec_deg(vector)
+    found = {"Aladin Lite": f"{ALADIN}?{urlencode({'target': f'{ra:.5f} {dec:+.5f}', 'fov': f'{width_deg:.2f}'})}"}
+    if mark.body is not None:
+        return found  # Simbad knows no Solar System
+    name = f"HIP {tables.stars.hip[mark.row]}" if mark.kind == "star" else mark.short
+    if not name.startswith(KNOWN):
+        around = {"Coord": f"{ra:.5f} {dec:+.5f}", "Radius": 5, "Radius.unit": "arcmin"}
+        return {"Simbad": f"{SIMBAD}sim-coo?{urlencode(around)}", **found}
+    return {"Simbad": f"{SIMBAD}sim-id?{urlencode({'Ident': name})}", **found}
+
+
+def place_menu(
+    parent: QWidget,
+    name: str,
+    radec: tuple[float, float],
+    style: AngleStyle,
+    pages: Mapping[str, str],
+    against: Mapping[str, str],
+    go: Callable[[str, str], object],
+) -> QMenu:
+    """What can be done with something at ``radec``, ICRS degrees; ``go`` takes an action's name and coordinates.
+
+    ``against`` says why the mount cannot "goto" or "centre" it. The network is used for a page that is chosen alone.
+    """
+    menu = QMenu(parent)
+    menu.addAction(name.replace("&", "&&") or radec_text(*radec, style)).setEnabled(False)
+    menu.addSeparator()
+    target = radec_plain(*radec, AngleStyle.DECIMAL)
+    for action, text in (("goto", tr("&Go to")), ("centre", tr("C&entre"))):
+        _add(menu, text, partial(go, action, target)).setEnabled(not against[action])
+    for reason in dict.fromkeys(why for action in ("goto", "centre") if (why := against[action])):
+        menu.addAction(reason).setEnabled(False)
+    menu.addSeparator()
+    _add(menu, tr("Copy &coordinates"), partial(copy_text, radec_plain(*radec, style)))
+    if name:
+        _add(menu, tr("Copy &name"), partial(copy_text, name))
+    online = menu.addMenu(tr("&Search online"))
+    for title, page in pages.items():
+        _add(online, tr("Open {page} in the browser", page=title), partial(QDesktopServices.openUrl, QUrl(page)))
+    for title, page in pages.items():
+        _add(online, tr("Copy the link to {page}", page=title), partial(copy_text, page))
+    return menu
+
+
+def _add(menu: QMenu, text: str, do: Callable[[], object]) -> QAction:
+    made = menu.addAction(text)
+    made.triggered.connect(lambda _=False: do())
+    return made
+
+
 class ObjectCard(QWidget):
     """Over the upper left of the image while something is picked."""
+
+    menu_wanted = Signal(QPoint)
 
     def __init__(self, view: QWidget) -> None:
         super().__init__(view)
@@ -113,8 +176,9 @@ class ObjectCard(QWidget):
         self._frame = styled_frame("card")
         self._place = ""
         copy = button(tr("&Copy"), lambda: copy_text(self._place), "small", tr("Copy name and coordinates"))
+        more = button(tr("&More"), lambda: self.menu_wanted.emit(more.mapToGlobal(more.rect().bottomLeft())), "small")
         shut = button(tr("C&lose"), self.hide, "small")
-        column(self.title, self.body, row(copy, shut, None), on=self._frame, spacing=8, margins=(12, 10, 12, 10))
+        column(self.title, self.body, row(copy, more, shut, None), on=self._frame, spacing=8, margins=(12, 10, 12, 10))
         column(self._frame, on=self, margins=(0, 0, 0, 0))
         self.hide()
 

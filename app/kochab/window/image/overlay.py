@@ -1,5 +1,6 @@
 """The marks over a frame: how each kind is painted, and all of them in one pass; sizes are screen px."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -11,17 +12,28 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
-from kochab.frames.sky_grid import GridLine, grid_lines, pieces
-from kochab.sky.layer import DOT_PX, FAMILIES, Label, Mark, SkyInFrame, View, faintest_of, in_frame, mark_at, outlined
+from kochab.frames.sky_grid import GridLine, LocalSky, grid_lines, pieces
+from kochab.sky.layer import (
+    DOT_PX,
+    DOTTED,
+    FAMILIES,
+    LAYER_OF,
+    LINES,
+    OUTLINE,
+    Label,
+    Layers,
+    Mark,
+    SkyInFrame,
+    View,
+    in_frame,
+    mark_at,
+    outlined,
+)
 from kochab.sky.layer import labels as place_labels
 from kochab.sky.sky_tables import SkyTables
 from kochab.window.image.screen_image import LabelSpace, Viewport
-from kochab.window.themes import Colours, theme_colours, translucent
+from kochab.window.themes import THEMES, Colours, theme_colours, translucent
 
-LINES = {"figures": "figure", "boundaries": "figure", "ecliptic": "ecliptic", "galactic": "galaxy"}
-"""The sky layer's lines, and their colours in the theme."""
-SHOWN = ("objects", "names", "bodies", "figures", "grid", "centre", "compass")  # until the person switches
-MARKS = ("objects", "names", "bodies", *LINES, "grid", "centre", "compass", "identified", "detected")
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
 MOST_CIRCLES = 4000
 CROWDED = 300  # from this many circles on they are drawn fainter and smaller
@@ -38,6 +50,16 @@ class Brush:
     view: Viewport
     colours: Colours
     space: LabelSpace
+    chosen: dict[str, str] = field(default_factory=dict)  # colours of layers, where the theme's are not wanted
+
+    def ink(self, layer: str, usual: str) -> str:
+        """The colour of a layer: the chosen one, or the theme's of this name; at night always the theme's red."""
+        own = str(getattr(self.colours, usual))
+        return own if self.colours is THEMES["night"] else self.chosen.get(layer, own)
+
+    def ink_of(self, mark: Mark) -> str:
+        """The colour of a mark's name and outline."""
+        return self.ink(LAYER_OF[mark.group], FAMILIES.get(mark.kind, "nebula"))
 
     def pen(self, colour: str, width: float, alpha: int = 255) -> None:
         self.painter.setPen(QPen(translucent(colour, alpha), width))
@@ -134,9 +156,9 @@ def cross(brush: Brush, x: float, y: float, inner: float, outer: float) -> None:
         brush.painter.drawLine(near, QPointF(x + dx * outer, y + dy * outer))
 
 
-def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
-    """The lines of the grid inside the frame's ``edges``."""
-    brush.pen(brush.colours.grid, 1.0, 85)
+def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF, colour: str, alpha: int) -> None:
+    """The lines of a grid inside the frame's ``edges``."""
+    brush.pen(colour, 1.0, alpha)
     brush.painter.save()
     brush.painter.setClipRect(edges)
     for line in lines:
@@ -145,13 +167,16 @@ def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
     brush.painter.restore()
 
 
-def sky_labels(brush: Brush, lines: list[GridLine], edges: QRectF) -> None:
+def sky_labels(brush: Brush, lines: list[GridLine], edges: QRectF, colour: str) -> None:
     """What each line is, where it enters the frame."""
     inside = edges.adjusted(2, 2, -2, -2)
     for line in lines:
-        spot = _label_spot(brush.view.to_screen(line.xy), inside, line.kind)
+        box = inside.left(), inside.top(), inside.right(), inside.bottom()
+        spot = line.spot(brush.view.to_screen(line.xy), *box)
         if spot is not None:
-            brush.text(spot, label(line), brush.colours.grid_text)
+            right = inside.right() - 2 - brush.words(line.text, colour)[0].width()
+            at = QPointF(min(spot[0] + 4, right), min(spot[1] - 4, inside.bottom() - 6))
+            brush.text(at, line.text, colour)
 
 
 def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
@@ -160,35 +185,15 @@ def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
     return np.asarray((x > -20) & (y > -20) & (x < view.width + 20) & (y < view.height + 20))
 
 
-def _label_spot(xy: Floats, edges: QRectF, kind: str) -> QPointF | None:
-    """Where the text of a line starts: low for right ascension, far left for declination."""
-    x, y = xy[:, 0], xy[:, 1]
-    with np.errstate(invalid="ignore"):
-        inside = (x > edges.left()) & (x < edges.right()) & (y > edges.top()) & (y < edges.bottom())
-    if not inside.any():
-        return None
-    best = int(np.where(inside, y if kind == "ra" else -x, -np.inf).argmax())
-    return QPointF(x[best] + 4, min(y[best] - 4, edges.bottom() - 6))
-
-
-def label(line: GridLine) -> str:
-    """The line's value, as fine as its step needs."""
-    if line.kind == "ra":
-        sign, units, whole_deg, turn = "", "hms", 15.0, 24
-    else:
-        sign, units, whole_deg, turn = "−" if line.value_deg < 0 else "+", "°′″", 1.0, 360
-    minutes, s = divmod(round(abs(line.value_deg) / whole_deg * 3600.0), 60)
-    whole, m = divmod(minutes, 60)
-    places = 3 if s or line.step_deg < whole_deg / 60.0 else 2 if m or line.step_deg < whole_deg else 1
-    return " ".join((f"{sign}{whole % turn}{units[0]}", f"{m:02d}{units[1]}", f"{s:02d}{units[2]}")[:places])
-
-
 def arrows(brush: Brush, solution: Solution) -> None:
     """Arrows in the top right corner, with dark edges that keep them readable on a bright sky."""
     north, east = compass(solution)
     box = QRectF(brush.view.width - 2 * AROUND_ARROW_PX - 10, 10, 2 * AROUND_ARROW_PX, 2 * AROUND_ARROW_PX)
     brush.space.place(box)
-    for shade, more in ((translucent(brush.colours.halo, 190), EDGE_PX), (QColor(brush.colours.identified), 0.0)):
+    for shade, more in (
+        (translucent(brush.colours.halo, 190), EDGE_PX),
+        (QColor(brush.ink("compass", "identified")), 0.0),
+    ):
         for way, letter, width in ((north, "N", 2.4), (east, "E", 1.6)):
             _arrow(brush.painter, box.center(), way, QPen(shade, width + more))
             _letter(brush.painter, box.center(), way, letter, shade, ground=more > 0.0)
@@ -221,14 +226,14 @@ def _letter(painter: QPainter, at: QPointF, way: Floats, letter: str, shade: QCo
 
 @dataclass(slots=True)
 class Overlay:
-    """Paints the sky over a solved frame, and detections: those of :data:`MARKS` that are ``on``.
+    """Paints the sky over a solved frame, and detections, as the ``layers`` say.
 
-    ``selected`` indexes the solution's stars; ``amount`` 0..1 is how many "names" and "objects" are shown. No label
+    ``selected`` indexes the solution's stars; ``horizon`` tells where and when the frame was taken. No label
     goes where the view is ``covered``, screen px. Without ``tables`` there is no sky layer.
     """
 
-    on: dict[str, bool] = field(default_factory=lambda: {name: name in SHOWN for name in MARKS})
-    amount: dict[str, float] = field(default_factory=lambda: {"names": 0.5, "objects": 0.5})
+    layers: Layers = field(default_factory=Layers)
+    horizon: Callable[[], LocalSky | None] = lambda: None
     covered: list[QRect] = field(default_factory=list)
     tables: SkyTables | None = None
     bodies: tuple[Mark, ...] = ()  # of the Solar System, in this frame
@@ -241,8 +246,7 @@ class Overlay:
     detected: Floats = field(default_factory=lambda: np.empty((0, 2)))
     _stars: Floats = field(default_factory=lambda: np.empty((0, 2)))
     _others: Floats = field(default_factory=lambda: np.empty((0, 2)))
-    _lines: list[GridLine] = field(default_factory=list)
-    _lines_key: object = None
+    _grids: dict[str, tuple[object, list[GridLine]]] = field(default_factory=dict)
     _sky: SkyInFrame | None = None
     _paths: dict[str, QPainterPath] = field(default_factory=dict)
 
@@ -262,6 +266,12 @@ class Overlay:
         self.bodies, self._sky = bodies, None
 
     @property
+    def circled(self) -> Floats:
+        """The detections (N, 2) with a circle; an identified star has its own, unless that kind is off."""
+        shown = self._others if self.layers.on["identified"] else self.detected
+        return shown if self.layers.on["detected"] else shown[:0]
+
+    @property
     def sky(self) -> SkyInFrame | None:
         """What the tables have in the frame, found when first asked for."""
         if self._sky is None and self.solution is not None and self.tables is not None:
@@ -275,31 +285,31 @@ class Overlay:
 
     def paint(self, painter: QPainter, view: Viewport) -> None:
         """Everything that is switched on, back to front."""
-        brush = Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
+        brush = Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height), self.layers.colour)
         for box in self.covered:
             brush.space.place(QRectF(box))
         solution = self.solution
         edges = _edges(view, solution)
-        lines = self._grid(view, solution) if self.on["grid"] else []
-        sky_lines(brush, lines, edges)
+        grids = {} if solution is None else self._grid(view, solution)
+        for kind, lines in grids.items():
+            sky_lines(brush, lines, edges, brush.ink(kind, LINES[kind][0]), self.layers.opaque(kind))
         self._draw_lines(brush, edges)
-        if self.on["detected"]:
-            # An identified star has its own circle, unless that kind is switched off.
-            xy = self._others if self.on["identified"] else self.detected
-            circles(brush, xy, brush.colours.detected, DETECTED_PX, 1.0)
+        circles(brush, self.circled, brush.ink("detected", "detected"), DETECTED_PX, 1.0)
         if solution is not None:
-            self._solved(brush, solution, lines, edges)
+            self._solved(brush, solution, edges)
+        for kind, lines in grids.items():
+            sky_labels(brush, lines, edges, brush.ink(kind, f"{LINES[kind][0]}_text"))
 
-    def _solved(self, brush: Brush, solution: Solution, lines: list[GridLine], edges: QRectF) -> None:
-        if self.on["identified"]:
-            circles(brush, self._stars, brush.colours.identified, IDENTIFIED_PX, 1.5)
-        if self.on["centre"]:
+    def _solved(self, brush: Brush, solution: Solution, edges: QRectF) -> None:
+        if self.layers.on["identified"]:
+            circles(brush, self._stars, brush.ink("identified", "identified"), IDENTIFIED_PX, 1.5)
+        if self.layers.on["centre"]:
             camera = solution.camera
             x, y = brush.view.to_screen(np.array([(camera.width - 1) / 2, (camera.height - 1) / 2]))
-            for colour, width, alpha in ((brush.colours.halo, 4.5, 140), (brush.colours.centre, 1.8, 255)):
+            for colour, width, alpha in ((brush.colours.halo, 4.5, 140), (brush.ink("centre", "centre"), 1.8, 255)):
                 brush.pen(colour, width, alpha)
                 cross(brush, x, y, 6.0, 18.0)
-        if self.on["compass"]:
+        if self.layers.on["compass"]:
             arrows(brush, solution)
         if self.selected is not None and self.selected < len(solution.stars):
             star = solution.stars[self.selected]
@@ -310,7 +320,6 @@ class Overlay:
             x, y = brush.view.to_screen(self.picked.xy)
             cross(brush, x, y, IDENTIFIED_PX + 3, IDENTIFIED_PX + 11)
         self._draw_sky(brush, solution, edges)
-        sky_labels(brush, lines, edges)
 
     def _draw_lines(self, brush: Brush, edges: QRectF) -> None:
         """Figures, boundaries and circles of the sky; kept as paths in image px, so that zooming costs nothing."""
@@ -322,37 +331,33 @@ class Overlay:
         painter.translate(view.dx, view.dy)
         painter.scale(view.scale, view.scale)
         painter.translate(0.5, 0.5)
-        for kind, colour in LINES.items():
-            if self.on[kind]:
-                dashes = Qt.PenStyle.DotLine if kind == "boundaries" else Qt.PenStyle.SolidLine
-                pen = QPen(translucent(getattr(brush.colours, colour), 150), 1.1, dashes)
+        for kind, path in self._paths.items():
+            if self.layers.on[kind]:
+                dashes = Qt.PenStyle.DotLine if kind == DOTTED else Qt.PenStyle.SolidLine
+                pen = QPen(translucent(brush.ink(kind, LINES[kind][0]), self.layers.opaque(kind)), 1.1, dashes)
                 pen.setCosmetic(True)
-                painter.strokePath(self._paths[kind], pen)
+                painter.strokePath(path, pen)
         painter.restore()
 
     def _draw_sky(self, brush: Brush, solution: Solution, edges: QRectF) -> None:
         """Outlines and names: those that suit the zoom, and no name over another or over what covers the view."""
         self.labels, self.ranks = [], {}
-        wanted = {"star": "names", "object": "objects", "body": "bodies"}
-        if self.sky is None or not any(self.on[switch] for switch in wanted.values()):
+        if self.sky is None or not any(self.layers.on[layer] for layer in LAYER_OF.values()):
             return
         view, bounds = brush.view, (edges.left(), edges.top(), edges.right(), edges.bottom())
         seen = View(view.scale, view.dx, view.dy, bounds)
-        ranks = faintest_of(seen, solution, self.amount["names"], self.amount["objects"])
-        self.ranks = ranks = {kind: rank for kind, rank in ranks.items() if self.on[wanted[kind]]}
+        self.ranks = self.layers.faintest(seen, solution)
 
         def size(text: str) -> tuple[float, float]:
             box, _ = brush.words(text, brush.colours.star)
             return box.width(), box.height()
 
         taken = [(box.x(), box.y(), box.width(), box.height()) for box in brush.space.taken]
-        self.labels = place_labels(self.sky, seen, ranks, size, taken, max(self.amount.values()))
+        self.labels = place_labels(self.sky, seen, self.ranks, size, taken, self.layers.density)
         brush.painter.save()
         brush.painter.setClipRect(edges)
-        for mark in outlined(self.sky, seen, ranks.get("object", -np.inf)):
-            if mark.group not in ranks:
-                continue
-            brush.pen(colour_of(brush.colours, mark), 1.2, 190)
+        for mark in outlined(self.sky, seen, self.ranks):
+            brush.pen(brush.ink_of(mark), 1.2, OUTLINE)
             for shape in mark.shapes:
                 brush.painter.drawPolyline([QPointF(x, y) for x, y in view.to_screen(shape).tolist()])
         brush.painter.restore()
@@ -360,21 +365,20 @@ class Overlay:
             x, y, width, height = label.box
             brush.space.taken.append(QRectF(x, y, width, height))
             if label.mark.kind != "star" and label.mark.radius * view.scale < DOT_PX:
-                brush.pen(colour_of(brush.colours, label.mark), 1.2, 190)
+                brush.pen(brush.ink_of(label.mark), 1.2, OUTLINE)
                 brush.painter.drawEllipse(QPointF(*view.to_screen(label.mark.xy).tolist()), DOT_PX, DOT_PX)
-            brush.draw(QPointF(x, y), label.text, colour_of(brush.colours, label.mark))
+            brush.draw(QPointF(x, y), label.text, brush.ink_of(label.mark))
 
-    def _grid(self, view: Viewport, solution: Solution | None) -> list[GridLine]:
-        if solution is None:
-            return []
-        if (key := (view, id(solution))) != self._lines_key:
-            self._lines, self._lines_key = grid_lines(solution, *view.corners()), key
-        return self._lines
-
-
-def colour_of(colours: Colours, mark: Mark) -> str:
-    """The colour of a mark's name and outline."""
-    return str(getattr(colours, FAMILIES.get(mark.kind, "nebula")))
+    def _grid(self, view: Viewport, solution: Solution) -> dict[str, list[GridLine]]:
+        """The lines of the grids that are on; that of the horizon only where and when the frame says so."""
+        wanted: dict[str, LocalSky | None] = {"grid": None} if self.layers.on["grid"] else {}
+        if self.layers.on["altaz"] and (horizon := self.horizon()) is not None:
+            wanted["altaz"] = horizon
+        for kind, horizon in wanted.items():
+            key = view, id(solution), horizon
+            if kind not in self._grids or self._grids[kind][0] != key:
+                self._grids[kind] = key, grid_lines(solution, *view.corners(), horizon)
+        return {kind: self._grids[kind][1] for kind in wanted}
 
 
 def _path(lines: tuple[Floats, ...]) -> QPainterPath:

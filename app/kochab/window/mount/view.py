@@ -228,6 +228,11 @@ class MountView(Page):
         assert status is not None  # made with the mount's control
         return status.stop
 
+    def aim(self, action: str, target: str) -> None:
+        """Go to a target, or "centre" it, as if a person had typed it here and pressed the button."""
+        self.go.target.setText(target)
+        self.explained[action].click()
+
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
         self.control.practise()

@@ -1,16 +1,19 @@
 """How the window and the frame look: theme, text size, stretch, colour and marks; all remembered."""
 
+import json
+
 from PySide6.QtCore import QObject, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QActionGroup
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 from shiboken6 import isValid
 
-from kochab.window.image.overlay import MARKS, SHOWN
+from kochab.core import tr
+from kochab.sky.layer import AMOUNTS, MARKS, SHOWN
 from kochab.window.shell.dialogs import redden_caret
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.menus import colour_icons
 from kochab.window.shell.presenter import Presenter
-from kochab.window.themes import THEMES, apply_theme, theme_colours
+from kochab.window.themes import HUES, THEMES, apply_theme, theme_colours
 
 
 class StyleSheets(QObject):
@@ -82,7 +85,7 @@ class Appearance(QObject):
     def __init__(self, presenter: Presenter) -> None:
         super().__init__(presenter.window)
         self._window, self._settings = presenter.window, presenter.settings
-        self._overlay = presenter.overlay
+        self.layers, self._horizon = presenter.overlay.layers, presenter.horizon
         self._actions = self._window.actions_by_name
         self._style = StyleSheets(self._window)
         self._panes = self._window.workspace
@@ -95,8 +98,12 @@ class Appearance(QObject):
 
     def _restore(self) -> None:
         for name in MARKS:
-            self._overlay.on[name] = self._settings.flag(f"sky/{name}", name in SHOWN)
-            self._actions[name].setChecked(self._overlay.on[name])
+            self.layers.on[name] = self._settings.flag(f"sky/{name}", name in SHOWN)
+            self._actions[name].setChecked(self.layers.on[name])
+        kept = self._settings.table("sky/amounts").items()
+        self.layers.amount |= {k: float(v) for k, v in kept if k in AMOUNTS and type(v) is float and 0.0 <= v <= 1.0}
+        kept = self._settings.table("sky/colours").items()
+        self.layers.colour |= {name: hue for name, hue in kept if name in MARKS and hue in HUES.values()}
         automatic = self._settings.flag("stretch", True)
         self._actions["stretch"].setChecked(automatic)
         self._panes.strip.auto.setChecked(automatic)
@@ -150,7 +157,22 @@ class Appearance(QObject):
 
     def show_mark(self, name: str, on: bool) -> None:
         self._settings.keep(f"sky/{name}", on)
-        self._overlay.on[name] = on
+        self.layers.on[name] = on
+        self._panes.view.update()
+        if name == "altaz" and on and self._panes.view.picture is not None and self._horizon() is None:
+            self._window.status.showMessage(tr("No Alt/Az grid: the frame’s time or your site is not known."), 8000)
+
+    def set_amount(self, layer: str, amount: float) -> None:
+        """Draw more or less of a layer, 0..1."""
+        self.layers.amount[layer] = amount
+        self._settings.keep("sky/amounts", json.dumps(self.layers.amount))
+        self._panes.view.update()
+
+    def set_colour(self, layer: str, colour: str) -> None:
+        """Draw a layer in this colour, or in its own when it is empty."""
+        self.layers.colour.pop(layer, None)
+        self.layers.colour |= {layer: colour} if colour else {}
+        self._settings.keep("sky/colours", json.dumps(self.layers.colour))
         self._panes.view.update()
 
     def _stretched(self, _: object) -> None:

@@ -2,20 +2,24 @@
 
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Qt
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QWidget
+from PySide6.QtCore import QObject, QPoint, Qt
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QMenu, QWidget
 
 from kochab import __version__
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
+from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
 from kochab.frames import SUFFIXES
 from kochab.frames.atomic_file import write_atomically
+from kochab.gear.actions import reasons_against
 from kochab.gear.journal import save_report
+from kochab.sky.layer import MARKS
 from kochab.window.image.frame_image import FrameImage
-from kochab.window.image.overlay import MARKS
+from kochab.window.image.object_card import links, place_menu, vector_of
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.batch import Batch, images_in
 from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
@@ -33,6 +37,7 @@ from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solution_text import results_csv
 
 LAYOUT = 2  # of the parts of the window; places kept by an older one are forgotten
+STILL_THERE = timedelta(minutes=10)  # the Moon, the fastest, moves by 5 arcmin
 LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
 ABOUT = (
     f"Kochab {__version__}",
@@ -91,7 +96,8 @@ class Commands(QObject):
         self.looks = Appearance(presenter)
         wiring = wiring or Wiring()
         jobs = self.session.jobs
-        self.exporter = FrameExporter(self.window, self.session, self.settings, wiring.to_json)
+        seen = presenter.overlay
+        self.exporter = FrameExporter(self.window, self.session, self.settings, wiring.to_json, seen)
         panes = self.window.workspace
         self.equipment = Equipment(self.window.bar.equipment, self.settings, self.actions["preferences"])
         self.equipment.refused.connect(self._say)
@@ -152,6 +158,7 @@ class Commands(QObject):
             "tab_stars": lambda: self._tab(1),
             "tab_hints": lambda: self._tab(2),
             "preferences": self.show_preferences,
+            "layers": lambda: self.show_preferences("layers"),
             "help": self.show_help,
             "tour": self.show_tour,
             "news": lambda: self.show_help(tr(NEWS)),
@@ -177,6 +184,8 @@ class Commands(QObject):
         window.menus.practice.triggered.connect(lambda _=False: self.practise())
         window.welcome.practice_wanted.connect(self.practise)
         window.files_dropped.connect(self.open_all)
+        panes.view.menu_wanted.connect(self.show_place_menu)
+        self.presenter.object_card.menu_wanted.connect(lambda where: self.show_place_menu(None, where))
         window.closing.connect(self._close)
         s = self.session
         for signal in (s.opening, s.solving, s.solved, s.idle, s.opened, s.streaming):
@@ -191,6 +200,33 @@ class Commands(QObject):
         box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
         box.open()
         return box
+
+    def show_place_menu(self, at: tuple[float, float, float] | None, where: QPoint) -> QMenu | None:
+        """Offer what can be done with what is at a place of the frame, px, or with what is picked."""
+        presenter, known = self.presenter, self.session.known
+        solution, mark = presenter.overlay.solution, presenter.mark_at(at)
+        tables = presenter.overlay.tables
+        if mark is None or solution is None or tables is None or known.frame is None:
+            return None
+        vector = vector_of(tables, mark, solution)
+        against, taken = reasons_against(self.services.situation), known.frame.hint.time_utc
+        if mark.body is not None and (taken is None or abs(datetime.now(UTC) - taken) > STILL_THERE):
+            against |= dict.fromkeys(
+                ("goto", "centre"), tr("{name} has moved since the frame was taken.", name=mark.text)
+            )
+        width_deg = max(0.25, mark.radius * solution.camera.scale_arcsec_px / 900.0)  # four radii
+        pages = links(tables, mark, vector, width_deg)
+        menu = place_menu(self.window, mark.text, radec_deg(vector), presenter.style, pages, against, self.aim)
+        menu.aboutToHide.connect(menu.deleteLater)
+        menu.popup(where)
+        return menu
+
+    def aim(self, action: str, target: str) -> None:
+        """Have the Mount view go to a target, or "centre" it."""
+        self.views.show("mount")
+        view = self.views.docks["mount"].view
+        if view is not None:
+            view.aim(action, target)  # type: ignore[attr-defined]
 
     def practise(self) -> None:
         """Start a simulated telescope in the Mount view."""
@@ -243,12 +279,14 @@ class Commands(QObject):
             job.succeeded.connect(lambda p: self._say(tr("Saved {name}", name=p.name)))
             job.failed.connect(lambda sentence: tell(self.window, tr("Results"), sentence))
 
-    def show_preferences(self) -> None:
-        """Open the Preferences, or bring them to the front."""
+    def show_preferences(self, page: str = "") -> None:
+        """Open the Preferences, perhaps at the page of the layers, or bring them to the front."""
         from kochab.window.shell.preferences import Preferences  # not needed to show the window
 
         shown = self.window.findChild(Preferences)
         dialog = shown or Preferences(self.presenter, self.services, self.equipment)
+        if page == "layers":
+            dialog.tabs.setCurrentWidget(dialog.layers_page)
         dialog.show()
         dialog.raise_()
         dialog.activateWindow()

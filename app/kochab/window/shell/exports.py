@@ -1,7 +1,9 @@
 """What can be exported of a solved frame: asks where to, and writes in a thread."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
@@ -14,6 +16,7 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
+from kochab.window.image.overlay import Overlay
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.dialogs import ask_save, save_task, tell
@@ -66,9 +69,11 @@ class FrameExporter(QObject):
 
     wrote = Signal(Path)
 
-    def __init__(self, window: MainWindow, session: Session, settings: WindowSettings, to_json: ToJson | None) -> None:
+    def __init__(
+        self, window: MainWindow, session: Session, settings: WindowSettings, to_json: ToJson | None, overlay: Overlay
+    ) -> None:
         super().__init__(window)
-        self._window, self._session, self._settings = window, session, settings
+        self._window, self._session, self._settings, self._overlay = window, session, settings, overlay
         self.kinds = {kind.name: kind for kind in EXPORTS}
         if to_json is not None:  # the same object as the command line's
 
@@ -93,11 +98,14 @@ class FrameExporter(QObject):
         if frame is None or not isinstance(solution, Solution):
             return
 
+        write = kind.write
+        if kind.name == "picture":  # as it is seen now
+            write = partial(annotate, layers=deepcopy(self._overlay.layers), detected=self._overlay.circled)
         sited = replace(frame, hint=replace(frame.hint, site=frame.hint.site or self._settings.site))
 
         def task() -> Task[Path]:
             refuse_input(path, [source] if source else [])
-            return (yield from save_task(lambda: kind.write(sited, solution, path), path))
+            return (yield from save_task(lambda: write(sited, solution, path), path))
 
         job = self._session.jobs.run(task(), f"export-{kind.name}")
         job.succeeded.connect(self._done)

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QSizePolicy, QToolBa
 
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
-from kochab.window.image.overlay import MARKS
+from kochab.sky.layer import MARKS
 from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES, Colours, glyphs, icon
 
 
@@ -70,6 +70,14 @@ SPECS = (
     Spec("boundaries", tr_noop("Constellation &boundaries"), "", tr_noop("The IAU's boundaries"), True),
     Spec("ecliptic", tr_noop("E&cliptic"), "", tr_noop("The Sun's path"), True),
     Spec("galactic", tr_noop("&Galactic equator"), "", tr_noop("The middle of the Milky Way"), True),
+    Spec(
+        "altaz",
+        tr_noop("&Alt/Az grid"),
+        "A",
+        tr_noop("Altitude and azimuth, where the frame’s time and site are known"),
+        True,
+    ),
+    Spec("layers", tr_noop("A&mounts and colours…"), "", tr_noop("How much of each layer, and in which colour")),
     Spec("identified", tr_noop("&Identified stars"), "I", tr_noop("Circle identified stars"), True),
     Spec("detected", tr_noop("&Detected stars"), "D", tr_noop("Circle detected stars that are not identified"), True),
     Spec("grid", tr_noop("&RA/Dec grid"), "G", tr_noop("Right ascension and declination lines"), True),
@@ -170,7 +178,7 @@ class Menus:
             "",
         )
         self.layers = view.addMenu(tr("La&yers"))
-        _fill(self.layers, actions, *MARKS)
+        _fill(self.layers, actions, *MARKS, "", "layers")
         _fill(view, actions, "", "details", "tab_solution", "tab_stars", "tab_hints", "log", "")
         self.themes = _choices(window, view.addMenu(tr("&Theme")), THEME_TITLES)
         self.text_sizes = _choices(window, view.addMenu(tr("Te&xt size")), TEXT_SIZE_TITLES)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QUrl
-from PySide6.QtGui import QAction, QDesktopServices
-from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QWidget
+from PySide6.QtGui import QAction, QColor, QDesktopServices, QIcon, QPixmap
+from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QSlider, QWidget
 
 from kochab.core import cache_folder, number, tr, tr_noop
 from kochab.core.angle_text import parse_positive, parse_site, site_text
@@ -13,23 +13,27 @@ from kochab.core.progress import Progress, Task
 from kochab.gear.journal import journal_folder
 from kochab.gear.profiles import current_profile, keep_profile, saved_profiles
 from kochab.gear.quick_stop import profile_folder
-from kochab.window.image.overlay import MARKS
+from kochab.sky.layer import AMOUNTS, MARKS
 from kochab.window.panels.solution_panel import STYLES
 from kochab.window.shell.dialogs import ask_folder, without_icons
 from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import Services
-from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES
+from kochab.window.themes import HUES, TEXT_SIZE_TITLES, THEME_TITLES
 from kochab.window.widgets import (
     Part,
     button,
     choice_box,
     column,
     form,
+    grid,
     label,
+    named,
+    narrow_box,
     row,
     scrolled,
     show_text,
+    styled_frame,
     switch,
     tab_pages,
     text_field,
@@ -53,9 +57,10 @@ class Preferences(QDialog):
         self._presenter, self._services, self._equipment = presenter, services, equipment
         self.settings = services.settings
         self.wrong = label("", "wrong", wrap=True)
+        self.layers_page = self._layers()
         pages = (
             (tr("General"), self._general()),
-            (tr("Layers"), self._layers()),
+            (tr("Layers"), self.layers_page),
             (tr("Equipment"), self._gear()),
             (tr("Folders and data"), self._data()),
         )
@@ -98,7 +103,42 @@ class Preferences(QDialog):
     def _layers(self) -> QWidget:
         actions = self._presenter.window.actions_by_name
         self.layers = {name: _switch_of(actions[name]) for name in (*MARKS, "stretch", "colour")}
-        return _page(*self.layers.values())
+        self.amounts = {name: self._amount(name) for name in AMOUNTS}
+        self.colours = {name: self._colour(name) for name in MARKS}
+        heads = label(""), label(tr("How much"), "muted"), label(tr("Colour"), "muted")
+        rows = ([self.layers[name], self.amounts.get(name) or label(), self.colours[name]] for name in MARKS)
+        self._services.looks.changed.connect(self._show_hues)
+        self._show_hues()
+        below = self.layers["stretch"], self.layers["colour"]
+        return scrolled(_page(grid(heads, *rows, across=16, stretch=(0, 1)), styled_frame("rule"), *below))
+
+    def _amount(self, layer: str) -> QSlider:
+        looks = self._services.looks
+        made = named(
+            QSlider(Qt.Orientation.Horizontal),
+            tr("How much: {layer}", layer=self.layers[layer].text().replace("&", "")),
+        )
+        made.setRange(0, 100)
+        made.setPageStep(10)
+        made.setValue(round(100.0 * looks.layers.amount[layer]))
+        made.valueChanged.connect(lambda value: looks.set_amount(layer, value / 100.0))
+        return made
+
+    def _colour(self, layer: str) -> QComboBox:
+        looks = self._services.looks
+        hues = {tr("Default"): "", **{tr(name): hue for name, hue in HUES.items()}}
+        made = narrow_box(tr("Colour: {layer}", layer=self.layers[layer].text().replace("&", "")), 9, hues)
+        _show(made, looks.layers.colour.get(layer, ""))
+        made.activated.connect(lambda: looks.set_colour(layer, made.currentData()))
+        return made
+
+    def _show_hues(self) -> None:
+        """Samples of the colours, which would not be red light alone at night."""
+        for box in self.colours.values():
+            for k, hue in enumerate(HUES.values(), 1):
+                sample = QPixmap(12, 12)
+                sample.fill(QColor(hue))
+                box.setItemIcon(k, QIcon() if self._services.looks.is_night else QIcon(sample))
 
     def _gear(self) -> QWidget:
         self.profile = choice_box(tr("Equipment profile"), ())

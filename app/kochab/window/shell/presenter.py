@@ -13,6 +13,7 @@ from kochab.core.errors import printable
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.polar.horizon import Horizon, horizon_of
 from kochab.sky.apparent import julian_years
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
@@ -24,7 +25,7 @@ from kochab.window.image.screen_image import RenderedFrame
 from kochab.window.session import Known, Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.status import horizon_of, readout
+from kochab.window.shell.status import readout
 
 HOVER_PX = 10.0  # of the screen: so near, the cursor is on a star
 
@@ -35,7 +36,7 @@ class Presenter(QObject):
     def __init__(self, window: MainWindow, session: Session, settings: WindowSettings) -> None:
         super().__init__(window)
         self.window, self.session, self.settings = window, session, settings
-        self.overlay = Overlay()
+        self.overlay = Overlay(horizon=self.horizon)
         self._place = ""  # what the open frame, or a running camera's last one, shows
         self._sky_asked = False
         self.style = settings.angle_style
@@ -71,6 +72,12 @@ class Presenter(QObject):
         panes.card.again_wanted.connect(self.solve)
         panes.card.hints_wanted.connect(self._turn_to_hints)
         self.window.bar.cancel_wanted.connect(self.session.cancel)
+
+    def horizon(self) -> Horizon | None:
+        """Where and when the shown frame was taken; None when either is not known, as when only its file has a time."""
+        frame = self.session.known.frame
+        told = frame is not None and not frame.hint.time_of_file
+        return horizon_of(frame, self.settings.site) if frame is not None and told else None
 
     def solve(self) -> None:
         """Solve the open frame with what the hints pane says."""
@@ -253,13 +260,22 @@ class Presenter(QObject):
         near = nearest is not None and np.hypot(*(nearest.xy - (x, y))) <= reach
         self._pick(nearest if near else Mark("", 0, np.array([x, y]), 0.0, 0.0, "", ""), solution, card=bool(near))
 
+    def mark_at(self, at: tuple[float, float, float] | None) -> Mark | None:
+        """Mark what is at a place of the solved frame, px, with reach, or the place itself; None: what is picked."""
+        overlay, solution = self.overlay, self.overlay.solution
+        if solution is None or overlay.tables is None:
+            return None
+        centre = (solution.camera.width - 1) / 2.0, (solution.camera.height - 1) / 2.0
+        there = overlay.picked if at is None else overlay.mark_at(*at)
+        mark = there or Mark("", 0, np.array(centre if at is None else at[:2]), 0.0, 0.0, "", "")
+        self._pick(mark, solution, card=at is None and there is not None and bool(mark.kind))
+        return mark
+
     def _pick(self, mark: Mark | None, solution: Solution, card: bool = True) -> None:
         """Show the card of a star or an object, or none."""
         self.overlay.picked, tables = mark, self.overlay.tables
         self.object_card.setVisible(mark is not None and card)
         if mark is not None and card and tables is not None:
-            from kochab.polar.horizon import Horizon
-
             site = self.settings.site
             horizon = None if site is None else Horizon(site, datetime.now(UTC))
             self.object_card.show_facts(mark.text, facts(tables, mark, solution, self.style, horizon))

@@ -13,10 +13,10 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
+from kochab.polar.horizon import horizon_of
 from kochab.sky.catalogue import open_catalogue
 from kochab.window.shell.menus import SPECS
 from kochab.window.shell.presenter import Presenter
-from kochab.window.shell.status import horizon_of
 from kochab.window.widgets import column, label, text_field
 
 WAYS = (

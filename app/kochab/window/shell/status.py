@@ -1,7 +1,5 @@
 """The bar above the image: menus, the file and what is done with it. The bar below: what is under the cursor."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
@@ -12,11 +10,8 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress
 from kochab.core.solution import Solution
+from kochab.polar.horizon import horizon_of
 from kochab.window.widgets import ElidedLabel, ProgressBar, button, label, row
-
-if TYPE_CHECKING:
-    from kochab.polar.horizon import Horizon
-
 
 STAGE_TEXT = {
     "read": tr_noop("Reading"),
@@ -110,16 +105,6 @@ def readout(
     horizon = horizon_of(frame, site)
     local = f"    {altaz_text(*horizon.altaz_deg(vector))}" if horizon is not None else ""
     return f"{radec_text(*radec_deg(vector), style)}{local}    {pixel}"
-
-
-def horizon_of(frame: Frame, site: Site | None) -> "Horizon | None":
-    """Where and when the frame was taken; None when either is not known."""
-    from kochab.polar.horizon import Horizon
-
-    where = frame.hint.site or site
-    if where is None or frame.hint.time_utc is None:
-        return None
-    return Horizon(where, frame.hint.time_utc)
 
 
 def value_at(frame: Frame, x: float, y: float) -> str:

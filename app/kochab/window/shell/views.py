@@ -11,6 +11,7 @@ from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
 from kochab.core import tr, tr_noop
+from kochab.gear.actions import MountSituation
 from kochab.window.job import Jobs
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
@@ -62,6 +63,12 @@ class Services:
         from kochab.window.cameras import Cameras
 
         return Cameras(self.jobs)
+
+    @property
+    def situation(self) -> MountSituation:
+        """What decides on orders to the mount, whose owner is not made to ask."""
+        made: MountControl | None = vars(self).get("mount")
+        return MountSituation() if made is None else made.situation
 
     @staticmethod
     @cache
