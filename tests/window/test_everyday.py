@@ -4,7 +4,7 @@ import numpy as np
 from PySide6.QtGui import QImage
 
 from kochab.core.angle_text import breakable, short_name, unbroken
-from kochab.window.image.overlay import MARKS
+from kochab.sky.layer import MARKS
 from kochab.window.panels.hints_panel import LIMIT_S
 from kochab.window.shell.menus import SPECS
 from kochab.window.shell.welcome import HEIGHT, WIDTH

@@ -77,7 +77,13 @@ A_SENTENCE = re.compile(r"[A-Za-z’']{2,},? [a-z]|[A-Z][a-z]+ [a-z]|^&?[A-Z][&a
 A_WORD = re.compile(r"[A-Za-z]{3,}")
 NAMES = {
     "kochab.window.themes": {"Base", "Light", "Text"},  # Qt's own names of colours
-    "kochab.window.image.object_card": {"Neb"},  # OpenNGC's name of a kind
+    "kochab.window.image.object_card": {
+        "Neb",
+        "Simbad",
+        "Coord",
+        "Radius",
+        "Ident",
+    },  # OpenNGC’s kind; a page, its words
     "kochab.window.live.benchmark": {"given frames"},  # a measurement from the command line
     "kochab.window.live.pointing_panel": {"Uncertainty", "Age", "Rates", "Frame rate", "Latency", "Lens"},  # keys
     "kochab.window.live.sky_points": {"Catalogue"},  # a type
