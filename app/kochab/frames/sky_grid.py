@@ -53,7 +53,7 @@ class GridLine:
         return float(x[best]), float(y[best])
 
 
-class LocalSky(Protocol):
+class SiteSky(Protocol):
     """A site's horizon at a moment: both ways between ICRS and east, north, up, unit vectors (N, 3)."""
 
     def observed(self, vectors: Floats) -> Floats:
@@ -64,7 +64,7 @@ class LocalSky(Protocol):
 
 
 def grid_lines(
-    solution: Solution, x0: float, y0: float, x1: float, y1: float, horizon: LocalSky | None = None
+    solution: Solution, x0: float, y0: float, x1: float, y1: float, horizon: SiteSky | None = None
 ) -> list[GridLine]:
     """The lines that cross the part (x0, y0)..(x1, y1) of the frame, image px: RA and Dec, or those of a horizon."""
     camera = solution.camera
@@ -131,7 +131,7 @@ def _line(kind: str, value: float, step: float, ra: Floats | float, dec: Floats 
 
 
 def _projected(
-    solution: Solution, lines: list[GridLine], middle: Floats, near: float, horizon: LocalSky | None
+    solution: Solution, lines: list[GridLine], middle: Floats, near: float, horizon: SiteSky | None
 ) -> list[GridLine]:
     """The lines in image px, all at once: a live camera wants them several times a second."""
     if not lines:

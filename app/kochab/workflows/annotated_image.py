@@ -20,7 +20,7 @@ from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import avm_packet, compass, csv_text, ds9_regions
-from kochab.frames.sky_grid import GridLine, LocalSky, grid_lines, pieces
+from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.polar.horizon import horizon_of
 from kochab.sky.frame_bodies import body_marks
@@ -107,7 +107,7 @@ def drawing_of(
     year: float = EPOCH,
     bodies: tuple[Mark, ...] = (),
     layers: Layers = USUAL,
-    horizon: LocalSky | None = None,
+    horizon: SiteSky | None = None,
     detected: Floats = NOTHING,
 ) -> Drawing:
     """The layers over a solved frame, as the window has them; names as dense as there, ``detected`` (N, 2) px."""
@@ -171,7 +171,7 @@ def _ink(layers: Layers, layer: str, usual: str) -> str:
     return layers.colour.get(layer, INKS[usual])
 
 
-def _grids(solution: Solution, layers: Layers, horizon: LocalSky | None) -> dict[str, list[GridLine]]:
+def _grids(solution: Solution, layers: Layers, horizon: SiteSky | None) -> dict[str, list[GridLine]]:
     edges = -0.5, -0.5, solution.camera.width - 0.5, solution.camera.height - 0.5
     grids = {"grid": grid_lines(solution, *edges)} if layers.on["grid"] else {}
     if layers.on["altaz"] and horizon is not None:

@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
-from kochab.frames.sky_grid import GridLine, LocalSky, grid_lines, pieces
+from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, pieces
 from kochab.sky.layer import (
     DOT_PX,
     DOTTED,
@@ -233,7 +233,7 @@ class Overlay:
     """
 
     layers: Layers = field(default_factory=Layers)
-    horizon: Callable[[], LocalSky | None] = lambda: None
+    horizon: Callable[[], SiteSky | None] = lambda: None
     covered: list[QRect] = field(default_factory=list)
     tables: SkyTables | None = None
     bodies: tuple[Mark, ...] = ()  # of the Solar System, in this frame
@@ -371,7 +371,7 @@ class Overlay:
 
     def _grid(self, view: Viewport, solution: Solution) -> dict[str, list[GridLine]]:
         """The lines of the grids that are on; that of the horizon only where and when the frame says so."""
-        wanted: dict[str, LocalSky | None] = {"grid": None} if self.layers.on["grid"] else {}
+        wanted: dict[str, SiteSky | None] = {"grid": None} if self.layers.on["grid"] else {}
         if self.layers.on["altaz"] and (horizon := self.horizon()) is not None:
             wanted["altaz"] = horizon
         for kind, horizon in wanted.items():
