@@ -72,7 +72,7 @@ ADDED = {
     "the sky layer and names beside a second source in a bench": 105,
     "a grid of altitude and azimuth": 64,
     "amounts and colours of layers, and exports that show the same": 238,
-    "go to, centre, copy and search from the image": 144,
+    "go to, centre, copy and search from the image": 145,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "good enough? for the frames that a person wants to take": 80,

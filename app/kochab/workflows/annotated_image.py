@@ -197,11 +197,7 @@ def _circles(solution: Solution, layers: Layers, detected: Floats, unit: float, 
 
 
 def dated_drawing(
-    frame: Frame,
-    solution: Solution,
-    more: Sequence[Moving] = (),
-    layers: Layers = USUAL,
-    detected: Floats = NOTHING,
+    frame: Frame, solution: Solution, more: Sequence[Moving] = (), layers: Layers = USUAL, detected: Floats = NOTHING
 ) -> Drawing:
     """The same at the frame's date: stars where they have moved to, and the bodies of the Solar System."""
     from kochab.solver.pipeline import year_of

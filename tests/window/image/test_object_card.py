@@ -213,3 +213,8 @@ def test_a_body_of_another_night_is_no_target(qtbot, sky):
             assert ("Jupiter has moved since the frame was taken." in offered) != able
             assert "Copy the link to Simbad" not in entries(offered["Search online"].menu())
             menu.close()
+        trail = ((84.0, 0.0), (85.0, 1.0))
+        commands.presenter.overlay.show_bodies((replace(planet, body=replace(planet.body, trail=trail)),))
+        menu = commands.show_place_menu((150.0, 100.0, 5.0), QPoint(50, 50))
+        assert not entries(menu)["Go to"].isEnabled()  # a satellite is gone within seconds
+        menu.close()

@@ -210,7 +210,8 @@ class Commands(QObject):
             return None
         vector = vector_of(tables, mark, solution)
         against, taken = reasons_against(self.services.situation), known.frame.hint.time_utc
-        if mark.body is not None and (taken is None or abs(datetime.now(UTC) - taken) > STILL_THERE):
+        old = taken is None or abs(datetime.now(UTC) - taken) > STILL_THERE
+        if mark.body is not None and (old or mark.body.trail):
             against |= dict.fromkeys(
                 ("goto", "centre"), tr("{name} has moved since the frame was taken.", name=mark.text)
             )
