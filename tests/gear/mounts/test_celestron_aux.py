@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import DeviceError, RefusedError, StrayedError
+from kochab.core.errors import DeviceError, RefusedError, StoppedError, StrayedError
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, Home, PierSide, TrackingRate
 from kochab.core.progress import run
@@ -162,6 +162,36 @@ def test_stop_is_rate_0_on_both_axes_and_is_seen_to_work(bench, mount) -> None:
     sent = b"".join(data for way, data in bench.line.transcript if way == "<")
     assert sent.count(mount.blind_stop[:7]) >= 1
     assert mount.state().tracking is False
+
+
+def test_a_goto_decided_before_a_stop_is_not_begun_after_it(bench, mount, monkeypatch) -> None:
+    aim = mount.aim
+
+    def stopped_meanwhile(*target):
+        mount.stop()
+        return aim(*target)
+
+    monkeypatch.setattr(mount, "aim", stopped_meanwhile)
+    with pytest.raises(StoppedError):
+        mount.goto(*place(-60.0, 60.0, bench.clock))
+    assert not bench.gotos
+
+
+def test_tracking_decided_before_a_stop_is_not_begun_after_it(bench, mount, monkeypatch) -> None:
+    monkeypatch.setattr(mount.motors[1], "ensure_stopped", mount.stop)
+    with pytest.raises(StoppedError):
+        mount.track(TrackingRate.SIDEREAL)
+    monkeypatch.undo()
+    assert mount.state().tracking is False
+    assert not any(bench.telescope._rates)
+
+
+@pytest.mark.parametrize(("order", "with_the_sky"), [(0x07, True), (0x06, False)])
+def test_tracking_is_seen_in_the_south(bench, order, with_the_sky) -> None:
+    bench.far_end.reply(frame(0x0D, 0x10, order, b"\xff\xff"))
+    mount = open_mount("celestronaux", bench.port, site=Site(-33.0, 8.0), clock=bench.clock)
+    assert mount.state().tracking is with_the_sky
+    mount.talk.link.close()
 
 
 def test_the_first_bytes_of_a_stop_end_both_motors(bench, mount) -> None:

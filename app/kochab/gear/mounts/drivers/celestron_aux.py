@@ -216,10 +216,14 @@ class CelestronAux(MotorMount):
         return replace(state, pier_side=None if self.wedge else state.pier_side, fault=self.fault or None)
 
     def track(self, rate: TrackingRate) -> None:
-        """The same; a hand control that tracked in altitude may have left the other motor turning."""
+        """The same, at a rate it has."""
         self.require(rate.ability)
-        self.motors[1].ensure_stopped()
         super().track(rate)
+
+    def follow(self, since: int) -> None:
+        """The same; a hand control that tracked in altitude may have left the other motor turning."""
+        self.motors[1].ensure_stopped()
+        super().follow(since)
 
     def stop_commands(self, moved: bool) -> list[Command]:
         """Rate 0 on both axes."""
