@@ -1,6 +1,7 @@
 """A nudge when the program is killed: on every driver the mount itself ends it, or the driver says that it does not."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -113,17 +114,23 @@ def test_what_a_driver_says_of_its_moves_is_so(driver, tmp_path) -> None:
     ("driver", "what"), [("nexstar", "sleepy nudge"), ("skywatcher", "sleepy nudge"), ("lx200", "goto")]
 )
 def test_a_computer_that_slept_during_a_motion_says_so_and_has_stopped_it(driver, what) -> None:
-    """Asleep (SIGSTOP) it sends nothing: a nudge ends by the mount, a goto where it was to end."""
+    """Asleep (SIGSTOP) it sends nothing: a nudge ends by the mount, a goto where it was to end.
+
+    A sleep that falls into an exchange, not between two, is not noticed; then it falls asleep again.
+    """
     with simulated(driver, slew_deg_s=1.0) as bench:
         bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
         with moving(bench, driver, what) as (before, child):
-            child.send_signal(signal.SIGSTOP)
-            wait_for(lambda: still(bench.telescope), 60.0)
-            slept = abs(bench.telescope.axes_deg()[1] - before)
-            time.sleep(2.0)
-            child.send_signal(signal.SIGCONT)
-            told = child.stdout.readline()
-            assert "The computer stood still for" in told
+            for _ in range(3):
+                child.send_signal(signal.SIGSTOP)
+                wait_for(lambda: still(bench.telescope), 60.0)
+                slept = abs(bench.telescope.axes_deg()[1] - before)
+                assert slept < (20.05 if what == "goto" else 2.05)
+                time.sleep(2.0)
+                child.send_signal(signal.SIGCONT)
+                if select.select([child.stdout], [], [], 4.0)[0]:
+                    break
+                before = bench.telescope.axes_deg()[1]
+            assert "The computer stood still for" in child.stdout.readline()
             wait_for(lambda: still(bench.telescope))
         assert abs(bench.telescope.axes_deg()[1] - before) == pytest.approx(slept, abs=0.05)
-        assert slept < (20.05 if what == "goto" else 2.05)
