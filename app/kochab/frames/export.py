@@ -67,7 +67,9 @@ _AVM = """<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>
 <avm:Spatial.CoordsystemProjection>TAN</avm:Spatial.CoordsystemProjection>
 <avm:Spatial.Quality>{quality}</avm:Spatial.Quality>
 <avm:Spatial.Rotation>{rotation:.6f}</avm:Spatial.Rotation>
-{lists}<avm:Spatial.Notes><rdf:Alt><rdf:li xml:lang="x-default">{notes}</rdf:li></rdf:Alt></avm:Spatial.Notes>
+{lists}<avm:Spatial.Notes><rdf:Alt>
+<rdf:li xml:lang="x-default">Solved by Kochab; lens distortion left out, up to {worst_px:.1f} px.</rdf:li>
+</rdf:Alt></avm:Spatial.Notes>
 </rdf:Description></rdf:RDF></x:xmpmeta>
 <?xpacket end="w"?>"""
 _FULL_PX = 2.0
@@ -106,6 +108,6 @@ def avm_packet(solution: Solution, credit: str) -> bytes:
         quality="Full" if worst_px <= _FULL_PX else "Position",
         rotation=-np.degrees(np.angle(slope)),
         lists=told,
-        notes=f"Solved by Kochab; lens distortion left out, up to {worst_px:.1f} px.",
+        worst_px=worst_px,
     )
     return text.encode("utf-8")

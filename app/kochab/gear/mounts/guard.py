@@ -138,10 +138,9 @@ class Guard:
         found = reported_epoch(self.mount)
         if found is None or found is self.epoch:
             return ""
-        option = "J2000" if found is Epoch.J2000 else "date"
-        return tr(
-            "The mount's altitude and azimuth show another epoch: choose {epoch} (--epoch {epoch}).", epoch=option
-        )
+        if found is Epoch.J2000:
+            return tr("The mount's altitude and azimuth are of J2000, not of date. Choose J2000 (--epoch J2000).")
+        return tr("The mount's altitude and azimuth are of date, not J2000. Choose the epoch date (--epoch date).")
 
     def clock_doubt(self) -> str:
         """What the mount's own clock and site contradict of the computer's; empty when nothing, or nothing is told."""
