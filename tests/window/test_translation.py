@@ -53,7 +53,7 @@ MARKERS = {"tr", *markers()}
 # -- The sources -------------------------------------------------------------------------------
 
 PLAIN = {
-    "kochab.core.solution",  # the text that is copied, the same everywhere
+    *("kochab.core.solution", "kochab.frames.export"),  # what is copied or written into a file, the same everywhere
     *("kochab.polar.report", "kochab.window.display_check"),  # a page for the web, and what the terminal says
 }
 """Modules whose f-strings are no sentences for a window."""
