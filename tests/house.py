@@ -81,6 +81,7 @@ ADDED = {
     "what a solver left in a FITS header, and a camera that stood still": 47,
     "what was measured of a polar axis at a place on another night": 91,
     "the axis of files by drift, their clock, and another night in the window's Polar mode": 300,
+    "a last frame where a sweep began, and the clocks of camera, mount and computer compared": 99,
     "an answer far outside the field that a capture program gives": 25,
     "types of Qt made by the window before a thread loads the plots": 14,
     "modes and layers that a screen reader's Toggle opens": 24,

@@ -11,11 +11,20 @@ from kochab.core.mount import Direction, Epoch, MountState, Pointing
 from kochab.core.progress import Progress, run
 from kochab.lab.bench.polar_rig import ALIGN, follow, make_rig
 from kochab.polar.measure import PolarFindingKind
+from kochab.polar.plan import BACK_DEG, creep_to_show_arcsec, from_start_deg
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
-from kochab.workflows.polar.align import AdjustingEnd, adjust
-from kochab.workflows.polar.measure import NO_SECOND_SWEEP, HandTurner, MountTurner, Sweep, measure_axis, second_sweep
+from kochab.workflows.polar.align import AdjustingEnd, adjust, align
+from kochab.workflows.polar.measure import (
+    NO_SECOND_SWEEP,
+    HandTurner,
+    MountTurner,
+    Sweep,
+    back_at_start,
+    measure_axis,
+    second_sweep,
+)
 from kochab.workflows.polar.sources import NotMeasuredError
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench
@@ -198,3 +207,59 @@ def test_within_the_guard_the_real_declination_turns():
     run(turner.turn(Direction.SOUTH, 30.0))
     assert before - bench.rig.truth().of_date_deg[1] == pytest.approx(30.0, abs=3.0)
     assert bench.mount.did[-1] == ("stop",)
+
+
+# -- A last frame, back where the sweep began ----------------------------------------------------
+
+
+def test_a_last_frame_back_at_the_start_shows_what_crept():
+    sky = rig(flexure=0.0)
+    first = run(measure_axis(sky, sky, sky.settings, SWEEP))
+    assert creep_to_show_arcsec(first.measurement) > 10.0
+    said = []
+    last = run(back_at_start(sky, sky, first), said.append)
+    one, two = first.measurement, last.measurement
+    assert "Back to where RA began" in said[0].detail
+    assert said[0].stage == "turn"
+    assert len(two.attitudes) == len(one.attitudes) + 1
+    assert from_start_deg(one) > 50.0
+    assert from_start_deg(two) < BACK_DEG
+    assert two.error.creep_total_arcsec < 0.5 * one.error.creep_total_arcsec
+    assert creep_to_show_arcsec(two) == 0.0
+    assert sky.missed_arcsec(two.error) < 3.0 * two.error.with_flexure.uncertainty_arcsec
+    assert {last.path.direction, first.path.direction} == {Direction.EAST, Direction.WEST}
+    assert run(back_at_start(sky, sky, last)) is last  # it is there already
+    second = run(second_sweep(sky, sky, last, SWEEP))
+    assert sky.missed_arcsec(second.measurement.error) < 3.0 * second.measurement.error.with_flexure.uncertainty_arcsec
+
+
+def test_by_hand_the_way_back_is_asked_for():
+    sky = rig(flexure=0.0)
+    hand = Hand(sky)
+    first = run(measure_axis(hand, hand, sky.settings, replace(SWEEP, frames=3, most_frames=3)))
+    asked = len(hand.words)
+    last = run(back_at_start(hand, hand, first))
+    assert len(hand.words) == asked + 1
+    assert f"° {'east' if first.path.direction is Direction.WEST else 'west'}" in hand.words[-1]
+    assert from_start_deg(last.measurement) < BACK_DEG
+
+
+@pytest.mark.parametrize("when", ["measuring", "adjusting"])
+def test_back_at_the_start_is_one_button(when):
+    """Pressed while a bolt is turned it is measured once more, and the last frame comes at the end of that sweep."""
+    sky, controls, ways, adjusts = rig(flexure=0.0), PolarControls(), [], 0
+    if when == "measuring":
+        controls.press(PolarButton.BACK)
+    task = align(sky, sky, sky.settings, replace(ALIGN, sweep=replace(SWEEP, frames=3, most_frames=3)), controls)
+    for step in task:
+        if isinstance(step, PolarUpdate) and step.stage == "adjust":
+            adjusts += 1
+            if adjusts == 1 and when == "adjusting":
+                controls.press(PolarButton.BACK)
+            elif ways:
+                break
+        elif "Back to where RA began" in step.detail:
+            ways.append(len(step.measurement.attitudes))
+    assert ways == [3]
+    assert adjusts == (1 if when == "measuring" else 2)
+    assert not controls.pressed(PolarButton.BACK)

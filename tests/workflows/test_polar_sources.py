@@ -1,7 +1,8 @@
 """Frames from a camera, solved as they come; and what files must say to be of use."""
 
+import re
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -12,12 +13,16 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.frames.hints import NO_ZONE
+from kochab.polar.error import PolarError
+from kochab.polar.measure import PolarFindingKind
+from kochab.polar.rotations import direction
 from kochab.polar.sighting import Sighting
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.camera_source import SimulatedCamera
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
-from kochab.workflows.polar.sources import CameraSightings, SolvedFile, sightings_of, site_of
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts, sightings_of, site_of
 from tests.polar.mounts import ARCSEC
 
 WHEN = datetime(2026, 3, 1, 22, tzinfo=UTC)
@@ -121,3 +126,61 @@ def test_where_is_what_is_given_or_what_all_frames_say():
     with pytest.raises(UsageError, match="a and d were taken at different sites"):
         site_of([*files, solved("d", site=there)])
     assert site_of([solved("a", site=Site(0, 179.99)), solved("b", site=Site(0, -179.99))])
+
+
+# -- The clocks of camera, mount and computer --------------------------------------------------
+
+
+def test_how_far_the_cameras_clock_is_ahead_is_known_of_its_frames():
+    frames = [dark(WHEN + timedelta(hours=hours)) for hours in (0.0, 1.0, -2.0)]
+    frames[1] = replace(frames[1], hint=replace(frames[1].hint, time_of_file=True))
+    source, ahead = CameraSightings(Canned(*frames), clock=lambda: WHEN), []
+    for frame in frames:
+        source._time_of(frame)
+        ahead.append(source.ahead_s / 3600.0)
+    assert ahead == [0.0, 0.0, -2.0]  # when a file was written says nothing of the camera's clock
+
+
+@pytest.mark.parametrize(("hours", "zone_h"), [(2.0, 2.0), (-5.05, -5.0), (5.75, 5.75), (13.98, 14.0), (0.02, 0.0)])
+def test_a_camera_without_a_time_zone_takes_that_of_this_computers_clock(hours, zone_h):
+    """Which leaves the minutes by which it is wrong; a frame of another night has no zone to take."""
+    source = CameraSightings(Canned(), clock=lambda: WHEN)
+    own = WHEN + timedelta(hours=hours)
+    assert source._time_of(dark(own)) == own  # it has one
+    zoneless = replace(dark(own), warnings=(NO_ZONE,))
+    assert source._time_of(zoneless) == own - timedelta(hours=zone_h)
+    assert source.ahead_s == pytest.approx(3600.0 * (hours - zone_h))
+    assert CameraSightings(Canned())._time_of(zoneless) == own
+    before = own - timedelta(days=3)
+    assert source._time_of(replace(dark(before), warnings=(NO_ZONE,))) == before
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "words"),
+    [
+        (3600.0, "1.0 h ahead of this computer's"),
+        (-7200.0, "2.0 h behind this computer's"),
+        (600.0, "10 min ahead"),
+        (60.0, None),  # as exposures and slow cables make it
+        (3 * 86400.0, None),  # frames of another night, played again
+    ],
+)
+def test_clocks_that_disagree_are_told_with_what_they_cost(ahead_s, words):
+    pole, axis = direction(np.radians(47.0), 0.0), direction(np.radians(48.0), 0.0)
+    off, here = (PolarError(at, pole, np.eye(2) * (5.0 * ARCSEC) ** 2) for at in (axis, pole))
+    found = clock_doubts(ahead_s, "", off, Site(47.0, 8.0))
+    assert [words in f.text for f in found] == ([True] if words else [])
+    assert not any(f.spoils for f in found)
+    assert clock_doubts(0.0 if words else ahead_s, "", here, Site(47.0, 8.0)) == []
+    if words:
+        cost = 3600.0 * abs(ahead_s) / 86164.0 * 2.0 * np.pi  # of an axis one degree off, arcsec
+        told = float(re.search(r"off by ([\d.]+)′", found[0].text)[1])
+        assert told == pytest.approx(2.0 * 60.0 * np.sin(cost / 3600.0 / 2.0), rel=0.03)
+
+
+def test_what_the_mount_contradicts_comes_first():
+    pole = direction(np.radians(47.0), 0.0)
+    off = PolarError(direction(np.radians(48.0), 0.0), pole, np.eye(2) * (5.0 * ARCSEC) ** 2)
+    found = clock_doubts(3600.0, "Its clock is 1.0 h fast.", off, Site(47.0, 8.0))
+    assert [f.kind for f in found] == [PolarFindingKind.CLOCK] * 2
+    assert found[0].text == "Its clock is 1.0 h fast."

@@ -30,7 +30,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.horizon import Pole, Refraction, name_of
 from kochab.polar.measure import Measurement, NoAxis, PolarFinding, PolarFindingKind
-from kochab.polar.plan import more_turn_deg, plan_second
+from kochab.polar.plan import creep_to_show_arcsec, more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
@@ -42,7 +42,6 @@ SAID_BY = {
     PolarFindingKind.LONGITUDE_SIGN: "--site",
     PolarFindingKind.GUIDED: "--guided no",
 }
-WORTH_ARCSEC, BACK_DEG = 10.0, 5.0  # creep below that needs no frame of its own, nor one back at the start another
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,14 +281,11 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
 
 def _better(m: Measurement) -> list[str]:
     """How the axis could be known better: by a longer turn, by a second sweep."""
-    lines, optics, error = [], optics_of(m.attitudes[0]), m.error
+    lines, optics = [], optics_of(m.attitudes[0])
     if more := more_turn_deg(optics, m.rho_deg, m.fit.turns_rad, 30.0):
         lines.append(f"better    rotate RA {more:.0f}° more for an uncertainty of 30″")
-    away = abs(np.degrees(m.fit.turns_rad[-1] - m.fit.turns_rad[0])) > BACK_DEG
-    if away and len(m.results) == 1 and error.creep_total_arcsec > max(error.uncertainty_arcsec, WORTH_ARCSEC):
-        lines.append(
-            f"better    one more frame, back at the start: shows creep (±{error.creep_total_arcsec:.0f}″ assumed)"
-        )
+    if creep := creep_to_show_arcsec(m):
+        lines.append(f"better    one more frame, back at the start: shows creep (±{creep:.0f}″ assumed)")
     if len(m.results) == 1 and (second := plan_second(m, optics, len(m.attitudes))):
         lines.append(
             f"better    sweep again at declination {second.declination_deg:+.0f}° (--check) for an"

@@ -139,6 +139,7 @@ NEAREST_DEG, FURTHEST_DEG = 10.0, 130.0
 WORTH = 0.9  # a second sweep that leaves more than this share of the flexure is not worth its time
 LEAST_ARCSEC = 2.0  # flexure that shifts the axis by less need not be known
 BACK_COSTS = 1.05  # times better must be a plan that turns RA back first
+BACK_DEG, CREEP_ARCSEC = 5.0, 10.0  # nearer to its start than that a sweep is back; creep below that needs no frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +171,8 @@ def plan_second(
         return None
     last = measurement.attitudes[-1]
     first = next(a for a in measurement.attitudes if a.sweep == last.sweep)
-    starts = ((0.0, last), (measurement.turn_deg, first))
+    away_deg = from_start_deg(measurement)
+    starts = ((0.0, last), (away_deg, first)) if away_deg > BACK_DEG else ((0.0, last),)
     plans = [
         plan
         for back_deg, start in starts
@@ -178,6 +180,19 @@ def plan_second(
         if plan.shows
     ]
     return min(plans, key=lambda plan: plan.foreseen_arcsec * (BACK_COSTS if plan.back_deg else 1.0), default=None)
+
+
+def from_start_deg(measurement: Measurement) -> float:
+    """How far RA stands from where its last sweep began."""
+    turns = measurement.fit.turns_rad
+    return float(np.degrees(abs(turns[-1] - turns[0])))
+
+
+def creep_to_show_arcsec(measurement: Measurement) -> float:
+    """Creep that is assumed, and that one more frame, back at the start, would show; 0 where that needs none."""
+    error, creep = measurement.error, measurement.error.creep_total_arcsec
+    one_way = len(measurement.results) == 1 and from_start_deg(measurement) > BACK_DEG
+    return creep if one_way and creep > max(error.uncertainty_arcsec, CREEP_ARCSEC) else 0.0
 
 
 def _plans(

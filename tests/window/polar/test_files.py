@@ -2,6 +2,7 @@
 
 import json
 import logging
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -12,15 +13,23 @@ from PySide6.QtGui import QDropEvent
 
 from kochab.cli.main import main
 from kochab.core.frame import Site
+from kochab.core.mount import Direction, MountState
 from kochab.frames.wcs import write_wcs
+from kochab.gear.mount_events import PositionReport
+from kochab.gear.session import CameraSelection
 from kochab.polar.error import Knob, PolarError
 from kochab.polar.horizon import Pole, pole_direction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
+from kochab.simulate.camera_source import SimulatedCamera
+from kochab.simulate.rig import PracticeRig, RigConfig, through
 from kochab.workflows.polar.sources import last_night, remember_night
-from kochab.workflows.session.alignment import AlignmentRequest, FrameSource, _remember
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction
+from kochab.workflows.session.alignment import AlignmentRequest, AlignmentTools, FrameSource, _remember, alignment_task
+from kochab.workflows.session.alignment_state import AlignmentState
 from tests.cli.test_polar import stream
 from tests.polar.test_drift import falling, log_text
+from tests.window.polar.test_view import SITE as RIG_SITE
 from tests.window.polar.test_view import choose_files, drive
 from tests.workflows.test_polar_solutions import BEGUN, SITE, picture, solution
 
@@ -223,3 +232,60 @@ def test_practice_is_not_remembered():
     for source in (FrameSource.PRACTICE, FrameSource.CAMERA):
         _remember(found, AlignmentRequest(source))
         assert (last_night(SITE) is not None) == (source is FrameSource.CAMERA)
+
+
+# -- With a camera: clocks that disagree, and a frame back at the start ----------------------------
+
+
+def test_the_mounts_doubts_are_found_first_while_it_is_measured(polar):
+    _, view = polar()
+    known = view._services.mount.known
+    known.report = PositionReport((10.0, 20.0), MountState(), doubt="The mount contradicts this computer.")
+    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    assert view.setup.request().mount_doubt == ""
+    known.phase = "on"
+    wish = replace(view.setup.request(), site=RIG_SITE, camera=CameraSelection("folder", "x", 1.0), turn_deg=40.0)
+    known.phase, known.report = "off", None
+    assert wish.mount_doubt == "The mount contradicts this computer."
+    rig = PracticeRig(through(RigConfig(seed=5, site=RIG_SITE, start_deg=(-40.0, 45.0)), 4.0))
+    camera = SimulatedCamera(rig)
+    tools = AlignmentTools(PolarControls(), lambda step: None, lambda history: None, open_camera=lambda *_: camera)
+    task = alignment_task(wish, tools)
+    for step in task:
+        if isinstance(step, TurnInstruction):
+            way = 1.0 if step.direction is Direction.WEST else -1.0
+            rig.mount.turn_by_hand(way * step.degrees)
+        if isinstance(step, PolarUpdate) and step.measurement is not None:
+            break
+    task.close()
+    assert step.findings[0].kind is PolarFindingKind.CLOCK
+    assert step.findings[0].text == "The mount contradicts this computer."
+
+
+def test_back_to_the_start_is_offered_where_creep_may_hide(polar):
+    _, view = polar()
+    view._enable(True)
+    view.state = AlignmentState("measure", "Measuring.")
+    view._show()
+    assert not view.back.isVisible()
+    view.state = AlignmentState("measure", "Measuring.", creep_arcsec=23.0)
+    view._show()
+    assert view.back.isVisible()
+    assert view.page.numbers.more.text() == "One more frame, where RA began, shows creep (±23″ assumed)."
+    view.back.click()
+    assert view.controls.pressed(PolarButton.BACK)
+    assert "One more frame follows" in view.message.text()
+    view._show()
+    assert not view.back.isVisible()
+    view._enable(False)
+
+
+def test_frames_that_turned_one_way_ask_for_one_back_at_the_start(polar, tmp_path):
+    _, view = polar()
+    paths = solved_frames(tmp_path, turns=(0.0, 25.0, 50.0, -0.75))
+    one_way = measured(view, paths[:3])
+    assert one_way.creep_arcsec > 10.0
+    assert f"±{one_way.creep_arcsec:.0f}″ assumed" in view.page.numbers.more.text()
+    back = measured(view, paths[3:])
+    assert back.creep_arcsec == 0.0
+    assert "creep" not in view.page.numbers.more.text()

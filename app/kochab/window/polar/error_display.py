@@ -226,10 +226,12 @@ def more_text(state: AlignmentState) -> str:
     """How much farther to rotate RA, or how much longer to track, while it is measured or when it was not reached."""
     if state.drift is not None:
         return state.drift.better
-    more = state.more_turn_deg
-    if state.stage not in ("measure", "turn", "done") or not more:
+    if state.stage not in ("measure", "turn", "done"):
         return ""
-    return tr("Rotate RA {more:.0f}° farther for a more accurate axis.", more=more)
+    more, creep = state.more_turn_deg, state.creep_arcsec
+    farther = tr("Rotate RA {more:.0f}° farther for a more accurate axis.", more=more) if more else ""
+    back = tr("One more frame, where RA began, shows creep (±{creep:.0f}″ assumed).", creep=creep) if creep else ""
+    return "\n".join(filter(None, (farther, back)))
 
 
 def age_text(state: AlignmentState, now_s: float) -> str:

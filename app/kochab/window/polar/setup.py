@@ -212,6 +212,7 @@ class AlignmentSetupPanel(Page):
             utc_offset_h=self.zone.currentData(),
             guided=self.guided.currentData(),
             profile=self._profile_name,
+            mount_doubt=self._mount_doubt,
         )
 
     @property
@@ -223,6 +224,12 @@ class AlignmentSetupPanel(Page):
                 night = last_night(parse_site(site), self._profile_name, datetime.now(UTC))
                 return "" if night is None else night.guess
         return ""
+
+    @property
+    def _mount_doubt(self) -> str:
+        """What a connected mount contradicts of this computer's clock and of the site."""
+        known = self._services.mount.known
+        return known.report.doubt if known.phase == "on" and known.report is not None else ""
 
     @property
     def _profile_name(self) -> str:

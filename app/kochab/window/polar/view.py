@@ -35,6 +35,7 @@ REPLIES = {
     PolarButton.TURNED: tr_noop("Waiting for a new frame."),
     PolarButton.REMEASURE: tr_noop("Measuring again after this frame."),
     PolarButton.ENOUGH: "",
+    PolarButton.BACK: tr_noop("One more frame follows where RA began, to see what crept."),
     PolarButton.SECOND_SWEEP: tr_noop("A second sweep at another declination follows, to measure flexure."),
 }
 REFRESH_MS = 250
@@ -72,7 +73,7 @@ class PolarView(Page):
         self._show_idle()
 
     def _make_buttons(self) -> None:
-        turned, measure, enough, sweep = (partial(self.press, pressed) for pressed in REPLIES)
+        turned, measure, enough, back, sweep = (partial(self.press, pressed) for pressed in REPLIES)
         self.start = button(tr("&Begin"), self.begin, "main", tr("Measure, adjust, and measure again"))
         self.done = button(tr("&Done"), turned, tip=tr("I have made this turn (Space)"))
         self.turn_for_me = button(
@@ -80,6 +81,7 @@ class PolarView(Page):
         )
         self.again = button(tr("&Measure again"), measure, tip=tr("Stop adjusting and measure the axis now"))
         self.use_frames = button(tr("Use &these frames"), enough, tip=tr("Continue with the frames taken so far"))
+        self.back = button(tr("Bac&k to start"), back, tip=tr("One more frame where RA began: it shows what crept"))
         self.second = button(tr("Second s&weep"), sweep, tip=tr(SECOND_TIP))
         self.at_bolts = button(
             tr("At the bo&lts"), self.show_bolts, tip=tr("Full screen, readable from three metres (F7)")
@@ -96,7 +98,7 @@ class PolarView(Page):
         pages = {tr("Set up"): self.setup, tr("Align"): self.page, tr("Tonight"): self.history, tr("Phone"): self.phone}
         self.tabs = tab_pages(tr("Polar alignment"), *((name, scrolled(inside)) for name, inside in pages.items()))
         first = row(self.start, self.done, self.turn_for_me, self.cancel, (self.bar, 1), None)
-        second = row(self.again, self.use_frames, self.second, self.at_bolts, self.sound, None)
+        second = row(self.again, self.use_frames, self.back, self.second, self.at_bolts, self.sound, None)
         parts = ((self.tabs, 1), self.message, self.served, first, second)
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
@@ -255,6 +257,7 @@ class PolarView(Page):
         for made in (self.done, self.use_frames, self.second, self.cancel, self.bar):
             made.setVisible(running)
         self.again.setVisible(False)
+        self.back.setVisible(False)
         self.start.setVisible(not running)
         self.setup.setEnabled(not running)
         self.turn_for_me.setVisible(False)
@@ -275,6 +278,7 @@ class PolarView(Page):
             adjusting = state.stage == "adjust"
             self.again.setVisible(adjusting)  # one of the two: while adjusting they mean the same
             self.use_frames.setVisible(not adjusting)
+            self.back.setVisible(state.creep_arcsec > 0.0 and not self.controls.pressed(PolarButton.BACK))
             self.use_frames.setEnabled(state.stage != "opening")
             self.turn_for_me.setEnabled(state.hand_needed)
 

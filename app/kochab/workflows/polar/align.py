@@ -17,7 +17,7 @@ from kochab.polar.report import History
 from kochab.polar.rotations import ARCSEC, tangents
 from kochab.polar.sighting import to_local
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
-from kochab.workflows.polar.measure import Measured, Sweep, Turner, measure_axis, second_sweep
+from kochab.workflows.polar.measure import Measured, Sweep, Turner, back_at_start, measure_axis, second_sweep
 from kochab.workflows.polar.sources import SightingSource
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 
@@ -107,7 +107,11 @@ def adjust(
     yield _update(None, None, guide, measurement)
     while True:
         found = yield from source.sight()
-        if controls.take(PolarButton.REMEASURE) or controls.take(PolarButton.ENOUGH):
+        if (
+            controls.take(PolarButton.REMEASURE)
+            or controls.take(PolarButton.ENOUGH)
+            or controls.pressed(PolarButton.BACK)
+        ):
             return Adjusted(AdjustingEnd.REQUESTED, guide.turn_requested, steady)
         if controls.pressed(PolarButton.SECOND_SWEEP):
             return Adjusted(AdjustingEnd.SECOND_SWEEP, guide.turn_requested, steady)
@@ -197,6 +201,8 @@ def align(
     while True:
         rounds += 1
         measured = yield from measure_axis(source, turner, settings, sweep, controls, droop)
+        if controls.take(PolarButton.BACK):
+            measured = yield from back_at_start(source, turner, measured, controls)
         if before is not None:
             both = together(before, measured.measurement)
             measured = replace(measured, measurement=both, findings=both.findings)

@@ -27,10 +27,12 @@ from kochab.polar.measure import (
     together,
 )
 from kochab.polar.plan import (
+    BACK_DEG,
     Optics,
     SecondSweep,
     SweepPath,
     best_path,
+    from_start_deg,
     more_turn_deg,
     plan_second,
     sweep_path,
@@ -288,6 +290,31 @@ def _measured_so_far(
         words = " ".join((words, more_words))
     found = (*slips, *result.findings)
     return PolarUpdate("measure", fraction, words, result, findings=found, more_turn_deg=more)
+
+
+def back_at_start(
+    source: SightingSource, turner: Turner, first: Measured, controls: PolarControls | None = None
+) -> Task[Measured]:
+    """Turn RA back to where the sweep began, and measure with one more frame from there: it shows what crept.
+
+    ``first`` comes back as it is where RA is there already.
+
+    Raises NotMeasuredError when frames stop coming or have no solution.
+    """
+    measurement, way = first.measurement, _opposite(first.path.direction)
+    if (turn := from_start_deg(measurement)) < BACK_DEG:
+        return first
+    words = tr("Back to where RA began, for a last frame: it shows what crept.")
+    yield PolarUpdate("turn", 0.0, words, measurement, findings=first.findings)
+    yield from turner.turn(way, turn)
+    watch = RestWatch(source, measurement.settings, controls or PolarControls())
+    last = yield from watch.still(measurement.attitudes[-1], turn if turner.by_hand else 0.0)
+    seen = [*measurement.attitudes, replace(last, sweep=measurement.attitudes[-1].sweep)]
+    result = measure_local(seen, measurement.settings, measurement.before)
+    if isinstance(result, NoAxis):
+        return first
+    slips = [f for f in first.findings if f.kind is PolarFindingKind.SLIPPING]
+    return Measured(result, replace(first.path, direction=way), (*slips, *result.findings))
 
 
 # -- The second sweep: the same axis at another declination, which measures flexure ------------

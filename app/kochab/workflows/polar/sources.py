@@ -33,6 +33,8 @@ from kochab.workflows.solve_frame import solve_file, solve_open_frame
 NEAR_DEG = 20.0
 SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
+CLOCK_S, DAYS_S = 120.0, 130_000.0  # clocks that differ by less agree; frames older than that are played again
+ZONES_S, FARTHEST_ZONE_S = 900.0, 15.0 * 3600.0
 UNSIGNED = ("LONG-OBS", "OBSLONG", "LONGITUD", "OBS-LONG", "LONG", "GEOLON")
 
 APART_DEG = 12.0  # one sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination
@@ -116,6 +118,26 @@ def doubts_of(
     return doubts
 
 
+def clock_doubts(ahead_s: float, mount: str, error: PolarError, site: Site) -> list[PolarFinding]:
+    """What the clocks of camera, mount and computer say against each other.
+
+    ``ahead_s`` is how far the camera's is ahead of the computer's; ``mount`` says what the mount contradicts.
+    """
+    found = [PolarFinding(PolarFindingKind.CLOCK, mount)] if mount else []
+    apart_s = abs(ahead_s)
+    astray = astray_arcsec(error, site, ahead_s * SIDEREAL_DEG_S) if CLOCK_S < apart_s < DAYS_S else 0.0
+    if astray:
+        text = tr("The camera's clock is {size} ahead of this computer's. If it is wrong, the axis is off by {angle}.")
+        if ahead_s < 0.0:
+            text = tr(
+                "The camera's clock is {size} behind this computer's. If it is wrong, the axis is off by {angle}."
+            )
+        hours, minutes = tr("{hours:.1f} h", hours=apart_s / 3600.0), tr("{minutes:.0f} min", minutes=apart_s / 60.0)
+        size = hours if apart_s > 3500.0 else minutes
+        found.append(PolarFinding(PolarFindingKind.CLOCK, text.format(size=size, angle=angle_in_words(astray))))
+    return found
+
+
 def _up_at(files: Sequence[SolvedFile], site: Site) -> bool:
     """Whether all frames look at the sky, and not at the ground, from there."""
     solved = [(f.result, f.time_utc) for f in files if isinstance(f.result, Solution) and f.time_utc is not None]
@@ -181,7 +203,8 @@ def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
 class CameraSightings:
     """Frames of an opened camera, solved as they come, near the last solution first.
 
-    ``clock`` gives the time of frames that carry none.
+    ``clock`` gives the time of frames that carry none, and the zone of times that have none; ``ahead_s`` is how far the
+    newest frame's own time is ahead of it then.
     """
 
     def __init__(
@@ -192,6 +215,7 @@ class CameraSightings:
         self._clock = clock
         self._last: Solution | None = None
         self._near_last = False
+        self.ahead_s = 0.0
 
     def sight(self) -> Task[Sighting | NoSolution | None]:
         """Wait a little for the newest frame and solve it."""
@@ -208,8 +232,13 @@ class CameraSightings:
         return Sighting.of(solved.result, moment)
 
     def _time_of(self, frame: Frame) -> datetime:
-        if frame.hint.time_utc is not None:
-            return frame.hint.time_utc
+        if (own := frame.hint.time_utc) is not None:
+            if self._clock is not None and not frame.hint.time_of_file:
+                ahead_s = (own - self._clock()).total_seconds() + (frame.hint.exposure_s or 0.0) / 2.0
+                in_zones = NO_ZONE in frame.warnings and abs(ahead_s) < FARTHEST_ZONE_S
+                zone_s = ZONES_S * round(ahead_s / ZONES_S) if in_zones else 0.0
+                own, self.ahead_s = own - timedelta(seconds=zone_s), ahead_s - zone_s
+            return own
         if self._clock is None:
             raise UsageError("The camera's frames have no time.")
         return self._clock()

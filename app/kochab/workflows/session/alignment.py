@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import partial
@@ -38,7 +38,7 @@ from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, align
 from kochab.workflows.polar.measure import RATE_DEG_S, HandTurner, MountTurner, Sweep, Turner, optics_of
 from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of
-from kochab.workflows.polar.sources import CameraSightings, SolvedFile
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts
 from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
 
@@ -68,7 +68,8 @@ class AlignmentRequest:
     frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when ``hand`` is the mount and the frames come
     from a camera. With ``second_sweep`` nothing is called good before a sweep at another declination. ``hint`` is what
     is known of the camera's frames. ``utc_offset_h`` is how far the files' clock is ahead of UTC, ``guided`` whether a
-    guider held them; None: as they show. ``profile`` is the equipment's, "" for none.
+    guider held them; None: as they show. ``profile`` is the equipment's, "" for none. ``mount_doubt`` says what the
+    connected mount contradicts of clock and site.
     """
 
     source: FrameSource
@@ -88,6 +89,7 @@ class AlignmentRequest:
     utc_offset_h: float | None = None
     guided: bool | None = None
     profile: str = ""
+    mount_doubt: str = ""
 
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
@@ -174,9 +176,16 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         hint = wish.hint if wish.source is FrameSource.CAMERA else None
         options = SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg, hint=hint)
         source = CameraSightings(camera, options, clock)
-        done = yield from align(
-            source, turner, MeasureSettings(site, wish.pole), options_of(wish), tools.controls, keep=tools.keep
-        )
+        settings = MeasureSettings(site, wish.pole)
+
+        def doubted(step: Progress) -> Progress:
+            if not isinstance(step, PolarUpdate) or step.measurement is None:
+                return step
+            doubts = clock_doubts(source.ahead_s, wish.mount_doubt, step.measurement.error, settings.site)
+            return replace(step, findings=(*doubts, *step.findings)) if doubts else step
+
+        task = align(source, turner, settings, options_of(wish), tools.controls, keep=tools.keep)
+        done = yield from _with_each_step(task, doubted)
         _remember(done.last, wish)
         return done.history
 

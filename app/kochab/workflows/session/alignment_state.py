@@ -7,6 +7,7 @@ from kochab.core.progress import Progress
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob, PolarError, total_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind
+from kochab.polar.plan import creep_to_show_arcsec
 from kochab.polar.tutor import Instruction, TutorStep
 from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
 
@@ -25,7 +26,7 @@ class AlignmentState:
     ``turn_instruction`` is the turn that a person is asked for, ``error_at_s`` when the newest error came,
     on the clock of whoever absorbs; ``trail`` are the
     axes seen while adjusting, ``measured`` the errors of the measurements. ``drift`` is what ``error`` is of, where
-    nobody turned the axis.
+    nobody turned the axis. ``creep_arcsec`` is what one more frame where the sweep began would show; 0: nothing.
     """
 
     stage: str = "idle"
@@ -43,6 +44,7 @@ class AlignmentState:
     trail: tuple[Point, ...] = ()
     measured: tuple[PolarError, ...] = ()
     drift: Drift | None = None
+    creep_arcsec: float = 0.0
 
     @property
     def running(self) -> bool:
@@ -181,7 +183,8 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
     shown = step.drift or step.measurement
     if shown is None:
         return state
-    state, error = replace(state, drift=step.drift), shown.error
+    creep = creep_to_show_arcsec(step.measurement) if step.measurement is not None else 0.0
+    state, error = replace(state, drift=step.drift, creep_arcsec=creep), shown.error
     if step.stage == "adjust" or step.stage == "done":
         fresh = not state.measured or state.measured[-1] is not error
         measured = (*state.measured, error) if fresh else state.measured
