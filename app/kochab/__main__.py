@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Open the window for nothing or for a file; leave all else to the command line.
+    """Open the window for nothing or for a file, ``--language de`` before it in German; leave all else to the commands.
 
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
@@ -29,13 +29,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         support_frozen(arguments)
     if not sys.warnoptions:  # python -W shows them; what a person should know is said in sentences
         warnings.simplefilter("ignore")
+    spoken = arguments[1] if arguments[:1] == ["--language"] and len(arguments) > 1 else ""
+    arguments = arguments[2:] if spoken else arguments
     try:
         from kochab.gear.journal import open_journal
 
         to_window = not arguments or _is_file(arguments)
         open_journal(terminal=not to_window)
         if to_window:
-            return _window(arguments)
+            return _window(arguments, spoken)
         from kochab.cli.main import main as cli_main
 
         return cli_main(arguments)
@@ -53,7 +55,7 @@ def _is_file(arguments: list[str]) -> bool:
     return name not in COMMANDS and (Path(name).exists() or bool(Path(name).suffix))
 
 
-def _window(paths: list[str]) -> int:
+def _window(paths: list[str], language: str = "") -> int:
     from kochab.window import display_check as display
 
     trouble = display.trouble()
@@ -67,7 +69,7 @@ def _window(paths: list[str]) -> int:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
     wiring = Wiring(_to_json, _practise, _to_record, _phone_page)
-    return run(paths, wiring=wiring)
+    return run(paths, wiring, language)
 
 
 def _to_json(file: str, solution: "Solution") -> str:

@@ -42,11 +42,13 @@ from kochab.window.shell.help_book import pages
 from kochab.window.shell.preferences import Preferences
 from kochab.window.shell.tour import CARDS, Tour
 from kochab.window.shell.views import VIEWS
+from kochab.window.widgets import ElidedLabel
 from kochab.workflows.solution_text import summary
 from tests.house import sources
 from tests.translations import collect, markers, release
 from tests.window.fakes import fake_solution
 from tests.window.mount_bench import connected
+from tests.window.test_narrow import resize, whole
 
 MARKERS = {"tr", *markers()}
 
@@ -229,10 +231,12 @@ LONGER = 0.35
 def pseudo(text: str) -> str:
     """Every stretch of words between marks and a third longer; what stands in its places stays outside the marks."""
     parts = re.split(r"(\{[^{}]*\})", text)
-    return "".join(
-        f"«{part}{'~' * round(LONGER * len(part))}»" if re.search("[^\\W\\d_]", part) and part[0] != "{" else part
-        for part in parts
-    )
+    return "".join(longer(p) if re.search(r"[^\W\d_]", p) and p[0] != "{" else p for p in parts)
+
+
+def longer(words: str) -> str:
+    more = round(LONGER * len(words))  # in words of eight letters, or a long sentence could not be wrapped
+    return f"«{words}{'~~~~~~~~ ' * (more // 9)}{'~' * (more % 9)}»"
 
 
 @pytest.fixture(scope="module")
@@ -451,3 +455,48 @@ def test_every_text_of_a_connected_mount_is_translated(qtbot, solved_abroad, dri
             left = unmarked(dialog, names)
             dialog.reject()
             assert not left, "\n".join(left)
+
+
+# -- A small window in a language a third longer ------------------------------------------------
+
+
+def cut(top: QWidget) -> list[str]:
+    """Labels and buttons that are seen and narrower, or lower, than their text."""
+    found = []
+    for w in top.findChildren(QLabel) + top.findChildren(QAbstractButton):
+        if not w.isVisible() or w.visibleRegion().isEmpty() or isinstance(w, ElidedLabel) or not w.text():
+            continue
+        wraps = isinstance(w, QLabel) and w.wordWrap()
+        if (not wraps and w.width() < w.minimumSizeHint().width()) or (
+            wraps and w.height() < w.heightForWidth(w.width())
+        ):
+            found.append(f"{type(w).__name__} {w.text()!r}: {w.width()} x {w.height()}, {w.sizeHint().toTuple()}")
+    return found
+
+
+@pytest.mark.parametrize("mode", ["image", "details", *VIEWS])
+def test_a_longer_language_is_whole_on_1024_by_700(qtbot, solved_abroad, mode):
+    window, commands = solved_abroad
+    panes, card = window.workspace, window.workspace.card
+    commands.views.show(mode)
+    if mode in VIEWS:
+        qtbot.waitUntil(lambda: commands.views.docks[mode].view is not None)
+    for _ in range(2):
+        resize(qtbot, window, 1024, 700)
+    assert (window.width(), window.height()) == (1024, 700)
+    for shown in (card, card.ra, card.dec, panes.buttons):
+        assert whole(window, shown), shown
+    left = cut(window)
+    assert not left, "\n".join(left)
+    if mode in VIEWS:
+        inside = commands.views.docks[mode].widget()
+        assert inside.widget().minimumSizeHint().width() <= inside.viewport().width(), "cut at the right"
+
+
+def test_what_is_cut_is_found(qtbot):
+    page = QWidget()
+    qtbot.addWidget(page)
+    for made in (QLabel("one line that is long", page), QLabel("many lines", page, wordWrap=True)):
+        made.setFixedSize(30, 12)
+    page.show()
+    assert len(cut(page)) == 2

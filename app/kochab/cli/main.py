@@ -121,7 +121,8 @@ def build_parser(arguments: Sequence[str]) -> Parser:
         prog="kochab",
         description="Plate solving, polar alignment and mounts. Without a command the window opens.",
         epilog="kochab COMMAND --help describes a command."
-        " kochab -f FILE ... takes ASTAP's options, for programs that call ASTAP.",
+        " kochab -f FILE ... takes ASTAP's options, for programs that call ASTAP."
+        " kochab --language de opens the window in German, where it has it.",
     )
     parser.add_argument("--version", action="version", version=f"kochab {__version__}")
     parser.add_argument(

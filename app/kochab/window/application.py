@@ -142,7 +142,7 @@ def use_language(app: QApplication, wanted: str = "", folder: Path | None = None
     QLocale.setDefault(country)
 
 
-def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
+def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language: str = "") -> int:
     """Open the window with the files and folders ``paths``; the exit code."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
@@ -150,7 +150,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None) -> int:
     app.setDesktopFileName("kochab")
     use_plain_numerals()
     settings = WindowSettings()
-    use_language(app, settings.text("language", ""))
+    use_language(app, language or settings.text("language", ""))
     engine = WorkflowEngine(made_by.partition(":")[0] for _, _, made_by in VIEWS.values())
     window, commands = build(engine, settings, wiring=wiring)
     garbage = Garbage()

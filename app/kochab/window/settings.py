@@ -6,11 +6,18 @@ from typing import Any
 
 from PySide6.QtCore import QByteArray, QSettings
 
+from kochab.core import data_folder
 from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Site
 
 MOST_RECENT = 10
 LARGEST = 2**31 - 1  # what Qt counts with; neither infinity nor NaN is below it
+
+
+def languages(folder: Path | None = None) -> list[str]:
+    """What the window can speak beside English, as "de"; ``folder`` has the translations that came with Kochab."""
+    there = (folder or data_folder("resources") / "translations").glob("kochab_*.qm")
+    return sorted(path.stem.removeprefix("kochab_") for path in there)
 
 
 class WindowSettings:

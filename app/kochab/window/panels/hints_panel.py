@@ -1,5 +1,7 @@
 """The tab with hints for a solve, and the choice of methods."""
 
+from typing import Any
+
 import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFormLayout, QLineEdit
@@ -10,7 +12,19 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
 from kochab.solver import SolveOptions
 from kochab.window.panels.method_options import MethodGroup
-from kochab.window.widgets import Page, button, column, form, label, row, show_text, switch, text_field
+from kochab.window.widgets import (
+    Page,
+    button,
+    column,
+    field_values,
+    fill_fields,
+    form,
+    label,
+    row,
+    show_text,
+    switch,
+    text_field,
+)
 
 SPREAD = 0.2  # either way of a typed field or scale: people read them off a lens or a label
 NEAR_RADIUS_DEG = 10.0
@@ -26,6 +40,7 @@ class HintsPanel(Page):
     """Fields for hints, all optional: they save time and never decide."""
 
     solve_wanted = Signal()
+    clear_wanted = Signal()
     site_given = Signal(object)  # kochab.core.frame.Site, or None
 
     def __init__(self, methods: list[str], detectors: list[str]) -> None:
@@ -55,8 +70,11 @@ class HintsPanel(Page):
         self.header.setChecked(True)
         self.wrong = label("", "wrong", wrap=True)
         self.wrong.setVisible(False)
+        typed = (self.fov, self.scale, self.ra, self.dec, self.radius, self.timeout, self.header)
+        chosen = (self.method, self.detector, self.methods.attitude)
+        self._all = {str(at): field for at, field in enumerate((*typed, *chosen))}
         solve = button(tr("S&olve with these"), self.solve_wanted.emit, "main")
-        clear = button(tr("Clea&r"), self.clear)
+        clear = button(tr("Clea&r"), self.clear_wanted.emit)
         parts = (label(tr(ADVICE), "muted", wrap=True), self._fields, self.header, self.wrong, row(solve, clear, None))
         column(*parts, self.methods, None, on=self, spacing=10, margins=(12, 12, 12, 12))
 
@@ -119,6 +137,15 @@ class HintsPanel(Page):
         self.header.setChecked(True)
         self.methods.reset()
         show_text(self.wrong, "")
+
+    def typed(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """All that :meth:`clear` takes away, and the options of the method."""
+        return field_values(self._all), field_values(self.methods.options.fields)
+
+    def show_typed(self, typed: tuple[dict[str, Any], dict[str, Any]]) -> None:
+        """What :meth:`typed` gave."""
+        fill_fields(self._all, typed[0])
+        fill_fields(self.methods.options.fields, typed[1])
 
     def _field(self, title: str, name: str, example: str) -> QLineEdit:
         """A field in the form, beside its title."""

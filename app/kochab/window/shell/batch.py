@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kochab.workflows.solve_frame import SolvedFrame
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class FileState:
     """A file with what is known of it; ``picture`` is small, (H, W, 3) uint8."""
 
@@ -75,10 +75,10 @@ class Batch(QObject):
     def waiting(self) -> list[FileState]:
         return [f for f in self.files.values() if f.result is None and not f.fault]
 
-    def take(self, paths: list[Path]) -> None:
+    def take(self, files: dict[Path, FileState]) -> None:
         """Begin with these files instead of those before."""
         self.cancel()
-        self.files = {path: FileState(path) for path in paths}
+        self.files = files
         self.start()
 
     def start(self) -> None:

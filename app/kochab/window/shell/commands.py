@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, QPoint, Qt
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QMenu, QWidget
 
 from kochab import __version__
-from kochab.core import tr, tr_noop
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
@@ -21,7 +21,7 @@ from kochab.sky.layer import MARKS
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.object_card import links, place_menu, vector_of
 from kochab.window.shell.appearance import Appearance
-from kochab.window.shell.batch import Batch, images_in
+from kochab.window.shell.batch import Batch, FileState, images_in
 from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
 from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.exports import FrameExporter
@@ -29,6 +29,7 @@ from kochab.window.shell.film_strip import Blink, FilmStrip, results_table
 from kochab.window.shell.menus import NEWS, SPECS, colour_icons
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.search import Search
+from kochab.window.shell.undo import Undo
 from kochab.window.shell.views import VIEWS, Services, Views
 from kochab.window.shell.welcome import Sample, thumbnails
 from kochab.window.themes import theme_colours
@@ -99,10 +100,11 @@ class Commands(QObject):
         seen = presenter.overlay
         self.exporter = FrameExporter(self.window, self.session, self.settings, wiring.to_json, seen)
         panes = self.window.workspace
-        self.equipment = Equipment(self.window.bar.equipment, self.settings, self.actions["preferences"])
+        self.undo = Undo(self.actions["undo"], self.actions["redo"], self)
+        self.equipment = Equipment(self.window.bar.equipment, self.settings, self.actions["preferences"], self.undo)
         self.equipment.refused.connect(self._say)
         self.services = Services(
-            self.settings, self.session, self.looks, jobs, wiring, self._say, panes, self.equipment
+            self.settings, self.session, self.looks, jobs, wiring, self._say, panes, self.equipment, self.undo
         )
         self.batch, self.blink = Batch(self.session), Blink(self.window)
         self.films = FilmStrip(self.batch)
@@ -176,6 +178,8 @@ class Commands(QObject):
         window.log.visibilityChanged.connect(lambda _: self.actions["log"].setChecked(not window.log.isHidden()))
         window.log.report_wanted.connect(self.save_report)
         window.log.fault.connect(self._say)
+        panes.hints.clear_wanted.connect(self._clear_hints)
+        self.equipment.changed.connect(self._show_site)
         window.welcome.open_wanted.connect(self.choose)
         window.welcome.file_wanted.connect(self.open)
         able = self.services.wiring.practice is not None
@@ -245,9 +249,12 @@ class Commands(QObject):
 
     def open(self, path: Path) -> None:
         """Open a file; another than those of the film strip ends it."""
-        if path not in self.batch.files:
-            self.batch.take([])
-            self.films.fill()
+        if path in self.batch.files:
+            self._open(path)
+        else:
+            self._replace_files({}, path)
+
+    def _open(self, path: Path) -> None:
         self.actions["blink"].setChecked(False)
         self.settings.keep("folder", str(path.absolute().parent))
         self.session.open(path)
@@ -256,12 +263,36 @@ class Commands(QObject):
     def open_all(self, paths: list[Path]) -> None:
         """Open files and folders: the first now, all of them on the film strip, where they are solved in turn."""
         if len(found := images_in(paths)) > 1:
-            self.batch.take(found)
-            self.films.fill()
-        if found:
+            self._replace_files({path: FileState(path) for path in found}, found[0])
+        elif found:
             self.open(found[0])
         elif paths:
             self._say(tr("No images in {name}.", name=short_name(paths[0].name)))
+
+    def _replace_files(self, files: dict[Path, FileState], path: Path) -> None:
+        """Another film strip, or none, and one file; the strip that ends may be had back."""
+        before, after = (self.batch.files, self.session.known.path), (files, path)
+        self._show_files(after)
+        if (many := len(before[0])) > 1:
+            text = tr_n("close the film strip ({n} file)", "close the film strip ({n} files)", many)
+            self.undo.made(text, self._show_files, before, after)
+
+    def _show_files(self, shown: tuple[dict[Path, FileState], Path | None]) -> None:
+        files, path = shown
+        self.batch.take(files)
+        self.films.fill()
+        if path is not None:
+            self._open(path)
+
+    def _clear_hints(self) -> None:
+        hints = self.window.workspace.hints
+        before = hints.typed()
+        hints.clear()
+        self.undo.made(tr("clear the hints"), hints.show_typed, before, hints.typed())
+
+    def _show_site(self) -> None:
+        self.window.workspace.hints.show_site(self.settings.site)
+        self.presenter.say_place()
 
     def _pictured(self, picture: FrameImage) -> None:
         if (path := self.session.known.path) is not None:
@@ -322,7 +353,12 @@ class Commands(QObject):
         self.window.welcome.show_recent(recent)
 
     def _clear_recent(self) -> None:
-        self.settings.keep("recent", [])
+        before = [str(path) for path in self.settings.recent]
+        self._keep_recent([])
+        self.undo.made(tr("clear the list of recent files"), self._keep_recent, before, [])
+
+    def _keep_recent(self, names: list[str]) -> None:
+        self.settings.keep("recent", names)
         self._show_recent()
 
     def save_report(self) -> None:

@@ -1,5 +1,7 @@
 """The equipment profile in use: shown in the bar, where its menu chooses another, for every view."""
 
+from typing import Any
+
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QAction, QActionGroup
 from PySide6.QtWidgets import QMenu, QToolButton
@@ -7,8 +9,17 @@ from PySide6.QtWidgets import QMenu, QToolButton
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.core.errors import KochabError
-from kochab.gear.profiles import choose_profile, current_profile, saved_profiles
+from kochab.gear.profiles import (
+    EquipmentProfile,
+    choose_profile,
+    current_profile,
+    keep_profile,
+    remove_profile,
+    save_profile,
+    saved_profiles,
+)
 from kochab.window.settings import WindowSettings
+from kochab.window.shell.undo import Undo
 
 LONGEST = 24  # letters of a name in the bar
 LOCKED = tr_noop("Disconnect the mount before you choose other equipment.")
@@ -20,9 +31,9 @@ class Equipment(QObject):
     changed = Signal()
     refused = Signal(str)  # why a profile can't be used
 
-    def __init__(self, button: QToolButton, settings: WindowSettings, edit: QAction) -> None:
+    def __init__(self, button: QToolButton, settings: WindowSettings, edit: QAction, undo: Undo) -> None:
         super().__init__(button)
-        self._button, self._settings, self._edit = button, settings, edit
+        self._button, self._settings, self._edit, self._undo = button, settings, edit, undo
         self.locked = False
         self._menu = QMenu(button)
         self._menu.aboutToShow.connect(self._fill)
@@ -31,15 +42,61 @@ class Equipment(QObject):
 
     def choose(self, name: str) -> None:
         """Use the profile of this name from now on; a new name keeps what is used now, "" is none."""
+        before = current_profile(self._settings).name
+        if self._use(name):
+            self._undo.made(
+                tr("use {name}", name=short_name(name, LONGEST) or tr("no profile")), self._use, before, name
+            )
+
+    def _use(self, name: str) -> bool:
         if self.locked and name != current_profile(self._settings).name:
             self.refused.emit(tr(LOCKED))
-            return
+            return False
         try:
             choose_profile(self._settings, name)
         except KochabError as error:
             self.refused.emit(str(error))
-            return
+            return False
         self.tell()
+        return True
+
+    def keep(self, **values: Any) -> None:
+        """Give the profile that is used other values."""
+        profile = current_profile(self._settings)
+        before = {name: getattr(profile, name) for name in values}
+        if values != before:
+            self._keep((profile.name, values))
+            self._undo.made(tr("change the equipment"), self._keep, (profile.name, before), (profile.name, values))
+
+    def _keep(self, kept: tuple[str, dict[str, Any]]) -> bool:
+        name, values = kept
+        if name != current_profile(self._settings).name and not self._use(name):
+            return False
+        keep_profile(self._settings, **values)
+        self.tell()
+        return True
+
+    def remove(self) -> None:
+        """Delete the profile that is used; its values stay in use, without a name."""
+        profile = current_profile(self._settings)
+        if self.locked or not profile.name:
+            self.refused.emit(tr(LOCKED) if self.locked else tr("Choose a profile first."))
+        elif self._put((profile.name, None)):
+            text = tr("remove the profile {name}", name=short_name(profile.name, LONGEST))
+            self._undo.made(text, self._put, (profile.name, profile), (profile.name, None))
+
+    def _put(self, there: tuple[str, EquipmentProfile | None]) -> bool:
+        """Let there be a profile, and use it; or none of this name."""
+        name, profile = there
+        try:
+            if profile is None:
+                remove_profile(name)
+            else:
+                save_profile(profile)
+        except KochabError as error:
+            self.refused.emit(str(error))
+            return False
+        return self._use("" if profile is None else name)
 
     def lock(self, on: bool) -> None:
         """Keep the profile that is used, or let another be chosen."""

@@ -104,6 +104,8 @@ SPECS = (
     Spec("fill", tr_noop("Tool fills the &window"), "Shift+F11", tr_noop("Hide the image beside an open tool"), True),
     Spec("full", tr_noop("F&ull screen"), "F11", "", True),
     Spec("log", tr_noop("&Log"), "Ctrl+L", tr_noop("Show the log"), True),
+    Spec("undo", tr_noop("&Undo"), "Ctrl+Z", tr_noop("Take the last change back")),
+    Spec("redo", tr_noop("Re&do"), "Ctrl+Shift+Z Ctrl+Y", tr_noop("Make the change again")),
     Spec("search", tr_noop("Fi&nd…"), "Ctrl+K", tr_noop("Find a star, an object, coordinates or a command")),
     Spec("copy", tr_noop("Copy &RA/Dec"), "Ctrl+Shift+C", tr_noop("Copy the coordinates of the frame's centre")),
     Spec("copy_all", tr_noop("Copy &everything")),
@@ -158,7 +160,8 @@ class Menus:
         self.export: QMenu = file.addMenu(tr("&Export"))
         file.addSeparator()
         file.addAction(actions["quit"])
-        _fill(bar.addMenu(tr("&Edit")), actions, "search", "", "copy", "copy_all", "", "preferences")
+        edit = bar.addMenu(tr("&Edit"))
+        _fill(edit, actions, "undo", "redo", "", "search", "", "copy", "copy_all", "", "preferences")
         view = bar.addMenu(tr("&View"))
         _fill(
             view,

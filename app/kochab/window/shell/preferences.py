@@ -1,20 +1,24 @@
 """The Preferences dialog: every change is applied and kept at once."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import QLocale, Qt, QUrl
 from PySide6.QtGui import QAction, QColor, QDesktopServices, QIcon, QPixmap
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QSlider, QWidget
+from shiboken6 import isValid
 
 from kochab.core import cache_folder, number, tr, tr_noop
 from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import journal_folder
-from kochab.gear.profiles import current_profile, keep_profile, saved_profiles
+from kochab.gear.profiles import current_profile, saved_profiles
 from kochab.gear.quick_stop import profile_folder
 from kochab.sky.layer import AMOUNTS, MARKS
 from kochab.window.panels.solution_panel import STYLES
+from kochab.window.settings import languages
 from kochab.window.shell.dialogs import ask_folder, without_icons
 from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.presenter import Presenter
@@ -39,6 +43,7 @@ from kochab.window.widgets import (
     text_field,
 )
 
+T = TypeVar("T")
 WIDE, HIGH = 90, 26  # letters and lines
 FOCAL_MM, PIXEL_UM = 1e5, 100.0  # the most there may be
 OFFLINE = tr_noop(
@@ -74,6 +79,7 @@ class Preferences(QDialog):
         equipment.refused.connect(self._refuse)
         self._show_gear()
         services.looks.redden_carets(self)
+        self.addActions([presenter.window.actions_by_name[name] for name in ("undo", "redo")])
         letters = self.fontMetrics()
         self.resize(letters.averageCharWidth() * WIDE, letters.height() * HIGH)
 
@@ -82,23 +88,60 @@ class Preferences(QDialog):
         self._show_gear()
 
     def _general(self) -> QWidget:
-        looks, panes = self._services.looks, self._services.panes
+        looks, solution = self._services.looks, self._services.panes.solution
         plain = {tr(title).replace("&", ""): name for name, title in THEME_TITLES.items()}
         sizes = {tr(title).replace("&", ""): name for name, title in TEXT_SIZE_TITLES.items()}
         self.angles = choice_box(tr("Angles"), {tr(title): style for style, title in STYLES.items()})
         _show(self.angles, self.settings.angle_style)
-        self.angles.activated.connect(lambda: panes.solution.set_style(self.angles.currentData()))
+        solution.style_changed.connect(self._show_angles)
+        self._undone(self.angles, tr("change the angles"), lambda: self.settings.angle_style, solution.set_style)
         self.theme = choice_box(tr("Theme"), plain)
         self.text = choice_box(tr("Text size"), sizes)
-        self.theme.activated.connect(lambda: looks.use_theme(self.theme.currentData()))
-        self.text.activated.connect(lambda: looks.use_theme(text_size=self.text.currentData()))
+        self._undone(self.theme, tr("change the theme"), self._theme, looks.use_theme)
+        self._undone(self.text, tr("change the text size"), self._size, lambda size: looks.use_theme(text_size=size))
         looks.changed.connect(self._show_looks)
         self._show_looks()
-        return _page(form((tr("Angles"), self.angles), (tr("Theme"), self.theme), (tr("Text size"), self.text)))
+        rows: list[tuple[str, QWidget]]
+        rows = [(tr("Angles"), self.angles), (tr("Theme"), self.theme), (tr("Text size"), self.text)]
+        if there := languages():
+            told = {tr("As the system"): "", QLocale.languageToString(QLocale.Language.English): "en"}
+            told |= {QLocale(code).nativeLanguageName(): code for code in there}
+            self.language = choice_box(tr("Language"), told)
+            _show(self.language, self._language())
+            self._undone(self.language, tr("change the language"), self._language, self._speak)
+            rows += [(tr("Language"), self.language), ("", label(tr("Takes effect at the next start."), "muted"))]
+        return _page(form(*rows))
+
+    def _undone(self, box: QComboBox, text: str, now: Callable[[], T], use: Callable[[T], object]) -> None:
+        """Let ``use`` make what is chosen in ``box``, instead of what is ``now``, which can be had back."""
+
+        def change() -> None:
+            before, after = now(), box.currentData()
+            use(after)
+            self._services.undo.made(text, use, before, after)
+
+        box.activated.connect(change)
+
+    def _theme(self) -> str:
+        return self.settings.text("theme", "dark")
+
+    def _size(self) -> str:
+        return self.settings.text("text_size", "normal")
+
+    def _language(self) -> str:
+        return self.settings.text("language", "")
+
+    def _speak(self, code: str) -> None:
+        self.settings.keep("language", code)
+        if isValid(self):  # else it was closed, and this is undone from the menu
+            _show(self.language, code)
+
+    def _show_angles(self, style: object) -> None:
+        _show(self.angles, style)
 
     def _show_looks(self) -> None:
-        _show(self.theme, self.settings.text("theme", "dark"))
-        _show(self.text, self.settings.text("text_size", "normal"))
+        _show(self.theme, self._theme())
+        _show(self.text, self._size())
 
     def _layers(self) -> QWidget:
         actions = self._presenter.window.actions_by_name
@@ -154,8 +197,9 @@ class Preferences(QDialog):
             chosen.connect(lambda *_: self._equipment.choose(self.profile.currentText().strip()))
         for field in (self.focal, self.pixel, self.site):
             field.editingFinished.connect(self._keep_gear)
+        self.remove = button(tr("Remove"), self._equipment.remove, "small", tr("Delete this profile"))
         fields = form(
-            (tr("Profile"), self.profile),
+            (tr("Profile"), row((self.profile, 1), self.remove, spacing=8)),
             (tr("Focal length"), self.focal),
             (tr("Pixel size"), self.pixel),
             (tr("Pixel scale"), self.scale),
@@ -169,6 +213,7 @@ class Preferences(QDialog):
         self.profile.clear()
         self.profile.addItems(["", *(one.name for one in saved_profiles()[0])])
         self.profile.setCurrentText(profile.name)
+        self.remove.setEnabled(bool(profile.name))
         for field, value in ((self.focal, profile.focal_length_mm), (self.pixel, profile.pixel_size_um)):
             field.setText("" if value is None else number(value, "g"))
             field.setEnabled(bool(profile.name))
@@ -193,12 +238,7 @@ class Preferences(QDialog):
             show_text(self.wrong, str(error))
             return
         self.wrong.hide()
-        before = current_profile(self.settings)
-        if told != {name: getattr(before, name) for name in told}:
-            keep_profile(self.settings, **told)
-            self._services.panes.hints.show_site(current_profile(self.settings).site)
-            self._presenter.say_place()
-            self._equipment.tell()
+        self._equipment.keep(**told)
 
     def _data(self) -> QWidget:
         self.fixed = switch(tr("Always begin in this folder"), tr("Otherwise in the folder used last"))

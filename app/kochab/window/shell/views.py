@@ -18,6 +18,7 @@ from kochab.window.settings import WindowSettings
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.main_window import MainWindow, Workspace
+from kochab.window.shell.undo import Undo
 from kochab.window.widgets import scrolled
 from kochab.workflows.session.wiring import Wiring
 
@@ -32,7 +33,8 @@ class Services:
     """What a view may use of the window.
 
     ``say`` shows a sentence in the status bar for a while; ``panes`` hold the open image.
-    ``equipment`` is the profile in use; ``mount`` is the one owner of the mount's line, ``cameras`` of every camera.
+    ``equipment`` is the profile in use, ``undo`` has what may be taken back; ``mount`` is the one owner of the mount's
+    line, ``cameras`` of every camera.
     """
 
     settings: WindowSettings
@@ -43,6 +45,7 @@ class Services:
     say: Callable[[str], None]
     panes: Workspace
     equipment: Equipment
+    undo: Undo
 
     @cached_property
     def mount(self) -> "MountControl":
