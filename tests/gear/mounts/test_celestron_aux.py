@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import DeviceError, RefusedError, StoppedError, StrayedError
 from kochab.core.frame import Site
 from kochab.core.mount import Direction, Home, PierSide, TrackingRate
@@ -294,6 +294,21 @@ def test_a_fork_on_a_wedge_learns_its_place_from_the_sky_and_goes_on_from_it(ben
     mount.move(Direction.NORTH, 0.5, 1.0)
     time.sleep(1.5)
     assert fork.at()[1] - before[1] == pytest.approx(20.5, abs=0.05)
+
+
+def test_a_fork_goes_the_shorter_way_round_and_is_read_beyond_the_pole(bench) -> None:
+    fork = Fork(bench)
+    mount = bench.open(equatorial=True)
+    mount.sync(*place(-170.0, 60.0, bench.clock))
+    before = fork.at()
+    mount.goto(*place(170.0, 70.0, bench.clock))
+    wait_for(lambda: mount.state().slewing is False, 60.0)
+    turned = [wrapped(b - a) for a, b in zip(before, fork.at(), strict=True)]
+    assert turned == pytest.approx([-20.0, 10.0], abs=0.3)
+    mount.track(TrackingRate.OFF)
+    bench.far_end.reply(frame(0x0D, 0x11, 0x02, nexstar.aux_angle(before[1] + 40.0)))
+    wait_for(lambda: not bench.telescope.slewing)
+    assert apart_deg(here(mount), place(-10.0, 80.0, bench.clock)) < 0.3
 
 
 @pytest.mark.parametrize("angle", [0.0, 179.99, -180.0, -0.001, 361.0])
