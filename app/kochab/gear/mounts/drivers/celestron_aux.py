@@ -120,7 +120,7 @@ class CelestronAux(MotorMount):
             raise RefusedError(objection)
         self.wedge = protocol.MODELS[self.model] not in EQUATORIAL
         if self.wedge:
-            self.zeros, self.reach_deg = [], 360.0
+            self.reach_deg = 360.0
         self._lacks[Ability.KING] = tr_noop("A Celestron has no King rate.")
         before, _ = self.counters()
         sleep(SEEN_S)
