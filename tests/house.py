@@ -67,6 +67,7 @@ ADDED = {
     "exports with the frame's date and site, the person's elements, and regions of objects": 49,
     "pictures that carry their place on the sky, a .wcs by astrometry.net's name": 96,
     "satellites of two-line elements, with their trails": 309,
+    "comets with a sigma that grows, none whose place nobody knows": 43,
     "closed outlines with names beside them, fields called by named nebulae": 6,
     "bodies of the Solar System in the sky layer and on their cards": 79,
     "the sky layer and names beside a second source in a bench": 105,

@@ -1,5 +1,6 @@
 """Asteroids and comets in a frame: carried from the table's dates to the frame's, the planets' pull counted."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -16,17 +17,40 @@ from kochab.core.frame import Site
 from kochab.core.progress import Task
 from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
-from kochab.sky.orbits import carried, period_years, two_body
+from kochab.sky.orbits import carried, two_body
 from kochab.sky.planet_moons import MOONS, planet_moons
 from kochab.sky.solar_system import Body, BodyKind, Moving, Observer, covers, lit_share, major_bodies, observer_at
 
 ASTEROID_SIGMA_ARCSEC = 1.0
-COMET_SIGMA_ARCSEC = 60.0
-"""More than 80 % are nearer: of 151 comets, against the Minor Planet Center's elements of 2022, 120 within this, the
-median 3 arcsec. What is far off is lost, or broke up, or was seen for some weeks: neither age nor jets tell."""
+NUMBERED, OTHERS = (20.0, 10.0), (100.0, 50.0)
+"""1 sigma of comets, arcsec while their orbits were fitted and a year later, when they have a number and when not.
 
-COMET_YEARS = 6.0
-"""Longer before or after the date of its elements, a comet that returns within 200 years is not told."""
+Against the Minor Planet Center's elements of 2022-08-24: of 229 numbered comets 86 % are within it and 94 % within
+three times as much, of 138 others 91 and 96 %; the rest broke up, or was seen for some weeks. Neither the age of the
+elements nor a perihelion in between shows. Of 18 numbered ones, against elements of 2026-01-03, 16 and 17 are. From
+three years on it grows with the square of time, as what the jets do."""
+
+MOST_ARCSEC = 600.0
+"""A comet less certain is not told, nor is a fragment of one; of a numbered comet A is what remained."""
+FRAGMENT = re.compile(r"^\D.*-A(?=[ (]|$)|-([B-Z]|[A-Z]{2})(?=[ /(]|$)")
+LOST = frozenset(
+    [
+        "255P/Levy",
+        "332P/Ikeya-Murakami",
+        "P/2009 Y2 (Kowalski)",
+        "P/2010 T2 (PANSTARRS)",
+        "P/2011 NO1 (Elenin)",
+        "P/2019 A8 (PANSTARRS)",
+        "C/2019 J2 (Palomar)",
+        "C/2019 Y1 (ATLAS)",
+        "C/2020 F8 (SWAN)",
+        "C/2020 H4 (Leonard)",
+        "C/2021 T2 (Fuls)",
+    ]
+)
+"""The Minor Planet Center had them more than 600 arcsec from where the shipped orbits have them: nobody knows."""
+SOLVED_JD = 2459914.5
+"""2022-12-01, when the shipped comets' orbits were fitted."""
 
 STRAY_DEG_PER_YEAR = 0.5
 """How far a body may stray from a two-body orbit: this times years to the power of 1.5; 99.9 % do less."""
@@ -37,7 +61,7 @@ class SmallBodies:
     """Asteroids and comets (N,), each with its state at a date of its own.
 
     ``state`` (N, 6) heliocentric au and au/day on ICRS axes at ``epoch_jd`` (N,) TDB; ``magnitude`` (N,) is H, or M1 of
-    a comet; ``slope`` (N,) is G, NaN for a comet.
+    a comet; ``slope`` (N,) is G, NaN for a comet. ``solved_jd`` is when the orbits were fitted, 0 at those dates.
     """
 
     names: Sequence[str]
@@ -45,6 +69,7 @@ class SmallBodies:
     epoch_jd: Floats
     magnitude: Floats
     slope: Floats
+    solved_jd: float = 0.0
     _night: int = field(default=0, init=False)
     _carried: dict[int, Floats] = field(default_factory=dict, init=False)
 
@@ -52,6 +77,15 @@ class SmallBodies:
     def comet(self) -> Bools:
         """Which are comets, (N,)."""
         return np.isnan(self.slope)
+
+    def sigma_arcsec(self, jd_tdb: float) -> Floats:
+        """1 sigma (N,) of places at a date, seen from 1 au or farther."""
+        fitted = np.maximum(self.epoch_jd, self.solved_jd)
+        years = np.maximum(0.0, np.maximum(jd_tdb - fitted, self.epoch_jd - jd_tdb)) / 365.25
+        known = np.array([name[:1].isdigit() for name in self.names], dtype=np.bool_)[:, None]
+        first, yearly = np.where(known, NUMBERED, OTHERS).T
+        comets = np.hypot(first, yearly * years * np.maximum(1.0, years / 3.0))
+        return np.where(self.comet, comets, ASTEROID_SIGMA_ARCSEC)
 
     def on_night(self, rows: Indices, jd_tdb: float) -> Task[tuple[Floats, float]]:
         """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; kept for that night."""
@@ -76,8 +110,8 @@ class SmallBodies:
         )
         reach = np.cos(np.minimum(np.pi, radius_rad + stray))
         bright = magnitudes(self, vectors, about)[0] < faintest + 0.5 + np.minimum(stray, 2.0)
-        known = ~self.comet | (years < COMET_YEARS) | (period_years(self.state) > 200.0)
-        rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & known)
+        rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & (self.sigma_arcsec(jd) <= MOST_ARCSEC))
+        rows = rows[np.array([not self.comet[row] or _known(self.names[row]) for row in rows.tolist()], dtype=np.bool_)]
         if not len(rows):
             return []
         seen = yield from _seen(self, rows, observer)
@@ -99,6 +133,11 @@ class SmallBodies:
         write_container(path, {"kind": "small bodies"}, {**numbers, **magnitudes, "names": text})
 
 
+def _known(comet: str) -> bool:
+    """Whether somebody knows where a comet is."""
+    return comet not in LOST and not FRAGMENT.search(comet)
+
+
 def read_small_bodies(path: Path) -> SmallBodies:
     """Read a table; CatalogueError when it is missing or damaged."""
     file = Container(path)
@@ -110,7 +149,7 @@ def read_small_bodies(path: Path) -> SmallBodies:
             raise ValueError
     except ValueError:
         raise CatalogueError("The table of asteroids and comets {path} is damaged.", path=path) from None
-    return SmallBodies(names, state, epoch, magnitude, slope)
+    return SmallBodies(names, state, epoch, magnitude, slope, SOLVED_JD)
 
 
 @cache
@@ -173,17 +212,19 @@ def _seen(table: SmallBodies, rows: Indices, observer: Observer) -> Task[list[Bo
     vectors, light_jd = observer.sees(lambda at: two_body(states, at - night)[:, :3] + ephemeris("sun", at))
     from_sun = observer.place + vectors - ephemeris("sun", light_jd)
     names = [table.names[row] for row in rows.tolist()]
-    some = SmallBodies(names, states, table.epoch_jd[rows], table.magnitude[rows], table.slope[rows])
+    some = SmallBodies(names, states, table.epoch_jd[rows], table.magnitude[rows], table.slope[rows], table.solved_jd)
     magnitude, angle = magnitudes(some, vectors, from_sun)
-    return [_body(some, k, vectors[k], magnitude[k], angle[k], observer) for k in range(len(names))]
+    sigma = some.sigma_arcsec(float(observer.jd_tdb[0]))
+    return [_body(some, k, vectors[k], magnitude[k], angle[k], sigma[k], observer) for k in range(len(names))]
 
 
-def _body(table: SmallBodies, k: int, vector: Floats, magnitude: float, angle: float, observer: Observer) -> Body:
+def _body(
+    table: SmallBodies, k: int, vector: Floats, magnitude: float, angle: float, own: float, observer: Observer
+) -> Body:
     ra, dec = radec_deg(vector)
     distance = float(np.linalg.norm(vector))
-    comet = bool(table.comet[k])
-    sigma = observer.sigma_arcsec(distance, COMET_SIGMA_ARCSEC if comet else ASTEROID_SIGMA_ARCSEC)
-    kind = BodyKind.COMET if comet else BodyKind.ASTEROID
+    sigma = observer.sigma_arcsec(distance, float(own) / min(1.0, distance))
+    kind = BodyKind.COMET if table.comet[k] else BodyKind.ASTEROID
     return Body(table.names[k], kind, ra, dec, distance, float(magnitude), 0.0, lit_share(float(angle)), sigma)
 
 
