@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QListWidget,
     QMenu,
+    QPlainTextEdit,
     QTableView,
     QTableWidget,
     QTabWidget,
@@ -34,20 +35,25 @@ from kochab.core.angle_text import AngleStyle
 from kochab.core.mount import Ability
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
-from kochab.window.application import use_language
+from kochab.server.phone_page import PhonePage
+from kochab.window.application import build, use_language
 from kochab.window.mount.pointing import SyncDialog
 from kochab.window.panels.log_panel import LogPanel
+from kochab.window.session import WorkflowEngine
 from kochab.window.shell.dialogs import tell
 from kochab.window.shell.help_book import pages
 from kochab.window.shell.preferences import Preferences
 from kochab.window.shell.tour import CARDS, Tour
 from kochab.window.shell.views import VIEWS
 from kochab.window.widgets import ElidedLabel
+from kochab.workflows.session.alignment import AxisTurnedBy
+from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solution_text import summary
 from tests.house import sources
 from tests.translations import collect, markers, release
-from tests.window.fakes import fake_solution
+from tests.window.fakes import assert_no_threads_left, fake_solution
 from tests.window.mount_bench import connected
+from tests.window.polar.test_view import Nights, drive
 from tests.window.test_narrow import resize, whole
 
 MARKERS = {"tr", *markers()}
@@ -315,6 +321,8 @@ def texts(top: QWidget) -> Iterator[tuple[str, str]]:
         yield kind, w.windowTitle() if w.isWindow() else ""
         if isinstance(w, QLabel | QAbstractButton):
             yield kind, w.text()
+        if isinstance(w, QPlainTextEdit) and not any(log.isAncestorOf(w) for log in top.findChildren(LogPanel)):
+            yield from ((kind, line) for line in w.toPlainText().splitlines())
         if isinstance(w, QLineEdit):
             yield kind, w.placeholderText()
         if isinstance(w, QGroupBox):
@@ -500,3 +508,45 @@ def test_what_is_cut_is_found(qtbot):
         made.setFixedSize(30, 12)
     page.show()
     assert len(cut(page)) == 2
+
+
+# -- An alignment that runs ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def aligning(qtbot, abroad, settings):
+    """The polar view over a practice telescope in the marked language."""
+    wiring = Wiring(practice=Nights(), phone_page=PhonePage)
+    window, commands = build(WorkflowEngine(), settings, [], wiring)
+    qtbot.addWidget(window)
+    window.resize(1360, 860)
+    window.show()
+    commands.views.show("polar")
+    yield window, commands.views.docks["polar"].view
+    window.close()
+    assert commands.session.jobs.join()
+    assert_no_threads_left("kochab-", "polar-")
+
+
+def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, aligning):
+    window, view = aligning
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(tr(AxisTurnedBy.PERSON))
+    seen, obeyed, left = set(), [], {}
+    view.begin()
+
+    def person():
+        state = view.state
+        if (state.stage, state.words) not in seen:
+            seen.add((state.stage, state.words))
+            left.update(dict.fromkeys(unmarked(window, NAMES_SHOWN), state.stage))
+        asked = state.turn_instruction or state.instruction
+        if state.hand_needed and not any(asked is one for one in obeyed):
+            obeyed.append(asked)
+            view.turn_for_me.click()
+
+    drive(view, person)
+    left.update(dict.fromkeys(unmarked(window, NAMES_SHOWN), view.state.stage))
+    assert view.state.stage == "done", view.message.text()
+    assert {"measure", "adjust", "done"} <= {stage for stage, _ in seen}
+    assert not left, "\n".join(f"{stage}: {text}" for text, stage in left.items())

@@ -281,7 +281,8 @@ CURES = {  # of a negative and of a positive error
 
 def cure(error: PolarError, knob: Knob) -> Cure:
     """Which way to turn."""
-    return CURES[knob][error.knob_arcsec(knob) > 0]
+    found = CURES[knob][error.knob_arcsec(knob) > 0]
+    return found._replace(way=tr(found.way))
 
 
 def knob_in_words(error: PolarError, knob: Knob) -> str:
