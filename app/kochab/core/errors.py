@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from kochab.core import tr
+from kochab.core import tr, tr_noop
 
 # Controls, line ends, turns of the writing's direction, and bytes of a name that are no letters.
 _UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -40,7 +40,8 @@ class DamagedPatternsError(CatalogueError):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(
-            "The patterns in {folder} are missing or damaged and cannot be used: install Kochab again.", folder=folder
+            tr_noop("The patterns in {folder} are missing or damaged and cannot be used: install Kochab again."),
+            folder=folder,
         )
         self.folder = folder
 

@@ -55,7 +55,7 @@ class Home(StrEnum):
     EQMOD = "eqmod"  # EQMod has set its counters there: the Dec axis to a quarter turn
 
 
-CONFIRM_HOME = (
+CONFIRM_HOME = tr_noop(
     "The mount's home is not confirmed, and a slew could drive the tube into the pier: sync on a solved frame; or put "
     "the tube at the pole with the counterweight down, and connect again with home confirmed (--home now). A mount "
     "with home sensors finds its home when you nudge both axes over it."

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame, Hint, Site
 from kochab.frames.samples import bayer_pattern, clipping_level, finite, number_or_none, split
@@ -127,7 +128,7 @@ def hint_from_keywords(
         camera=_text(values, _CAMERAS),
         source=", ".join(dict.fromkeys(s for s in (scale_from, centre_from) if s)),
     )
-    return hint, ("DATE-OBS in the header is not a valid date.",) * doubtful
+    return hint, (tr("DATE-OBS in the header is not a valid date."),) * doubtful
 
 
 def _scale(values: Keywords, comments: Mapping[str, str]) -> tuple[tuple[float, float] | None, str]:
@@ -282,7 +283,7 @@ def _text(values: Keywords, names: tuple[str, ...]) -> str:
 
 # -- EXIF: focal length and sensor to scale, clock to UTC, satellite fix to site ----------------
 
-NO_ZONE = "The image has no time zone; its time is taken as UTC."
+NO_ZONE = tr_noop("The image has no time zone; its time is taken as UTC.")
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _FULL_FRAME_DIAGONAL_MM = 43.2666
 _SPREAD_FROM_35MM = 0.2

@@ -33,7 +33,7 @@ TELESCOPE_INTERFACE, CCD_INTERFACE = 1 << 0, 1 << 1  # INDI's DriverInterface bi
 
 def missing() -> str | None:
     """How to get the client library, which is an extra; None when it is there."""
-    return None if find_spec("indipyclient") else "INDI needs one more package: pip install 'kochab[indi]'."
+    return None if find_spec("indipyclient") else tr("INDI needs one more package: pip install 'kochab[indi]'.")
 
 
 class IndiLink:
@@ -163,7 +163,7 @@ class IndiLink:
 
     def close(self) -> None:
         """Leave the server; never raises."""
-        self._lost = self._lost or "The connection was closed."
+        self._lost = self._lost or tr("The connection was closed.")
         if self._client is not None:
             self._client.shutdown()
         self._thread.join(CALL_S)

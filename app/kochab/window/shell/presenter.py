@@ -118,7 +118,7 @@ class Presenter(QObject):
             self.settings.add_recent(self.session.known.path)
         when = frame.hint.time_utc
         self.overlay.year = UNKNOWN_YEAR if when is None else julian_years(when)
-        self.window.status.show_frame(f"{frame.width} × {frame.height}", "\n".join(frame.warnings))
+        self.window.status.show_frame(f"{frame.width} × {frame.height}", "\n".join(map(tr, frame.warnings)))
 
     def _pictured(self, picture: FrameImage) -> None:
         self.panes.view.show_picture(picture)

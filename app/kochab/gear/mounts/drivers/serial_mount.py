@@ -6,7 +6,7 @@ from datetime import datetime
 from types import MappingProxyType
 from typing import ClassVar, TypeVar, Unpack
 
-from kochab.core import tr
+from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, SiteReport, TrackingRate
@@ -18,7 +18,7 @@ from kochab.gear.mounts.serial_line import Command, Conversation, Reader, Serial
 
 T = TypeVar("T")
 RESTING = (Ability.PARK, Ability.UNPARK, Ability.HOME)
-ALIGNED_BY_CLOCK = (
+ALIGNED_BY_CLOCK = tr_noop(
     "The mount was aligned on stars with its present clock and site. If it points right, say that the mount is right;"
     " if not, switch it off and on, set them, and align it again."
 )
