@@ -27,7 +27,8 @@ EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
 class NamedStars(Table):
     """Stars with a name, brightest first: HIP number, name as charts print it, vector (N, 3) at J2000, V, motion.
 
-    ``step`` (N, 3) is the proper motion, radians a year.
+    ``step`` (N, 3) is the proper motion, radians a year. ``pair`` (N, 3) is where Hipparcos saw the brightest other
+    component of the entry in 1991: arcsec, position angle in degrees and V; NaN where it saw none.
     """
 
     hip: np.ndarray[tuple[int], np.dtype[np.int64]]
@@ -35,6 +36,7 @@ class NamedStars(Table):
     vector: Floats
     mag: Floats
     step: Floats
+    pair: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +68,14 @@ def _named_stars(names: "StarNames") -> NamedStars:
     motion = [column(name)[rows, None] * (1e-2 * MAS) for name in ("pm_ra", "pm_dec")]
     step = motion[0] * east + motion[1] * np.cross(vector, east)
     labels = np.array([names.label(row)[1] for row in rows.tolist()])
-    return NamedStars(column("hip")[rows].astype(np.int64), labels, vector, column("mag")[rows] * 1e-3, step)
+    other = np.minimum(rows + 1, len(column("hip")) - 1)
+    across, up = (np.int64(column(name)[other]) - np.int64(column(name)[rows]) for name in ("ra", "dec"))
+    across = (across + 2**31) % 2**32 - 2**31  # the shorter way round
+    offset = np.stack([across * np.cos(dec), up], axis=1) * (1296000.0 / 2**32)
+    pa_deg = np.degrees(np.arctan2(*offset.T)) % 360.0
+    pair = np.stack([np.hypot(*offset.T), pa_deg, column("mag")[other] * 1e-3], axis=1)
+    pair[(other == rows) | (column("hip")[other] != column("hip")[rows])] = np.nan
+    return NamedStars(column("hip")[rows].astype(np.int64), labels, vector, column("mag")[rows] * 1e-3, step, pair)
 
 
 def _chains(path: Path) -> list[tuple[str, Floats]]:

@@ -52,6 +52,23 @@ def test_a_stars_card():
     assert told["Highest"].startswith("41° at ")  # 90 - 48.1 - 1.2, and refraction
 
 
+@pytest.mark.parametrize(
+    ("hip", "arcsec", "pa_deg", "mag"),
+    [(65378, 14.4, 152.0, 3.9), (36850, 3.1, 76.0, 3.0), (50583, 4.6, 125.0, 3.6), (86228, 6.5, 315.0, 5.4)],
+    ids=["Mizar", "Castor", "Algieba", "theta Sco"],
+)
+def test_a_double_stars_card_has_its_companion_as_in_the_wds_of_1991(hip, arcsec, pa_deg, mag):
+    """WDS 13239+5456, 07346+3153, 10200+1950 and 17373-4300, observed in 1991."""
+    stars, solution = sky_tables().stars, fake_solution(600, 400)
+    row = stars.hip.tolist().index(hip)
+    assert stars.pair[row] == pytest.approx((arcsec, pa_deg, mag), abs=1.0)
+    assert stars.pair[row, 0] == pytest.approx(arcsec, abs=0.1)
+    told = facts(sky_tables(), replace(mark_of("Alnilam")[0], row=row), solution, AngleStyle.SEXAGESIMAL, None)
+    assert told["Double"].startswith(f"{stars.pair[row, 0]:.1f}″ at {stars.pair[row, 1]:.0f}°, component of ")
+    single = facts(sky_tables(), mark_of("Alnilam")[0], solution, AngleStyle.SEXAGESIMAL, None)
+    assert "Double" not in single
+
+
 def test_a_planets_card_tells_where_it_was():
     told = facts(sky_tables(), jupiter_at(9.0, 9.0), fake_solution(600, 400), AngleStyle.SEXAGESIMAL, None)
     assert (told[""], told["Magnitude"], told["Diameter"], told["Distance"]) == ("Planet", "-2.5", "46.1″", "4.2 au")

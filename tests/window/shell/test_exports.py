@@ -5,6 +5,7 @@ from astropy.io import fits
 from PySide6.QtWidgets import QMessageBox
 
 from kochab.cli.output import as_json, to_line
+from kochab.sky.layer import AMOUNTS
 from kochab.window.application import build
 from kochab.window.themes import HUES
 from kochab.workflows.annotated_image import INKS
@@ -58,8 +59,7 @@ def test_the_annotated_picture_is_what_is_seen(qtbot, commands, tmp_path):
     for name, on in (("detected", True), ("grid", False)):
         if commands.actions[name].isChecked() != on:
             commands.actions[name].trigger()
-    commands.looks.set_colour("detected", HUES["Green"])
-    commands.looks.set_amount("figures", 1.0)
+    commands.looks.use_layers((AMOUNTS | {"figures": 1.0}, {"detected": HUES["Green"]}))
     drawn = write(qtbot, commands, "picture", tmp_path / "a.svg").read_text("utf-8")
     assert drawn.count(f'stroke="{HUES["Green"]}"') == 12 + 24  # those identified have no circle of their own here
     assert INKS["grid"] not in drawn

@@ -7,10 +7,12 @@ from PySide6.QtWidgets import QLabel
 from kochab.__main__ import main
 from kochab.core.angle_text import AngleStyle
 from kochab.gear.profiles import current_profile, load_profile, saved_profiles
+from kochab.sky.layer import AMOUNTS
 from kochab.window.settings import languages
 from kochab.window.shell import preferences
 from kochab.window.shell.equipment import LOCKED
 from kochab.window.shell.preferences import Preferences
+from kochab.window.themes import HUES
 from tests.window.fakes import FakeEngine
 from tests.window.mount_bench import connected
 
@@ -44,6 +46,25 @@ def type_in(qtbot, field, text):
 def test_before_anything_was_changed_there_is_nothing_to_undo(opened):
     undo, redo = (opened[1].actions[name] for name in ("undo", "redo"))
     assert [(a.text(), a.isEnabled()) for a in (undo, redo)] == [("&Undo", False), ("Re&do", False)]
+
+
+def test_colours_and_amounts_of_layers_come_back(opened, dialog):
+    commands = opened[1]
+    layers, undo, redo = commands.presenter.overlay.layers, commands.actions["undo"], commands.actions["redo"]
+    dialog.amounts["names"].setValue(90)
+    choose(dialog.colours["grid"], HUES["Pink"])
+    assert undo.text() == "&Undo: change a colour"
+    dialog.reset.click()
+    assert (layers.amount, layers.colour) == (AMOUNTS, {})
+    assert (dialog.amounts["names"].value(), dialog.colours["grid"].currentText()) == (50, "Default")
+    undo.trigger()
+    assert (layers.amount["names"], layers.colour) == (0.9, {"grid": HUES["Pink"]})
+    assert (dialog.amounts["names"].value(), dialog.colours["grid"].currentText()) == (90, "Pink")
+    dialog.amounts["names"].setValue(20)
+    undo.trigger()
+    assert (layers.amount["names"], layers.colour) == (0.2, {})
+    redo.trigger()
+    assert layers.colour == {"grid": HUES["Pink"]}
 
 
 def test_the_list_of_recent_files_comes_back(qtbot, opened, a_file):

@@ -71,6 +71,10 @@ def facts(
     told[tr("RA, Dec")] = radec_text(*radec_deg(vector), style)
     if mark.kind == "star":
         told["V"] = number(tables.stars.mag[mark.row], ".2f")
+        away, pa_deg, mag = tables.stars.pair[mark.row].tolist()
+        if np.isfinite(away):
+            double = tr("{away:.1f}″ at {pa:.0f}°, component of {mag:.1f} mag (1991)", away=away, pa=pa_deg, mag=mag)
+            told[tr("Double")] = double
         hip = f"HIP {tables.stars.hip[mark.row]}"
         told[tr("Catalogue")] = hip
         residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")

@@ -168,12 +168,15 @@ class Appearance(QObject):
         self._settings.keep("sky/amounts", json.dumps(self.layers.amount))
         self._panes.view.update()
 
-    def set_colour(self, layer: str, colour: str) -> None:
-        """Draw a layer in this colour, or in its own when it is empty."""
-        self.layers.colour.pop(layer, None)
-        self.layers.colour |= {layer: colour} if colour else {}
-        self._settings.keep("sky/colours", json.dumps(self.layers.colour))
+    def use_layers(self, looks: tuple[dict[str, float], dict[str, str]]) -> None:
+        """Draw so much of the layers that are named first, and all in the colours that are named, or in their own."""
+        amounts, colours = looks
+        self.layers.amount |= amounts
+        self.layers.colour = dict(colours)
+        self._settings.keep("sky/amounts", json.dumps(self.layers.amount))
+        self._settings.keep("sky/colours", json.dumps(colours))
         self._panes.view.update()
+        self.changed.emit()
 
     def _stretched(self, _: object) -> None:
         self._actions["stretch"].setChecked(self._panes.strip.auto.isChecked())

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from PySide6.QtCore import QLocale, Qt, QUrl
+from PySide6.QtCore import QLocale, QSignalBlocker, Qt, QUrl
 from PySide6.QtGui import QAction, QColor, QDesktopServices, QIcon, QPixmap
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QSlider, QWidget
 from shiboken6 import isValid
@@ -150,10 +150,11 @@ class Preferences(QDialog):
         self.colours = {name: self._colour(name) for name in MARKS}
         heads = label(""), label(tr("How much"), "muted"), label(tr("Colour"), "muted")
         rows = ([self.layers[name], self.amounts.get(name) or label(), self.colours[name]] for name in MARKS)
-        self._services.looks.changed.connect(self._show_hues)
-        self._show_hues()
-        below = self.layers["stretch"], self.layers["colour"]
-        return scrolled(_page(grid(heads, *rows, across=16, stretch=(0, 1)), styled_frame("rule"), *below))
+        self._services.looks.changed.connect(self._show_layers)
+        self._show_layers()
+        self.reset = button(tr("Reset"), self._reset, "small", tr("All amounts and colours as at first"))
+        below = row(self.reset, None), styled_frame("rule"), self.layers["stretch"], self.layers["colour"]
+        return scrolled(_page(grid(heads, *rows, across=16, stretch=(0, 1)), *below))
 
     def _amount(self, layer: str) -> QSlider:
         looks = self._services.looks
@@ -163,7 +164,6 @@ class Preferences(QDialog):
         )
         made.setRange(0, 100)
         made.setPageStep(10)
-        made.setValue(round(100.0 * looks.layers.amount[layer]))
         made.valueChanged.connect(lambda value: looks.set_amount(layer, value / 100.0))
         return made
 
@@ -171,13 +171,33 @@ class Preferences(QDialog):
         looks = self._services.looks
         hues = {tr("Default"): "", **{tr(name): hue for name, hue in HUES.items()}}
         made = narrow_box(tr("Colour: {layer}", layer=self.layers[layer].text().replace("&", "")), 9, hues)
-        _show(made, looks.layers.colour.get(layer, ""))
-        made.activated.connect(lambda: looks.set_colour(layer, made.currentData()))
+
+        def choose() -> None:
+            others = {name: hue for name, hue in looks.layers.colour.items() if name != layer}
+            hue = made.currentData()
+            self._dress(tr("change a colour"), {}, {}, others | ({layer: hue} if hue else {}))
+
+        made.activated.connect(choose)
         return made
 
-    def _show_hues(self) -> None:
-        """Samples of the colours, which would not be red light alone at night."""
-        for box in self.colours.values():
+    def _reset(self) -> None:
+        self._dress(tr("reset the layers"), dict(self._services.looks.layers.amount), AMOUNTS, {})
+
+    def _dress(self, text: str, had: dict[str, float], amounts: dict[str, float], colours: dict[str, str]) -> None:
+        """Use these amounts and colours instead of those there are, which can be had back."""
+        looks = self._services.looks
+        before, after = (had, dict(looks.layers.colour)), (amounts, colours)
+        looks.use_layers(after)
+        self._services.undo.made(text, looks.use_layers, before, after)
+
+    def _show_layers(self) -> None:
+        """Amounts and colours as they are; samples of colours would not be red light alone at night."""
+        layers = self._services.looks.layers
+        for name, slider in self.amounts.items():
+            with QSignalBlocker(slider):
+                slider.setValue(round(100.0 * layers.amount[name]))
+        for name, box in self.colours.items():
+            _show(box, layers.colour.get(name, ""))
             for k, hue in enumerate(HUES.values(), 1):
                 sample = QPixmap(12, 12)
                 sample.fill(QColor(hue))
