@@ -84,6 +84,7 @@ ADDED = {
     "what was measured of a polar axis at a place on another night": 91,
     "the axis of files by drift, their clock, and another night in the window's Polar mode": 300,
     "a last frame where a sweep began, and the clocks of camera, mount and computer compared": 99,
+    "a frame without a solution left out of an alignment's many, what many frames share told once": 32,
     "an answer far outside the field that a capture program gives": 25,
     "types of Qt made by the window before a thread loads the plots": 14,
     "modes and layers that a screen reader's Toggle opens": 24,

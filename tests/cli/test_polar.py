@@ -415,3 +415,18 @@ def test_a_guide_log_is_told_with_what_it_knows(capsys, tmp_path):
     code, out, err = polar(capsys, str(path), "--site", "47,8", "--report", str(tmp_path / "x.html"))
     assert (code, out) == (2, "")
     assert "no report of a drift" in err
+
+
+def test_a_cloudy_frame_of_many_is_left_out_with_a_note_and_of_few_is_not(capsys, tmp_path):
+    rows = stream_rows(tmp_path)
+    for count, code in ((len(rows), 0), (10, 1)):
+        (tmp_path / "night.json").write_text("\n".join(rows[:count]))
+        done, out, err = polar(capsys, str(tmp_path / "night.json"), "--site", "40,10,300", "--utc-offset", "0")
+        assert done == code, err
+        assert ("note      frame x: No solution, left out." in out) is (code == 0)
+        assert ("frame x: no solution: clouds" in err) is (code == 1)
+
+
+def stream_rows(folder):
+    with open(stream(folder)) as lines:
+        return lines.read().splitlines()

@@ -34,9 +34,10 @@ from kochab.polar.plan import creep_to_show_arcsec, more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
-from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of
+from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of, unsolved_of
 from kochab.workflows.polar.sources import SolvedFile, last_night
 
+MANY = 5
 SAID_BY = {
     PolarFindingKind.CLOCK: "--utc-offset",
     PolarFindingKind.LONGITUDE_SIGN: "--site",
@@ -61,6 +62,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " 30 degrees or more from first to last; tracking may be on or off. The uncertainty (1 sigma)"
         " is measurement and possible flexure; only a second sweep (--check) measures flexure."
         " Frames of one place, tracked and never turned, or a PHD2 guide log give the axis by drift."
+        " A frame without a solution is left out where ten others have one."
         " Exit code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
         " bolt by it), 2 unusable input.",
     )
@@ -120,9 +122,10 @@ def run(args: argparse.Namespace) -> int:
     options = SolveOptions(hint=scale, fov_deg=args.fov, timeout_s=args.timeout)
     each = [(_solve(path, options), sweep) for sweep, names in enumerate((args.files, args.check)) for path in names]
     tried = [one for found, _ in each for one in found]
-    if bad := [one for one in tried if isinstance(one, UnusableFrame)]:
-        return _fail(" ".join(about(one.path, one.reason) for one in bad), args.json, max(one.code for one in bad), bad)
     files = [f for f in tried if isinstance(f, SolvedFile)]
+    unsolved = {id(file): _unusable(file) for file in unsolved_of(files)}
+    if bad := [one for each in tried if isinstance(one := unsolved.get(id(each), each), UnusableFrame)]:
+        return _fail(" ".join(about(one.path, one.reason) for one in bad), args.json, max(one.code for one in bad), bad)
     guided = None if args.guided is None else args.guided == "yes"
     refraction = Refraction(args.pressure, args.temperature)
     told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.profile or "")
@@ -136,14 +139,14 @@ def run(args: argparse.Namespace) -> int:
     if isinstance(result, Drift) and args.report is not None:
         raise UsageError("There is no report of a drift: leave --report out.")
     result = replace(result, findings=tuple(_with_option(finding) for finding in result.findings))
-    doubts = [f"{name}: {warning}" for name, warning in axis.warnings]
+    doubts = _by_frame(axis.warnings)
     if args.json:
         of_it = (
             drift_as_json(result, doubts, imaging) if isinstance(result, Drift) else as_json(result, doubts, imaging)
         )
         print(json.dumps(of_it | {"last_night": axis.last and asdict(axis.last)}))
     else:
-        text = drift_as_text(result, imaging) if isinstance(result, Drift) else as_text(result, doubts, imaging)
+        text = drift_as_text(result, doubts, imaging) if isinstance(result, Drift) else as_text(result, doubts, imaging)
         print(text + (f"\n  last      {axis.last}" if axis.last else ""))
     try:
         remember_axis(result, told.profile)
@@ -163,6 +166,15 @@ def _last(args: argparse.Namespace) -> int:
         return _fail("Nothing was measured there yet. Polar alignment needs two frames or more.", args.json, 2)
     print(json.dumps({"last_night": asdict(last)}) if args.json else last.guess)
     return 0
+
+
+def _by_frame(warnings: Sequence[tuple[str, str]]) -> list[str]:
+    """What reading the frames warned of, each with its frame; of many frames once."""
+    names: dict[str, list[str]] = {}
+    for name, warning in warnings:
+        names.setdefault(warning, []).append(name)
+    few = [f"{name}: {text}" for name, text in warnings if len(names[text]) < MANY]
+    return few + [f"{of[0]} and {len(of) - 1} more: {text}" for text, of in names.items() if len(of) >= MANY]
 
 
 def _with_option(finding: PolarFinding) -> PolarFinding:
@@ -191,7 +203,7 @@ def drift_as_json(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | N
     }
 
 
-def drift_as_text(drift: Drift, imaging: Imaging | None = None) -> str:
+def drift_as_text(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> str:
     """A card for people: what to know of it first, bolts only where the drift tells them."""
     error = drift.error
     spoils = " ".join(finding.text for finding in drift.findings if finding.spoils)
@@ -209,7 +221,7 @@ def drift_as_text(drift: Drift, imaging: Imaging | None = None) -> str:
         lines.append(f"better    {drift.better}")
     if imaging and drift.known and not drift.spoilt:
         lines.append(f"enough?   {good_enough(error, imaging)}")
-    return "\n  ".join(lines)
+    return "\n  ".join(lines + [f"note      {doubt}" for doubt in doubts])
 
 
 def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> Json:
@@ -294,18 +306,16 @@ def _better(m: Measurement) -> list[str]:
     return lines
 
 
-def _solve(path: str, options: SolveOptions) -> "list[SolvedFile | UnusableFrame]":
+def _solve(path: str, options: SolveOptions) -> Sequence[SolvedFile | UnusableFrame]:
     try:
-        files = with_progress(path, solutions_of(path, options))
+        return with_progress(path, solutions_of(path, options))
     except FrameError as error:
         return [UnusableFrame(path, str(error), 2)]
-    return [_usable(file) for file in files]
 
 
-def _usable(file: SolvedFile) -> "SolvedFile | UnusableFrame":
-    if isinstance(file.result, NoSolution):
-        return UnusableFrame(file.path, f"no solution: {file.result.reason}. {file.result.advice}".rstrip(), 1)
-    return file
+def _unusable(file: SolvedFile) -> UnusableFrame:
+    assert isinstance(file.result, NoSolution), "it was chosen for that"
+    return UnusableFrame(file.path, f"no solution: {file.result.reason}. {file.result.advice}".rstrip(), 1)
 
 
 def _fail(

@@ -4,6 +4,7 @@ import json
 import logging
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -134,8 +135,7 @@ def test_findings_come_before_the_numbers(polar, tmp_path):
     numbers = view.page.numbers
     assert numbers.findings.text().startswith("⚠ ")
     assert numbers.findings.y() < numbers.total.parentWidget().y()
-    assert "0.2 px is assumed" in view.page.detail.text()
-    assert view.page.detail.text().count("assumed") == 1  # not once a frame
+    assert view.page.detail.text() == "3 frames: Solved by another program: an error of 0.2 px is assumed."
 
 
 def test_a_fixed_tripod_is_told_as_one(polar, tmp_path):
@@ -289,3 +289,19 @@ def test_frames_that_turned_one_way_ask_for_one_back_at_the_start(polar, tmp_pat
     back = measured(view, paths[3:])
     assert back.creep_arcsec == 0.0
     assert "creep" not in view.page.numbers.more.text()
+
+
+def test_a_cloudy_frame_of_many_is_left_out_and_of_few_is_not(polar, tmp_path):
+    rows = Path(stream(tmp_path)).read_text().splitlines()
+    assert sum('"solved": false' in row for row in rows) == 1
+    (tmp_path / "night.json").write_text("\n".join(rows))
+    (tmp_path / "few.json").write_text("\n".join(rows[:10]))
+    _, view = polar()
+    assert measured(view, [tmp_path / "night.json"], "40, 10, 300").drift is not None
+    assert view.page.detail.text() == "1 frame: No solution, left out."
+    view.setup.files.clear()
+    assert measured(view, [tmp_path / "few.json"], "40, 10, 300").stage == "ended"
+    assert view.message.text() == "frame x has no solution, clouds: "
+    view.setup.files.clear()
+    assert measured(view, [tmp_path / "night.json"], "").stage == "ended"
+    assert view.message.text() == "The frames have no site: fill in “Your site”."

@@ -27,6 +27,7 @@ from kochab.polar.rotations import ARCSEC, best_rotation
 from kochab.polar.sighting import LocalAttitude
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.sources import (
+    GIVE_SITE,
     PolarNight,
     SolvedFile,
     doubts_of,
@@ -45,6 +46,7 @@ SOLVERS = re.compile(rb"PLTSOLVD= +T|astrometry\.net|ASTAP|PLATESOLVE|ImageSolve
 HEADER_BYTES = 288_000
 GRID = (15, 11)
 LARGEST_BYTES = 50_000_000
+ENOUGH_FRAMES = 10
 SOLVED = (".wcs", ".json", ".jsonl")
 """Suffixes of files that hold solutions and no picture."""
 
@@ -345,7 +347,10 @@ def _upright(boresight: Any, pole: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class FilesTold:
-    """What a person says of files; None where the files say it, and ``guided`` where their drift shows it."""
+    """What a person says of files; None where the files say it, and ``guided`` where their drift shows it.
+
+    ``how`` is how to say where they were taken.
+    """
 
     site: Site | None = None
     pole: Pole = Pole.REFRACTED
@@ -353,6 +358,7 @@ class FilesTold:
     utc_offset_h: float | None = None
     guided: bool | None = None
     profile: str = ""
+    how: str = GIVE_SITE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -383,14 +389,24 @@ def solutions_of(path: str, options: SolveOptions) -> Task[list[SolvedFile]]:
     return [or_as_its_header_says((yield from solve_polar_file(path, options)))]
 
 
+def unsolved_of(files: Sequence[SolvedFile]) -> list[SolvedFile]:
+    """Those without a solution that can't be left out, for fewer than ten others are solved."""
+    unsolved = [file for file in files if isinstance(file.result, NoSolution)]
+    return unsolved if len(files) - len(unsolved) < ENOUGH_FRAMES else []
+
+
 def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[str], told: FilesTold) -> FilesAxis:
-    """The axis of files that are all solved, each of a sweep (0 or 1), and of guide logs.
+    """The axis of files, each of a sweep (0 or 1), and of guide logs; what has no solution is left out.
 
     Raises UsageError when frames have no time or site, FrameError when a log holds nothing that can be used.
     """
-    ahead = timedelta(hours=told.utc_offset_h or 0.0)
-    files = [replace(f, time_utc=f.time_utc and f.time_utc - ahead) for f in files]
-    site, sightings = site_of(files, told.site), sightings_of(files, sweeps)
+    ahead, known = timedelta(hours=told.utc_offset_h or 0.0), told.utc_offset_h is not None
+    sweeps = [sweep for file, sweep in zip(files, sweeps, strict=True) if isinstance(file.result, Solution)]
+    warnings = [(f.path, tr("No solution, left out.")) for f in files if isinstance(f.result, NoSolution)]
+    solved = [f for f in files if isinstance(f.result, Solution)]
+    files = [replace(f, time_utc=f.time_utc and f.time_utc - ahead) for f in solved]
+    warnings += [(f.path, w) for f in files for w in f.warnings if not (known and w == NO_ZONE)]
+    site, sightings = site_of(files, told.site, told.how), sightings_of(files, sweeps)
     settings = MeasureSettings(site, told.pole, told.refraction)
     result: Measurement | Drift | NoAxis
     if logs or told.guided is not None or (tracked(sightings) and len(set(sweeps)) < 2):
@@ -398,13 +414,12 @@ def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[s
         result = measure_drift([*stretches, *(s for log in logs for s in guide_log(log, settings))], settings)
     else:
         result = measure(sightings, settings)
-    known = told.utc_offset_h is not None
-    warnings = tuple((Path(f.path).name, w) for f in files for w in f.warnings if not (known and w == NO_ZONE))
+    named = tuple((Path(path).name, warning) for path, warning in warnings)
     if isinstance(result, NoAxis):
-        return FilesAxis(result, warnings)
+        return FilesAxis(result, named)
     doubts = doubts_of(files, result.error, site, told.site is not None, known)
     result = replace(result, findings=(*result.findings, *doubts))
-    return FilesAxis(result, warnings, last_night(site, told.profile, result.time_utc))
+    return FilesAxis(result, named, last_night(site, told.profile, result.time_utc))
 
 
 def remember_axis(result: Measurement | Drift, profile: str) -> None:

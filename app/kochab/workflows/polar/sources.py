@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kochab.core import config_folder, tr
+from kochab.core import config_folder, tr, tr_noop
 from kochab.core.attitude import wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
@@ -35,6 +35,7 @@ SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
 CLOCK_S, DAYS_S = 120.0, 130_000.0  # clocks that differ by less agree; frames older than that are played again
 ZONES_S, FARTHEST_ZONE_S = 900.0, 15.0 * 3600.0
+GIVE_SITE = tr_noop("give --site LAT,LON in degrees, east positive")
 UNSIGNED = ("LONG-OBS", "OBSLONG", "LONGITUD", "OBS-LONG", "LONG", "GEOLON")
 
 APART_DEG = 12.0  # one sweep of an axis up to 5 deg from its pole spreads by no more than 10 in declination
@@ -179,23 +180,23 @@ def _declination_deg(sighting: Sighting) -> float:
     return sighting.attitude.ra_dec_deg[1]
 
 
-def site_of(files: Sequence[SolvedFile], given: Site | None = None) -> Site:
+def site_of(files: Sequence[SolvedFile], given: Site | None = None, how: str = GIVE_SITE) -> Site:
     """Where the frames were taken: as ``given``, or as all their headers say.
 
-    Raises UsageError when no frame has a site, or two disagree.
+    Raises UsageError when no frame has a site, or two disagree; ``how`` says what to do then.
     """
     if given is not None:
         return given
     told = [(file.path, file.site) for file in files if file.site is not None]
     if not told:
-        raise UsageError("The frames have no site: give --site LAT,LON in degrees, east positive.")
+        raise UsageError("The frames have no site: {how}.", how=tr(how))
     first_path, first = told[0]
     for path, site in told[1:]:
         apart = abs(site.latitude_deg - first.latitude_deg)
         around = wrapped(site.longitude_deg - first.longitude_deg)
         if max(apart, abs(around)) > SAME_SITE_DEG:
             raise UsageError(
-                "{one} and {other} were taken at different sites: give --site.", one=first_path, other=path
+                "{one} and {other} were taken at different sites: {how}.", one=first_path, other=path, how=tr(how)
             )
     return first
 

@@ -1,6 +1,7 @@
 """A polar alignment as one task: what was chosen, who turns the axis, from a camera or from files."""
 
 import logging
+from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -37,7 +38,7 @@ from kochab.polar.report import History
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, align
 from kochab.workflows.polar.measure import RATE_DEG_S, HandTurner, MountTurner, Sweep, Turner, optics_of
-from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of
+from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of, unsolved_of
 from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts
 from kochab.workflows.polar.update import PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
@@ -255,11 +256,15 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
     frames = [(path, 0) for path in paths if path not in logs] + [(str(path), 1) for path in wish.check]
     solved = yield from _solved(frames, wish, tools)
     files, sweeps = [file for file, _ in solved], [sweep for _, sweep in solved]
-    told = FilesTold(wish.site, wish.pole, utc_offset_h=wish.utc_offset_h, guided=wish.guided, profile=wish.profile)
-    try:
-        axis = axis_of(files, sweeps, logs, told)
-    except UsageError as error:
-        raise UsageError(str(error).replace("give --site", "fill in “Your site”")) from None
+    told = FilesTold(
+        wish.site,
+        wish.pole,
+        utc_offset_h=wish.utc_offset_h,
+        guided=wish.guided,
+        profile=wish.profile,
+        how=tr_noop("fill in “Your site”"),
+    )
+    axis = axis_of(files, sweeps, logs, told)
     history, result = History(), axis.result
     if isinstance(result, NoAxis):
         finding = PolarFinding(result.kind, result.sentence, spoils=True)
@@ -269,7 +274,8 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
         history.measured(result)
         tools.keep(history)
     _remember(result, wish)
-    notes = dict.fromkeys(warning for _, warning in axis.warnings if warning != NO_ZONE)  # of that there is a finding
+    warnings = Counter(warning for _, warning in axis.warnings if warning != NO_ZONE)  # of that there is a finding
+    notes = {tr_n("{n} frame: {warning}", "{n} frames: {warning}", n, warning=w): None for w, n in warnings.items()}
     if axis.last is not None and wish.site is None:  # the set-up did not know the site
         notes[tr("Last measured here, {night}.", night=axis.last)] = None
     yield _told(result, wish, "\n".join(notes))
@@ -300,16 +306,16 @@ def _solved(
         if key not in tools.solved:
             # Its steps are cancel points only: what they say is of one frame, not of the alignment.
             found = yield from _with_each_step(solutions_of(path, options), lambda _: Progress("solve"))
-            for one in found:
-                if isinstance(one.result, NoSolution):
-                    raise KochabError(
-                        "{name} has no solution, {reason}: {advice}",
-                        name=Path(one.path).name,
-                        reason=tr(one.result.reason),
-                        advice=one.result.advice,
-                    )
             tools.solved[key] = found
         solved += [(one, sweep) for one in tools.solved[key]]
+    for one in unsolved_of([file for file, _ in solved]):
+        if isinstance(one.result, NoSolution):
+            raise KochabError(
+                "{name} has no solution, {reason}: {advice}",
+                name=Path(one.path).name,
+                reason=tr(one.result.reason),
+                advice=one.result.advice,
+            )
     return solved
 
 
