@@ -75,6 +75,7 @@ ADDED = {
     "amounts and colours of layers, and exports that show the same": 260,
     "go to, centre, copy and search from the image": 145,
     "the companion of a double star on its card": 13,
+    "layers chosen for the annotated pictures of kochab solve": 31,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "good enough? for the frames that a person wants to take": 80,

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from astropy.io import fits
 from PIL import Image
 
 from kochab.cli.main import main
 from kochab.frames import SUFFIXES
+from kochab.workflows.annotated_image import INKS
 
 
 @pytest.fixture
@@ -126,6 +128,41 @@ def test_the_annotated_picture_is_what_its_name_says(name, kind, repository, tmp
     assert main(["solve", str(sample), "--annotate", str(tmp_path / name)]) == 0
     with Image.open(tmp_path / name) as picture:
         assert picture.format == kind
+
+
+@pytest.fixture
+def shot(repository, tmp_path):
+    """The faint sample as a dated FITS from Munich, in a folder of its own."""
+    home = tmp_path / "night"
+    home.mkdir()
+    with fits.open(repository / "resources" / "samples" / "pleiades.fits") as found:
+        header = fits.Header({"DATE-OBS": "2026-01-15T19:00:00", "SITELAT": 48.1, "SITELONG": 11.6})
+        fits.PrimaryHDU(found[0].data, header).writeto(home / "m45.fits")
+    return home / "m45.fits"
+
+
+def test_the_layers_of_an_annotated_picture_are_chosen(shot) -> None:
+    def drawn(*more):
+        target = shot.with_name("a.svg")
+        assert main(["solve", str(shot), "--annotate", str(target), "--overwrite", *more]) == 0
+        return target.read_text("utf-8")
+
+    usual, chosen = drawn(), drawn("--layers", "altaz,no-grid, detected,no-names")
+    assert INKS["grid"] in usual
+    assert INKS["grid"] not in chosen
+    assert ">alt +" in chosen
+    assert ">alt +" not in usual
+    assert chosen.count(INKS["detected"]) > 10
+    assert ">Alcyone<" in usual
+    assert ">Alcyone<" not in chosen
+
+
+@pytest.mark.parametrize("named", ["stars", "altaz,", "no-", "Grid"])
+def test_a_layer_that_is_none_is_refused_before_any_work(named, dark, capsys) -> None:
+    assert main(["solve", dark, "--annotate", "out.png", "--layers", named]) == 2
+    err = capsys.readouterr().err
+    assert "there is no layer" in err
+    assert "altaz" in err
 
 
 def test_another_kind_of_annotated_picture_is_refused(dark, capsys) -> None:

@@ -20,8 +20,10 @@ from kochab.core.errors import KochabError, printable
 from kochab.core.progress import Task, run
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
+    from kochab.core.arrays import Floats
     from kochab.core.frame import Frame
     from kochab.core.solution import Solution
+    from kochab.sky.layer import Layers
     from kochab.sky.solar_system import Moving
 
 
@@ -182,11 +184,19 @@ def write_wcs_to(target: str, solution: "Solution") -> list[str]:
     return _written(target, lambda: write_wcs(solution, target))
 
 
-def write_picture(target: str, frame: "Frame", solution: "Solution", more: "Sequence[Moving]" = ()) -> list[str]:
+def write_picture(
+    target: str,
+    frame: "Frame",
+    solution: "Solution",
+    more: "Sequence[Moving]" = (),
+    layers: "Layers | None" = None,
+    detected: "Floats | None" = None,
+) -> list[str]:
     """Write the picture with the sky drawn over it."""
-    from kochab.workflows.annotated_image import annotate
+    from kochab.workflows.annotated_image import NOTHING, USUAL, annotate
 
-    return _written(target, lambda: annotate(frame, solution, target, more))
+    found = NOTHING if detected is None else detected
+    return _written(target, lambda: annotate(frame, solution, target, more, layers or USUAL, found))
 
 
 def _written(target: str, write: Callable[[], None]) -> list[str]:

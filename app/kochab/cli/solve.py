@@ -17,6 +17,7 @@ from kochab.core.progress import Task
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections, Site
+    from kochab.sky.layer import Layers
     from kochab.sky.solar_system import Moving
     from kochab.solver import SolveOptions
 
@@ -46,6 +47,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="PNG",
         help="save the frame with the sky over it: .png, .jpg, .tif, .pdf, .svg, or a folder",
     )
+    parser.add_argument(
+        "--layers",
+        default="",
+        metavar="NAMES",
+        help="what --annotate draws beside the usual, by commas, and what not: altaz,ecliptic,no-grid",
+    )
     told = "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
     parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=told)
     parser.set_defaults(run=run)
@@ -53,7 +60,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve every file, print as they are done."""
-    return _solve(args, _wishes(args), args.detector, tuple(args.elements), args.site)
+    layers = layers_of(args.layers) if args.layers else None
+    return _solve(args, _wishes(args), args.detector, tuple(args.elements), args.site, layers)
 
 
 def _solve(
@@ -62,12 +70,24 @@ def _solve(
     detector: str = "auto",
     elements: tuple[Path, ...] = (),
     site: "Site | None" = None,
+    layers: "Layers | None" = None,
 ) -> int:
     if elements:
         tables_of(elements)  # a file that cannot be read is told before anything is solved
     _refuse_overwriting(wishes, args.overwrite)
     work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements, site=site)
-    return run_batch(work, wishes, args.json, args.workers)
+    return run_batch(partial(work, layers=layers), wishes, args.json, args.workers)
+
+
+def layers_of(text: str) -> "Layers":
+    """The usual layers with those that are named, and without those named "no-grid"; UsageError for another name."""
+    from kochab.sky.layer import MARKS, Layers
+    from kochab.workflows.annotated_image import USUAL
+
+    wanted = [name.strip() for name in text.split(",")]
+    if wrong := [name for name in wanted if name.removeprefix("no-") not in MARKS]:
+        raise UsageError(f"--layers: there is no layer {wrong[0]!r}; there are {', '.join(MARKS)}.")
+    return Layers(USUAL.on | {name.removeprefix("no-"): not name.startswith("no-") for name in wanted})
 
 
 @cache
@@ -84,6 +104,7 @@ def solve_one(
     bound: Place | None = None,
     elements: tuple[Path, ...] = (),
     site: "Site | None" = None,
+    layers: "Layers | None" = None,
 ) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it."""
     from kochab.core.solution import Solution
@@ -118,7 +139,8 @@ def solve_one(
             failures += write_wcs_to(wish.wcs, result)
         if wish.annotate is not None and frame is not None:
             dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
-            failures += write_picture(wish.annotate, dated, result, tables_of(elements))
+            found_px = solved.detections.xy
+            failures += write_picture(wish.annotate, dated, result, tables_of(elements), layers, found_px)
     return {**outcome, "failures": failures} if failures else outcome
 
 

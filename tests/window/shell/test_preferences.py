@@ -1,11 +1,15 @@
 """The Preferences: each is applied at once, kept for the next start, and reached by key and on the rail."""
 
+from dataclasses import replace
+from datetime import UTC, datetime
+
 import pytest
 from PySide6.QtCore import QSettings, Qt
 
 from kochab.core.angle_text import AngleStyle
-from kochab.core.frame import Site
+from kochab.core.frame import Hint, Site
 from kochab.gear.profiles import current_profile, load_profile
+from kochab.polar.horizon import Horizon
 from kochab.sky.layer import AMOUNTS
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.preferences import OFFLINE, Preferences
@@ -109,6 +113,11 @@ def test_a_grid_of_the_horizon_says_what_it_lacks(qtbot, opened):
     commands.actions["altaz"].trigger()
     assert "time or your site" in window.status.currentMessage()
     assert commands.presenter.overlay.layers.on["altaz"]
+    known, told = commands.session.known, Hint(time_utc=datetime(2026, 1, 15, 22, 0, tzinfo=UTC), site=Site(50.0, 8.0))
+    known.frame = replace(known.frame, hint=told)
+    assert commands.presenter.horizon() == Horizon(told.site, told.time_utc)
+    known.frame = replace(known.frame, hint=replace(told, time_of_file=True))  # which may be years later
+    assert commands.presenter.horizon() is None
 
 
 def test_a_new_profile_with_its_telescope_is_kept_and_stands_in_the_bar(qtbot, shown):
