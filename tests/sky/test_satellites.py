@@ -1,5 +1,6 @@
 import csv
 import json
+import os
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -14,7 +15,7 @@ from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.core.progress import run
 from kochab.core.solution import NamedStar, Solution
 from kochab.sky.apparent import JD_UNIX, with_aberration
-from kochab.sky.elements import read_elements
+from kochab.sky.elements import keep_elements, kept_elements, read_elements
 from kochab.sky.frame_bodies import bodies_in_frame, body_marks
 from kochab.sky.satellites import _sunlit, topocentric_km
 from kochab.sky.solar_system import AU_KM, BodyKind, observer_at
@@ -228,6 +229,21 @@ def test_the_same_elements_are_read_in_each_form(tmp_path):
     assert np.linalg.norm(places[0]) == pytest.approx(6790.0, abs=20.0)
     rates = [table.sigma_km(datetime(2019, 12, 20, tzinfo=UTC))[0] for table in tables]
     np.testing.assert_allclose(rates, rates[0], rtol=1e-6)
+
+
+def test_kept_files_are_read_the_newest_first_and_again_when_they_change(tmp_path, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+    assert kept_elements() == []
+    for at, (name, text) in enumerate((("old.TLE", EARLY.read_text()), ("iss.tle", "\n".join(ISS)))):
+        (tmp_path / name).write_text(text)
+        keep_elements(tmp_path / name)
+        os.utime(tmp_path / "config" / "elements" / name, (at, at))
+    (tmp_path / "config" / "elements" / "notes.txt").write_text("nothing")
+    assert [len(table.names) for table in kept_elements()] == [1, 30]
+    assert kept_elements()[0] is kept_elements()[0]
+    (tmp_path / "iss.tle").write_text("\n".join([*ISS, "TWIN", *ISS[1:]]))
+    keep_elements(tmp_path / "iss.tle")
+    assert list(kept_elements()[0].names) == ["ISS (ZARYA)", "TWIN"]
 
 
 @pytest.mark.parametrize(

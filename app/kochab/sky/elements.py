@@ -4,12 +4,15 @@ import csv
 import json
 import math
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kochab.core import config_folder
 from kochab.core.errors import CatalogueError
+from kochab.sky.catalogue_file import write_whole
 from kochab.sky.ephemeris import GM
 from kochab.sky.orbits import state_at_perihelion, two_body
 from kochab.sky.small_bodies import SmallBodies
@@ -58,6 +61,35 @@ def read_elements(path: Path) -> "SmallBodies | Satellites":
     if not rows:
         raise CatalogueError("Can't read {name}: it has no orbital elements.", name=path.name)
     return bodies_of(rows)
+
+
+ENDINGS = (".tle", ".2le", ".3le", ".txt", ".dat", ".csv", ".json")
+"""What files of elements are called."""
+
+
+def keep_elements(path: Path) -> None:
+    """Keep a file of elements among the user's; CatalogueError, and the file before stays, when it is none."""
+    read_elements(path)
+    folder = config_folder() / "elements"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / path.name, [path.read_bytes()])
+
+
+def kept_elements() -> "list[SmallBodies | Satellites]":
+    """The bodies of the files that the user keeps, the newest first; one that can't be read is left out."""
+    files = [(path.stat().st_mtime_ns, path) for path in (config_folder() / "elements").glob("*.*")]
+    tables = (
+        _kept(path, changed_ns) for changed_ns, path in sorted(files, reverse=True) if path.suffix.lower() in ENDINGS
+    )
+    return [table for table in tables if table is not None]
+
+
+@lru_cache(maxsize=32)
+def _kept(path: Path, changed_ns: int) -> "SmallBodies | Satellites | None":
+    try:
+        return read_elements(path)
+    except CatalogueError:
+        return None
 
 
 def _lines(path: Path, text: str) -> Iterator[tuple[str, Any]]:

@@ -344,13 +344,13 @@ def objects_csv(solution: Solution) -> str:
     return csv_text(rows)
 
 
-def sky_regions(frame: Frame, solution: Solution) -> str:
+def sky_regions(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:
     """DS9's regions of the stars, and of the frame's deep-sky objects and bodies, ICRS.
 
     DS9 counts an ellipse's angle from west over north, 90 degrees more than the position angle.
     """
     objects, lines = sky_tables().objects, []
-    marks = in_frame(sky_tables(), solution, also=run(body_marks(frame, solution))).marks
+    marks = in_frame(sky_tables(), solution, also=run(body_marks(frame, solution, more=more))).marks
     for mark in (mark for mark in marks if mark.kind != "star"):
         k, body = mark.row, mark.body
         ra, dec = radec_deg(objects.vector[k] if body is None else body.vector)

@@ -17,6 +17,7 @@ from kochab.gear.actions import CONNECT, Need
 from kochab.polar.horizon import Horizon, Refraction
 from kochab.sky.layer import in_frame
 from kochab.sky.sky_tables import sky_tables
+from kochab.sky.solar_system import BodyKind
 from kochab.window.image.object_card import facts, heights, links
 from kochab.window.image.overlay import Overlay
 from kochab.window.shell.search import place_of
@@ -71,8 +72,18 @@ def test_a_double_stars_card_has_its_companion_as_in_the_wds_of_1991(hip, arcsec
 
 def test_a_planets_card_tells_where_it_was():
     told = facts(sky_tables(), jupiter_at(9.0, 9.0), fake_solution(600, 400), AngleStyle.SEXAGESIMAL, None)
+    assert "Uncertainty (1σ)" not in told
     assert (told[""], told["Magnitude"], told["Diameter"], told["Distance"]) == ("Planet", "-2.5", "46.1″", "4.2 au")
     assert told["RA, Dec"].startswith("05h 36m")
+
+
+def test_a_satellites_card_has_kilometres_and_its_uncertainty():
+    jupiter = jupiter_at(9.0, 9.0)
+    iss = replace(jupiter.body, kind=BodyKind.SPACECRAFT, distance_au=6e-6, magnitude=np.nan, sigma_arcsec=900.0)
+    mark = replace(jupiter, kind="satellite", body=iss)
+    told = facts(sky_tables(), mark, fake_solution(600, 400), AngleStyle.SEXAGESIMAL, None)
+    assert (told[""], told["Distance"], told["Uncertainty (1σ)"]) == ("Satellite", "898 km", "900.0″")
+    assert "Magnitude" not in told
 
 
 @pytest.mark.parametrize("place", sorted(PLACES))

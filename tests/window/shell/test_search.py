@@ -10,7 +10,9 @@ from PySide6.QtCore import Qt
 from kochab.core.attitude import radec_deg
 from kochab.core.errors import UsageError
 from kochab.core.frame import Frame, Hint, Site
+from kochab.sky.elements import kept_elements
 from kochab.window.shell.search import body_then, outside, place_of
+from tests.patterns import REPOSITORY
 from tests.window.fakes import fake_solution
 
 
@@ -66,6 +68,29 @@ def test_the_keyboard_alone_finds(qtbot, opened):
     qtbot.keyClicks(search.field, "grid")
     qtbot.keyClick(search.field, Qt.Key.Key_Return)
     assert grid.isChecked() != before
+
+
+def test_dropped_elements_are_kept_and_their_bodies_looked_for(qtbot, opened, tmp_path, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+    asked = []
+
+    def marks(frame, solution, site=None, more=()):
+        asked.extend(more)
+        return ()
+        yield
+
+    monkeypatch.setattr("kochab.sky.frame_bodies.body_marks", marks)
+    window, commands = opened
+    before = commands.session.known.path
+    commands.open_all([REPOSITORY / "tests" / "sky" / "iridium-2025-01-05.tle"])
+    qtbot.waitUntil(lambda: asked != [])
+    assert [len(table.names) for table in asked] == [30]
+    assert window.status.currentMessage() == "The bodies of iridium-2025-01-05.tle are named in dated images."
+    (tmp_path / "iridium-2025-01-05.tle").write_text("nothing")
+    commands.open_all([tmp_path / "iridium-2025-01-05.tle"])
+    qtbot.waitUntil(lambda: window.status.currentMessage().startswith("Can't read iridium-2025-01-05.tle: "))
+    assert [len(table.names) for table in kept_elements()] == [30]  # what was good stays
+    assert commands.session.known.path == before
 
 
 EVENING, MUNICH = datetime(2026, 1, 15, 22, tzinfo=UTC), Site(48.14, 11.58, 520.0)

@@ -12,7 +12,7 @@ from PySide6.QtGui import QAction, QDesktopServices
 from PySide6.QtWidgets import QMenu, QWidget
 
 from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, radec_plain, radec_text
+from kochab.core.angle_text import AngleStyle, arcsec_text, radec_plain, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
@@ -85,6 +85,7 @@ def facts(
         near = body.kind is BodyKind.SPACECRAFT
         far = tr("{km:.0f} km", km=body.distance_au * AU_KM) if near else tr("{au:.4g} au", au=body.distance_au)
         told[tr("Distance")] = far
+        told |= {tr("Uncertainty (1σ)"): arcsec_text(body.sigma_arcsec)} if body.sigma_arcsec > 10.0 else {}
         return told  # heights of now would be those of where it was
     else:
         objects, k = tables.objects, mark.row

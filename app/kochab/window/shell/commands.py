@@ -17,6 +17,7 @@ from kochab.frames import SUFFIXES
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.actions import reasons_against
 from kochab.gear.journal import save_report
+from kochab.sky.elements import ENDINGS, keep_elements
 from kochab.sky.layer import MARKS
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.object_card import links, place_menu, vector_of
@@ -261,13 +262,26 @@ class Commands(QObject):
         self.films.show_open(path)
 
     def open_all(self, paths: list[Path]) -> None:
-        """Open files and folders: the first now, all of them on the film strip, where they are solved in turn."""
+        """Open files and folders: the first now, all of them on the film strip, where they are solved in turn.
+
+        Files of orbital elements are kept, and their bodies looked for in dated frames.
+        """
+        elements = [path for path in paths if path.suffix.lower() in ENDINGS]
+        for path in elements:
+            self._keep(path)
+        paths = [path for path in paths if path not in elements]
         if len(found := images_in(paths)) > 1:
             self._replace_files({path: FileState(path) for path in found}, found[0])
         elif found:
             self.open(found[0])
         elif paths:
             self._say(tr("No images in {name}.", name=short_name(paths[0].name)))
+
+    def _keep(self, path: Path) -> None:
+        job = self.session.jobs.run(save_task(lambda: keep_elements(path), path), "elements")
+        job.succeeded.connect(lambda p: self._say(tr("The bodies of {name} are named in dated images.", name=p.name)))
+        job.succeeded.connect(lambda _: self.presenter.look_for_bodies())
+        job.failed.connect(self._say)
 
     def _replace_files(self, files: dict[Path, FileState], path: Path) -> None:
         """Another film strip, or none, and one file; the strip that ends may be had back."""

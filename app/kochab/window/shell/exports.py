@@ -16,6 +16,7 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
+from kochab.sky.elements import kept_elements
 from kochab.window.image.overlay import Overlay
 from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
@@ -47,7 +48,7 @@ EXPORTS = (
         tr_noop("&DS9 regions…"),
         ".reg",
         tr_noop("DS9 regions (*.reg)"),
-        lambda f, s, p: write_atomically(p, sky_regions(f, s)),
+        lambda f, s, p: write_atomically(p, sky_regions(f, s, kept_elements())),
     ),
     Export("wcs", tr_noop("&WCS header…"), ".wcs", tr_noop("WCS header (*.wcs)"), lambda _, s, p: write_wcs(s, p)),
     Export(
@@ -100,7 +101,8 @@ class FrameExporter(QObject):
 
         write = kind.write
         if kind.name == "picture":  # as it is seen now
-            write = partial(annotate, layers=deepcopy(self._overlay.layers), detected=self._overlay.circled)
+            layers, more = deepcopy(self._overlay.layers), kept_elements()
+            write = partial(annotate, more=more, layers=layers, detected=self._overlay.circled)
         sited = replace(frame, hint=replace(frame.hint, site=frame.hint.site or self._settings.site))
 
         def task() -> Task[Path]:

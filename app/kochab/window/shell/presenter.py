@@ -157,9 +157,14 @@ class Presenter(QObject):
         self.panes.stars.set_stars(solution.stars)
         self.panes.view.update()
         self.say_place()
-        if known.frame is not None and not self.session.streams:
-            job = self.session.jobs.run(_bodies(known.frame, solution, self.settings.site), "bodies")
-            job.succeeded.connect(partial(self._has_bodies, solution))
+        self.look_for_bodies()
+
+    def look_for_bodies(self) -> None:
+        """Look for the bodies of the Solar System and the satellites in the open frame."""
+        known = self.session.known
+        if known.frame is not None and isinstance(known.result, Solution) and not self.session.streams:
+            job = self.session.jobs.run(_bodies(known.frame, known.result, self.settings.site), "bodies")
+            job.succeeded.connect(partial(self._has_bodies, known.result))
 
     def say_place(self) -> None:
         """Say on the card what the open frame shows, and how high it stood from the present site."""
@@ -308,9 +313,10 @@ def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[st
 
 def _bodies(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[Mark, ...]]:
     yield Progress("bodies")
+    from kochab.sky.elements import kept_elements
     from kochab.sky.frame_bodies import body_marks
 
-    return (yield from body_marks(frame, solution, site))
+    return (yield from body_marks(frame, solution, site, kept_elements()))
 
 
 def _tables() -> Task[SkyTables]:
