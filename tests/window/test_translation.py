@@ -32,7 +32,7 @@ from PySide6.QtWidgets import (
 from kochab.attitude import ESTIMATORS
 from kochab.core import in_english, number, speak, tr, tr_n
 from kochab.core.angle_text import AngleStyle
-from kochab.core.mount import Ability
+from kochab.core.mount import Ability, Direction
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.server.phone_page import PhonePage
@@ -551,14 +551,15 @@ def aligning(qtbot, abroad, settings):
     window.resize(1360, 860)
     window.show()
     commands.views.show("polar")
-    yield window, commands.views.docks["polar"].view
+    yield window, commands
     window.close()
     assert commands.session.jobs.join()
     assert_no_threads_left("kochab-", "polar-")
 
 
 def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, aligning):
-    window, view = aligning
+    _, commands = aligning
+    view = commands.views.docks["polar"].view
     view.setup.exposure.setValue(1.0)
     view.setup.hand.setCurrentText(tr(AxisTurnedBy.PERSON))
     seen, obeyed, left = set(), [], {}
@@ -568,14 +569,32 @@ def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, align
         state = view.state
         if (state.stage, state.words) not in seen:
             seen.add((state.stage, state.words))
-            left.update(dict.fromkeys(unmarked(window, NAMES_SHOWN), state.stage))
+            left.update(dict.fromkeys(unmarked(view, NAMES_SHOWN), state.stage))
         asked = state.turn_instruction or state.instruction
         if state.hand_needed and not any(asked is one for one in obeyed):
             obeyed.append(asked)
             view.turn_for_me.click()
 
     drive(view, person)
-    left.update(dict.fromkeys(unmarked(window, NAMES_SHOWN), view.state.stage))
+    left.update(dict.fromkeys(unmarked(view, NAMES_SHOWN), view.state.stage))
     assert view.state.stage == "done", view.message.text()
     assert {"measure", "adjust", "done"} <= {stage for stage, _ in seen}
     assert not left, "\n".join(f"{stage}: {text}" for text, stage in left.items())
+
+
+def test_every_text_of_a_practice_mount_is_translated(qtbot, aligning):
+    _, commands = aligning
+    commands.practise()
+    view, left = commands.views.docks["mount"].view, []
+    for act, done in (
+        (lambda: None, lambda known: known.report is not None),
+        (view.take.click, lambda known: known.sight is not None),
+        (lambda: view.orders.nudge(Direction.NORTH, 60.0), lambda known: not known.slewing),
+        (view.diagnose.click, lambda known: not known.busy),
+    ):
+        act()
+        qtbot.waitUntil(lambda done=done: done(view.control.known) and not view.control.known.busy)
+        left += unmarked(view, NAMES_SHOWN | MOUNTS_SHOWN | {"rig"})  # the card names tonight's sky
+    assert not left, "\n".join(left)
+    view.control.disconnect_mount()
+    qtbot.waitUntil(lambda: view.control.known.phase == "off")

@@ -4,6 +4,7 @@ import time
 from datetime import datetime
 from weakref import WeakValueDictionary
 
+from kochab.core import tr
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import LineLostError, PortError
 from kochab.core.frame import Frame
@@ -49,9 +50,10 @@ class SimulatedCamera(CameraSource):
     def devices(cls, address: str = "") -> list[CameraDevice]:
         """The camera of every rig that runs in this program, and one on a rig of its own."""
         running = [
-            CameraDevice(cls.name, name, f"the camera of the practice telescope, {name}") for name in sorted(RUNNING)
+            CameraDevice(cls.name, name, tr("the camera of the practice telescope, {name}", name=name))
+            for name in sorted(RUNNING)
         ]
-        return [*running, CameraDevice(cls.name, "new", "a camera on a new simulated telescope")]
+        return [*running, CameraDevice(cls.name, "new", tr("a camera on a new simulated telescope"))]
 
     @classmethod
     def open(cls, address: str, settings: CaptureSettings) -> "SimulatedCamera":

@@ -6,6 +6,7 @@ import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from kochab.core import tr
 from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
 from kochab.core.capture import CaptureSettings
@@ -242,7 +243,8 @@ class PracticeNight:
                 if len(written) > KEPT_FRAMES:
                     written[-1 - KEPT_FRAMES].unlink(missing_ok=True)
             except OSError as error:
-                self.trouble = f"Frames cannot be written into {folder}: {error.strerror}."
+                why = error.strerror
+                self.trouble = tr("Frames cannot be written into {folder}: {why}.", folder=folder, why=why)
                 return
             if self.rig.clock.rate == 0.0:
                 return

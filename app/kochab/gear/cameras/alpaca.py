@@ -234,4 +234,5 @@ class AlpacaCamera(ExposingCamera):
 def _listed(where: NetAddress) -> list[CameraDevice]:
     with closing(AlpacaLink(where)) as link:
         cameras = link.devices()
-    return [CameraDevice("alpaca", f"{where.server}/{number}", f"{name} on {where.host}") for number, name in cameras]
+    named = [(number, tr("{name} on {host}", name=name, host=where.host)) for number, name in cameras]
+    return [CameraDevice("alpaca", f"{where.server}/{number}", name) for number, name in named]

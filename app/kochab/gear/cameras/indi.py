@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
+from kochab.core import tr
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from kochab.core.errors import FrameError, PortError, RefusedError
 from kochab.core.frame import Frame
@@ -89,7 +90,9 @@ class IndiCamera(ExposingCamera):
             return []
         with closing(link):
             names = link.named(CCD_INTERFACE)
-        return [CameraDevice("indi", f"{where.server}/{n}", f"{n} on {where.host}") for n in names]
+        return [
+            CameraDevice("indi", f"{where.server}/{n}", tr("{name} on {host}", name=n, host=where.host)) for n in names
+        ]
 
     @classmethod
     @making_sense()
