@@ -171,8 +171,7 @@ def plan_second(
         return None
     last = measurement.attitudes[-1]
     first = next(a for a in measurement.attitudes if a.sweep == last.sweep)
-    away_deg = from_start_deg(measurement)
-    starts = ((0.0, last), (away_deg, first)) if away_deg > BACK_DEG else ((0.0, last),)
+    starts = ((0.0, last), (from_start_deg(measurement), first))
     plans = [
         plan
         for back_deg, start in starts

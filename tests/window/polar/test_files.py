@@ -99,7 +99,10 @@ def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp
     assert "can't tell altitude yet" in numbers.findings.text()
     assert "min more on this place" in numbers.more.text()
     assert "not known yet" in view.page.target.accessibleDescription()
+    view.bolts.show_state(view.state, 0.0)
     assert view.bolts.digits() == "–"
+    assert view.state.bolt_error is None
+    assert "total_arcsec" not in json.dumps(view.phone.page._numbers), "nor on the phone"
     # Half an axis is no report, and nothing for another night.
     assert view.history.history is None
     assert "report" not in view.message.text()
