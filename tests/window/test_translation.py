@@ -465,6 +465,8 @@ def test_every_text_of_a_dialog_is_translated(qtbot, solved_abroad, help_abroad,
         qtbot.waitUntil(lambda: dialog.data.text() != "")
     left = unmarked(dialog, NAMES_SHOWN | QT_TRANSLATES | {page.title for page in pages()})
     assert not left, "\n".join(left)
+    qtbot.wait(50)
+    assert cut(dialog) == []
     dialog.close()
 
 
@@ -475,6 +477,7 @@ def test_every_card_of_the_tour_is_translated(qtbot, solved_abroad):
     for _ in CARDS:
         left = unmarked(tour, NAMES_SHOWN)
         assert not left, "\n".join(left)
+        assert cut(tour) == []
         tour.next.click()
 
 
@@ -485,6 +488,11 @@ def test_every_text_of_a_connected_mount_is_translated(qtbot, solved_abroad, dri
         names = NAMES_SHOWN | MOUNTS_SHOWN
         left = unmarked(window, names)
         assert not left, "\n".join(left)
+        for _ in range(2):
+            resize(qtbot, window, 1024, 700)
+        assert (window.width(), window.height()) == (1024, 700)
+        assert cut(window) == []
+        assert whole(window, mount.view.stop)
         if Ability.SYNC not in mount.opening.guard.lacks:
             mount.view.sync.click()
             qtbot.waitUntil(lambda: bool(window.findChildren(SyncDialog)))
