@@ -153,6 +153,33 @@ def test_preferences_are_undone_where_they_were_changed_and_after(qtbot, opened,
     assert commands.settings.angle_style is AngleStyle.SEXAGESIMAL
 
 
+def test_the_folder_of_images_is_undone(opened, dialog, tmp_path):
+    _, commands = opened
+    before = commands.settings.image_folder
+    dialog.fixed.click()
+    dialog._begin_in(str(tmp_path / "nights"))
+    assert (dialog.folder.text(), dialog.fixed.isChecked()) == (str(tmp_path / "nights"), True)
+    commands.undo.undo()
+    assert commands.settings.text("start_folder", "") == str(before)
+    assert dialog.fixed.isChecked()
+    commands.undo.undo()
+    assert (commands.settings.text("start_folder", ""), dialog.fixed.isChecked()) == ("", False)
+
+
+def test_frames_to_measure_that_were_cleared_come_back_in_their_sweeps(opened, tmp_path):
+    _, commands = opened
+    commands.views.show("polar")
+    setup = commands.views.docks["polar"].view.setup
+    first, second = [tmp_path / "a.fits", tmp_path / "b.fits"], [tmp_path / "c.fits"]
+    setup.files.add(first)
+    setup.files.add(second, 1)
+    setup.clear.click()
+    assert setup.files.count() == 0
+    assert commands.actions["undo"].text() == "&Undo: clear the frames to measure"
+    commands.actions["undo"].trigger()
+    assert [setup.files.paths(sweep) for sweep in (0, 1)] == [tuple(first), tuple(second)]
+
+
 def test_equipment_is_undone_in_its_own_profile(qtbot, opened, dialog):
     window, commands = opened
     commands.equipment.choose("Newton")

@@ -62,6 +62,12 @@ class FrameList(QListWidget):
                 item.setData(SWEEP, sweep)
                 self.addItem(item)
 
+    def fill(self, sweeps: tuple[tuple[Path, ...], ...]) -> None:
+        """The files of each sweep, in place of all there are."""
+        self.clear()
+        for sweep, paths in enumerate(sweeps):
+            self.add(list(paths), sweep)
+
     def paths(self, sweep: int) -> tuple[Path, ...]:
         """The files of one sweep."""
         items = [self.item(i) for i in range(self.count())]
@@ -111,7 +117,7 @@ class AlignmentSetupPanel(Page):
         self.add = button(tr("&Add frames…"), lambda: self._ask_files(0))
         self.add_check = button(tr("Second s&weep…"), lambda: self._ask_files(1), tip=tr(SECOND))
         self.add_open = button(tr("Use &open frame"), self._add_open_frame)
-        self.clear = button(tr("Clea&r"), self.files.clear)
+        self.clear = button(tr("Clea&r"), self._clear_files)
         self.camera = CameraBox(n for n in SOURCES if n != "simulated")  # that one has its own mount
         self.exposure = number_field(tr("Exposure"), 0.05, 60.0, 2.0, 2, tr(" s"), tr(EXPOSURE_TIP))
         self.hand = narrow_box(tr("Who turns the RA axis"), 8, {tr(hand): hand for hand in AxisTurnedBy})
@@ -277,6 +283,11 @@ class AlignmentSetupPanel(Page):
         """Measure from these files, with those that are there already."""
         self.source.setCurrentIndex(self.source.findData(FrameSource.FILES))
         self.files.add(paths)
+
+    def _clear_files(self) -> None:
+        before = self.files.paths(0), self.files.paths(1)
+        self.files.clear()
+        self._services.undo.made(tr("clear the frames to measure"), self.files.fill, before, ((), ()))
 
     def _ask_files(self, sweep: int) -> None:
         start = self._services.settings.text("folder", str(Path.home()))

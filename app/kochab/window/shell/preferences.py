@@ -280,14 +280,23 @@ class Preferences(QDialog):
         self.folder.setText(str(self.settings.image_folder))
 
     def _fix_folder(self, on: bool) -> None:
-        self.settings.keep("start_folder", str(self.settings.image_folder) if on else "")
-        self._show_folder()
+        self._begin_in(str(self.settings.image_folder) if on else "")
+
+    def _begin_in(self, folder: str) -> None:
+        before = self.settings.text("start_folder", "")
+        self._keep_folder(folder)
+        self._services.undo.made(tr("change the folder of images"), self._keep_folder, before, folder)
+
+    def _keep_folder(self, folder: str) -> None:
+        self.settings.keep("start_folder", folder)
+        if isValid(self):
+            with QSignalBlocker(self.fixed):
+                self.fixed.setChecked(bool(folder))
+            self._show_folder()
 
     def _choose_folder(self) -> None:
         if (path := ask_folder(self, str(self.settings.image_folder), tr("Open images from"))) is not None:
-            self.settings.keep("start_folder", str(path))
-            self.fixed.setChecked(True)
-            self._show_folder()
+            self._begin_in(str(path))
 
 
 def data_text() -> Task[str]:
