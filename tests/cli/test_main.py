@@ -129,7 +129,7 @@ def test_a_librarys_warning_is_not_for_the_person_who_solves(repository) -> None
     code = (
         "import warnings\n"
         "from kochab import __main__ as program\n"
-        "program._window = lambda paths: warnings.warn('deep inside') or 0\n"
+        "program._window = lambda *_: warnings.warn('deep inside') or 0\n"
         "raise SystemExit(program.main([]))\n"
     )
     told = {}

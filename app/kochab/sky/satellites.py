@@ -174,8 +174,7 @@ def _sunlit(places: Floats, observer: Observer) -> Bools:
 
 def are_satellites(text: str) -> bool:
     """Whether a file's text is of two-line elements, or of the same as JSON or CSV (CCSDS OMM)."""
-    lines = text.split("\n", 8)
-    return "MEAN_MOTION" in text[:2000] or any(len(line.rstrip()) > 63 and line[:2] == "1 " for line in lines)
+    return "MEAN_MOTION" in text[:2000] or any(line[:2] == "1 " and len(line) > 63 for line in text.split("\n", 8))
 
 
 def read_satellites(name: str, text: str) -> Satellites:

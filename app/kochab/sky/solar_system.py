@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
+from kochab.core import tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit, unit_vectors
 from kochab.core.frame import Site
@@ -30,14 +31,14 @@ PARALLAX_ARCSEC = 8.794143
 class BodyKind(StrEnum):
     """What moves among the stars."""
 
-    SUN = "sun"
-    MOON = "moon"
-    PLANET = "planet"
-    DWARF = "dwarf planet"
-    SATELLITE = "moon of a planet"
-    ASTEROID = "asteroid"
-    COMET = "comet"
-    SPACECRAFT = "satellite"
+    SUN = tr_noop("sun")
+    MOON = tr_noop("moon")
+    PLANET = tr_noop("planet")
+    DWARF = tr_noop("dwarf planet")
+    SATELLITE = tr_noop("moon of a planet")
+    ASTEROID = tr_noop("asteroid")
+    COMET = tr_noop("comet")
+    SPACECRAFT = tr_noop("satellite")
 
 
 @dataclass(frozen=True, slots=True)

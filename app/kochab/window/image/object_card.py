@@ -65,7 +65,7 @@ def facts(
     """What the card tells, by title; ``horizon`` is the person's, now."""
     vector = vector_of(tables, mark, solution)
     told = {
-        "": tr(KINDS.get(mark.kind, mark.kind.capitalize() if mark.body else "")),
+        "": tr(mark.kind).capitalize() if mark.body else tr(KINDS.get(mark.kind, "")),
         tr("In"): constellation_at(vector),
     }
     told[tr("RA, Dec")] = radec_text(*radec_deg(vector), style)
