@@ -91,7 +91,7 @@ ADDED = {
     "types of Qt made by the window before a thread loads the plots": 14,
     "modes and layers that a screen reader's Toggle opens": 24,
     "a move that is ordered after its time, a place and a picture from before": 36,
-    "texts, plurals and numbers of the window and the rooms below through Qt's translation": 1101,
+    "texts, plurals and numbers of the window and the rooms below through Qt's translation": 1105,
     "a change of the window taken back: lists, hints, the film strip, Preferences, a profile": 224,
     "a language chosen in the Preferences or by an option": 25,
 }

@@ -4,6 +4,7 @@ Qt's lupdate collects what stands in ``tr``, ``tr_n`` and ``tr_noop``, and what 
 makes ``resources/translations/kochab_de.qm``, which the window loads in a German system.
 """
 
+import ast
 import json
 import re
 import subprocess
@@ -38,10 +39,25 @@ def qt_tool(name: str, *arguments: str) -> None:
         raise RuntimeError(f"{name}: {done.stdout}{done.stderr}")
 
 
+THINGS = (
+    *("slew rate", "change of tracking", "tracking rate", "move", "pulse", "flip", "home", "centring"),
+    *("camera", "telescope", "exposure", "gain", "binning"),
+)
+"""What sentences of mounts and cameras are about."""
+
+
+def replies() -> Iterator[str]:
+    """What parsers of mounts' replies call them: the last argument of ``match`` and ``require``."""
+    for path in (SOURCE / "gear" / "mounts" / "protocols").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("match", "require"):
+                yield from (each.value for each in node.args[2:] if isinstance(each, ast.Constant))
+
+
 def data_texts() -> Iterator[str]:
     """Texts that people read and that stand in data, or in options of methods."""
     from kochab.attitude import ESTIMATORS
-    from kochab.core.mount import Ability
+    from kochab.core.mount import Ability, PierSide
     from kochab.core.registry import options_of
     from kochab.detection import DETECTORS
     from kochab.gear.mounts import DRIVERS
@@ -52,7 +68,7 @@ def data_texts() -> Iterator[str]:
         yield from sample.values()
     for driver in DRIVERS.loaded().values():
         yield driver.title
-    yield from (*Ability, *REFUSALS.values(), "slew rate", "change of tracking", "tracking rate", "move")
+    yield from (*Ability, *PierSide, *REFUSALS.values(), *THINGS, *replies())
     for registry in (IDENTIFIERS, DETECTORS, ESTIMATORS):
         for name in registry:
             for option in options_of(registry.load(name)):

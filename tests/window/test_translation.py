@@ -32,8 +32,11 @@ from PySide6.QtWidgets import (
 from kochab.attitude import ESTIMATORS
 from kochab.core import in_english, number, speak, tr, tr_n
 from kochab.core.angle_text import AngleStyle
+from kochab.core.errors import KochabError
 from kochab.core.mount import Ability, Direction
 from kochab.detection import DETECTORS
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.protocols import lx200, require
 from kochab.identification import IDENTIFIERS
 from kochab.server.phone_page import PhonePage
 from kochab.window.application import build, use_language
@@ -49,6 +52,7 @@ from kochab.window.widgets import ElidedLabel
 from kochab.workflows.session.alignment import AxisTurnedBy
 from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solution_text import summary
+from tests.gear.mounts.bench import LIMITS, SITE, simulated
 from tests.house import sources
 from tests.translations import collect, markers, release
 from tests.window.fakes import assert_no_threads_left, fake_solution
@@ -606,3 +610,23 @@ def test_every_text_of_a_practice_mount_is_translated(qtbot, aligning):
     assert not left, "\n".join(left)
     view.control.disconnect_mount()
     qtbot.waitUntil(lambda: view.control.known.phase == "off")
+
+
+def test_what_a_guard_and_a_driver_refuse_is_translated(qtbot, abroad):
+    with simulated("onstep") as bench:
+        guard = Guard(bench.open(), SITE, LIMITS, bench.clock)
+        here = guard.position()
+        told = []
+        for act in (
+            lambda: guard.goto(here.ra_deg, -80.0),
+            lambda: guard.move(Direction.NORTH, 1.0, 1e6),
+            lambda: guard.pulse(Direction.NORTH, 0),
+            lambda: lx200.parse_dec(b"nothing"),
+            lambda: require(False, b"1", "time"),
+        ):
+            with pytest.raises(KochabError) as error:
+                act()
+            told.append(str(error.value))
+        guard.close()
+    for text in told:
+        assert not unmarked(QLabel(text), NAMES_SHOWN | {"nothing"}), text

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import monotonic
 
+from kochab.core import tr
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, RefusedError
 from kochab.gear.servers.address import making_sense
@@ -43,11 +44,11 @@ def check_within(settings: CaptureSettings, limits: CaptureLimits) -> None:
         if value is None:
             continue
         if bounds is None:
-            raise RefusedError("The {what} of this camera cannot be set.", what=what)
+            raise RefusedError("The {what} of this camera cannot be set.", what=tr(what))
         if not bounds[0] <= value <= bounds[1]:
             raise RefusedError(
                 "A {what} of {value:g}{unit} is not within {bounds:g} to {bounds2:g}{unit}.",
-                what=what,
+                what=tr(what),
                 value=value,
                 unit=unit,
                 bounds=bounds[0],

@@ -8,7 +8,7 @@ from math import copysign
 
 import numpy as np
 
-from kochab.core import tr_noop
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
@@ -49,9 +49,9 @@ NUDGE_DEG = 5.0  # so far the axes may be moved while the mount's clock or site 
 def readiness(plan: Plan) -> Findings:
     """Refuse when the mount is parked, moves already, is not aligned, or its home is not confirmed."""
     if plan.state.parked:
-        yield refuse("The mount is parked: unpark it before a {action}.", action=plan.action)
+        yield refuse("The mount is parked: unpark it before a {action}.", action=tr(plan.action))
     if plan.state.slewing:
-        yield refuse("The mount is slewing. Wait, or stop it before a {action}.", action=plan.action)
+        yield refuse("The mount is slewing. Wait, or stop it before a {action}.", action=tr(plan.action))
     if plan.state.aligned is False:
         yield refuse("The mount is not aligned: do its alignment on the hand control first.")
     if plan.state.home_confirmed is False and plan.action == "goto":
@@ -91,7 +91,7 @@ def horizon(plan: Plan) -> Findings:
         if plan.limits.allow_without_site or plan.action == "pulse":
             yield warn("No site set: the horizon limit is off.")
         else:
-            yield refuse("No site set, so no horizon limit. Set the site before a {action}.", action=plan.action)
+            yield refuse("No site set, so no horizon limit. Set the site before a {action}.", action=tr(plan.action))
         return
     if plan.action != "sync":
         yield from _altitudes(plan, plan.site)
@@ -266,11 +266,11 @@ def past_meridian(plan: Plan) -> Findings:
             "The {action} would take the telescope {worst:.0f}° past the meridian on the {side} side of "
             "the pier, where it may hit the pier (limit {limit:g}°). {get} For a fork or wedge, set "
             "Meridian in the Mount view (--fork).",
-            action=plan.action,
+            action=tr(plan.action),
             worst=worst,
-            side=side,
+            side=tr(side),
             limit=limit,
-            get=PAST_ADVICE.get(plan.action, MOVE_ADVICE),
+            get=tr(PAST_ADVICE.get(plan.action, MOVE_ADVICE)),
         )
 
 

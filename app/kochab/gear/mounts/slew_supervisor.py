@@ -174,7 +174,7 @@ class SlewSupervisor:
         if self.strayed:
             raise StrayedError(self.strayed)
         if self._emergency.stops != stops:
-            raise StoppedError("The {what} was stopped.", what=what)
+            raise StoppedError("The {what} was stopped.", what=tr(what))
 
     def pause(self, wait: Callable[[float], None], seconds: float) -> None:
         """Wait; `StoppedError` after a computer's sleep, which one of its clocks did not count."""
@@ -255,7 +255,7 @@ class SlewSupervisor:
             self.check_not_stopped(stops, what)
             if monotonic() > end:
                 raise NoAnswerError(
-                    "The {what} did not end within {limit:.0f} s and was stopped.", what=what, limit=limit_s
+                    "The {what} did not end within {limit:.0f} s and was stopped.", what=tr(what), limit=limit_s
                 )
             try:
                 state = self.state()

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from socket import gaierror
 
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.core.errors import NoAnswerError, PortError
 
@@ -70,19 +71,19 @@ def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, wha
             return address
     there = ", ".join(a if a == name else f"{a} ({name})" for a, name in devices)
     if where.rest:
-        others = f"; there is {there}" if devices else ""
-        raise PortError(
-            "{server} has no {what} {rest}{others}.", server=where.server, what=what, rest=where.rest, others=others
-        )
+        text = tr_noop("{server} has no {what} {rest}; there is {there}.")
+        if not devices:
+            text = tr_noop("{server} has no {what} {rest}.")
+        raise PortError(text, server=where.server, what=tr(what), rest=where.rest, there=there)
     if not devices:
-        raise PortError("The {kind} server {server} has no {what}.", kind=kind, server=where.server, what=what)
+        raise PortError("The {kind} server {server} has no {what}.", kind=kind, server=where.server, what=tr(what))
     if len(devices) > 1:
         raise PortError(
-            "{server} has several {what}s: {there}. Write {server}/{devices}.",
+            "{server} has more than one {what}: {there}. Write {server}/{one}.",
             server=where.server,
-            what=what,
+            what=tr(what),
             there=there,
-            devices=devices[0][0],
+            one=devices[0][0],
         )
     return devices[0][0]
 

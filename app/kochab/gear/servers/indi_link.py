@@ -334,7 +334,9 @@ class IndiDevice:
             return self.state(vector) != "Busy" and all(same)
 
         if not self.link.wait(done, SET_S):
-            raise RefusedError("{name} does not accept this {what}{said}.", name=self.name, what=what, said=self.said())
+            raise RefusedError(
+                "{name} does not accept this {what}{said}.", name=self.name, what=tr(what), said=self.said()
+            )
 
     def said(self) -> str:
         """What the server last told as an error, in brackets."""

@@ -6,6 +6,7 @@ Every parser takes any bytes at all and either returns a value or raises
 
 import re
 
+from kochab.core import tr
 from kochab.gear.mounts.serial_line import ProtocolError
 
 
@@ -13,14 +14,14 @@ def match(pattern: bytes, reply: bytes, what: str) -> re.Match[bytes]:
     """The match of the whole reply; `ProtocolError` when it is no ``what``."""
     found = re.fullmatch(pattern, reply)
     if found is None:
-        raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=what)
+        raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=tr(what))
     return found
 
 
 def require(valid: bool, reply: bytes, what: str) -> None:
     """`ProtocolError` when the values of a reply are out of range."""
     if not valid:
-        raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=what)
+        raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=tr(what))
 
 
 def parse_accepted(reply: bytes) -> bool:
