@@ -69,6 +69,7 @@ ADDED = {
     "satellites of two-line elements, with their trails": 309,
     "comets with a sigma that grows, none whose place nobody knows": 43,
     "files of elements that are dropped on the window": 55,
+    "bodies in the table of a frame's objects": 11,
     "closed outlines with names beside them, fields called by named nebulae": 6,
     "bodies of the Solar System in the sky layer and on their cards": 79,
     "the sky layer and names beside a second source in a bench": 105,

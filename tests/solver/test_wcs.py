@@ -1,5 +1,8 @@
 """The WCS that astropy reads back is our own projection, wherever the camera points."""
 
+import re
+import shutil
+import subprocess
 import warnings
 
 import numpy as np
@@ -106,6 +109,22 @@ def test_wcs_file_is_one_card_a_line_and_fits_at_once(tmp_path):
         assert disagreement_px(answer, header) < 0.1
     assert WCS(str(path)).has_celestial
     assert wcs_text(answer) == path.read_text("ascii")
+
+
+@pytest.mark.skipif(shutil.which("wcs-xy2rd") is None, reason="astrometry.net is not installed")
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_astrometry_net_reads_the_wcs_file_as_its_own(tmp_path, mirrored):
+    camera = Camera(1280, 960, 3000.0, 650.0, 470.0, k1=-0.05, mirrored=mirrored)
+    answer = Solution(camera, attitude_from(84.0, -3.0, 20.0), (), 0.2, -30.0, "")
+    write_wcs(answer, tmp_path / "a.wcs")
+    for x, y in ((0.0, 0.0), (1279.0, 959.0), (300.0, 800.0)):
+        place = ["-x", f"{x + 1.0}", "-y", f"{y + 1.0}"]
+        told = subprocess.run(
+            ["wcs-xy2rd", "-w", tmp_path / "a.wcs", *place], capture_output=True, text=True, check=True
+        )
+        ra, dec = map(float, re.findall(r"[-\d.]+", told.stdout.split("RA,Dec")[1]))
+        off = np.linalg.norm(unit_vectors(ra, dec) - answer.sky_at(np.array([[x, y]]))[0])
+        assert off * camera.focal_px < 0.01
 
 
 def test_wcs_file_that_cannot_be_written_raises(tmp_path):

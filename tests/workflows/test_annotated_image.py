@@ -233,12 +233,21 @@ def test_values_of_a_grid_stand_free_of_names_and_the_credit():
 
 def test_the_table_lists_what_is_in_the_frame():
     answer = solution()
-    rows = {row["name"]: row for row in csv.DictReader(io.StringIO(objects_csv(answer)))}
+    rows = {row["name"]: row for row in csv.DictReader(io.StringIO(objects_csv(BARE, answer)))}
     flame = rows["NGC 2024"]
     assert "Flame Nebula" in flame["names"]
     place = answer.sky_at(np.array([[float(flame["x"]), float(flame["y"])]]))[0]
     assert radec_deg(place) == pytest.approx((float(flame["ra_deg"]), float(flame["dec_deg"])), abs=1e-3)
     assert (rows["M 42"]["major_arcmin"], rows["M 42"]["type"]) == ("90", "Cl+N")
+    frame = replace(BARE, hint=Hint(time_utc=datetime(2023, 11, 3, 22, 0, tzinfo=UTC)))
+    first = next(csv.DictReader(io.StringIO(objects_csv(frame, solution(39.9, 14.0)))))
+    assert (first["name"], first["type"]) == ("Jupiter", "planet")
+    assert (float(first["ra_deg"]), float(first["dec_deg"])) == pytest.approx((38.125, 13.496), abs=0.01)  # PyEphem's
+    assert float(first["major_arcmin"]) == pytest.approx(0.82, abs=0.02)
+    assert first["minor_arcmin"] == first["pa_deg"] == ""
+
+
+BARE = Frame(np.zeros((960, 1280), np.uint8))
 
 
 def test_regions_have_the_galaxy_as_it_lies_and_the_planets_of_the_night():

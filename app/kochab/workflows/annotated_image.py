@@ -327,20 +327,27 @@ def _png_text(key: str, content: bytes) -> "PngInfo":
     return info
 
 
-def objects_csv(solution: Solution) -> str:
-    """The deep-sky objects of the frame, the best known first: px, ICRS degrees, magnitude, sizes in arcmin, PA."""
+def objects_csv(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:
+    """The bodies and deep-sky objects of the frame, the best known first.
+
+    Places in px and ICRS degrees, magnitudes, sizes in arcmin, position angles in degrees.
+    """
     tables = sky_tables()
     objects = tables.objects
     head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "major_arcmin", "minor_arcmin", "pa_deg")
     rows: list[tuple[object, ...]] = [head]
-    for mark in in_frame(tables, solution).marks:
+    for mark in in_frame(tables, solution, also=run(body_marks(frame, solution, more=more))).marks:
         if mark.kind != "star":
-            k = mark.row
-            ra, dec = radec_deg(objects.vector[k])
-            sizes = (objects.mag[k], objects.major[k], objects.minor[k], objects.pa_deg[k])
+            k, body, names = mark.row, mark.body, ""
+            if body is not None:
+                ra, dec = body.ra_deg, body.dec_deg
+                sizes = (body.magnitude, body.diameter_arcsec / 60.0 or np.nan, np.nan, np.nan)
+            else:
+                (ra, dec), names = radec_deg(objects.vector[k]), ";".join(objects.names(k)[1:])
+                sizes = (objects.mag[k], objects.major[k], objects.minor[k], objects.pa_deg[k])
             place = (f"{mark.xy[0]:.2f}", f"{mark.xy[1]:.2f}", f"{ra:.5f}", f"{dec:.5f}")
             told = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
-            rows.append((mark.short, ";".join(objects.names(k)[1:]), mark.kind, *place, *told))
+            rows.append((mark.short, names, mark.kind, *place, *told))
     return csv_text(rows)
 
 

@@ -59,7 +59,11 @@ EXPORTS = (
         lambda f, s, p: write_solved_copy(s, f.path, p),
     ),
     Export(
-        "objects", tr_noop("&Objects as CSV…"), "-objects.csv", CSV, lambda _, s, p: write_atomically(p, objects_csv(s))
+        "objects",
+        tr_noop("&Objects as CSV…"),
+        "-objects.csv",
+        CSV,
+        lambda f, s, p: write_atomically(p, objects_csv(f, s, kept_elements())),
     ),
     Export("picture", tr_noop("Annotated &image…"), "-annotated.png", PICTURES, annotate),
 )
