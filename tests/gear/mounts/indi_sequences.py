@@ -35,7 +35,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
 from kochab.workflows.nudge import nudge
 from tests.gear.cameras.own_network import own_network
-from tests.gear.mounts.sequences import LOW_DEG, PAST_DEG, altitude_deg, ordered, place_of_axes
+from tests.gear.mounts.sequences import FALLS_DEG, LOW_DEG, PAST_DEG, altitude_deg, ordered, place_of_axes
 from tests.simulate import responder_indi
 
 SITE = Site(50.0, 8.0)
@@ -121,7 +121,7 @@ class Evening:
         self.counts["looks at a motion of ours"] += 1
         beyond = OWN_WAY_DEG if "PARK" in self.kind else TOLERANCE_DEG
         turned = self.device == SIMULATOR and self.kind.endswith("_NS") and altitude > self.began_deg - NUDGE_DEG
-        if altitude < LOW_DEG - beyond and altitude < was_high and not turned:
+        if altitude < LOW_DEG - beyond and altitude < was_high - FALLS_DEG and not turned:
             self.found(f"{altitude:.1f} deg high")
         elif weights > 90.0 + PAST_DEG + TOLERANCE_DEG and weights > was_out:
             self.found(f"the weights {weights:.1f} deg from below")
