@@ -140,7 +140,10 @@ def write_packages(folder, bright, faint, tycho, listed):
     (home / "hip_pm.dat").write_text("# HIP\tpmRA\tpmDE\n" + pm)
     (home / "cross-id.dat").write_text("# HIP\t\tSAO\tHD\tHR\n91262\t\t67174\t172167\t7001\n7\t\t\t5\n")
     (home / "name.fab").write_text("91262|α_Lyr\n91262|3_Lyr\n7|61_Cyg_A\n")
-    (home / "gcvs_hip_part.dat").write_text("7\tR And\tM\n")
+    (home / "gcvs_hip_part.dat").write_text(
+        "7\tR And\tM\t5.8\t0\t15.2\t\tV\t53820.\t409.2\t38\tS3\n8\tX Cyg\tEA\t6\t1\t0.5\t\tHp\t\t2.5\t\tA\n"
+        "9\tY Lyr\tRCB\t8.3\t2\t16.5\t\tV\t\t\t\tR\n4\tCut\tM\n91262\tZ Lyr\tCST\t9.4\t0\t\t\tV\t\t\t\tK\n"
+    )
     (western / "star_names.fab").write_text('# x\n 91262|_("Vega") 1,2\n91262|_("Harp star") 3\n')
     (western / "constellationship.fab").write_text("Lyr 2  91262 7 7 8\nCyg 1  8 91262\n")
     ephemeris_file(folder / "de421.bsp")

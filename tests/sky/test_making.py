@@ -127,6 +127,13 @@ def test_figures_are_written_as_chains(built):
     assert lines == ["constellation\thip", "Lyr\t91262 7 8", "Cyg\t8 91262"]
 
 
+def test_variables_have_their_minimum_an_amplitude_or_a_limit(built):
+    """R And's is given; X Cyg is 0.5 fainter; Y Lyr's minimum is below 16.5, which is no minimum; CST is constant."""
+    rows = (built[2] / "variables.tsv").read_text().splitlines()
+    assert rows[1:] == ["7\tM\tV\t5.8\t15.2\t409.2", "8\tEA\tHp\t6\t6.5\t2.5", "9\tRCB\tV\t8.3\t\t"]
+    assert built[1]["counts"]["variable stars"] == 3
+
+
 def test_objects_bring_numbers_sizes_and_the_names_of_both_sources(built):
     rows = [line.split("\t") for line in (built[2] / "objects.tsv").read_text().splitlines()]
     by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
@@ -163,7 +170,7 @@ def test_the_same_sources_give_the_same_bytes(sky, built, tmp_path):
     run(build(sky, tmp_path))
     names = sorted(p.name for p in built[2].iterdir())
     assert names == sorted(p.name for p in tmp_path.iterdir())
-    assert len(names) == 10
+    assert len(names) == 11
     for name in names:
         assert (tmp_path / name).read_bytes() == (built[2] / name).read_bytes(), name
 

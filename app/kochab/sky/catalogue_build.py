@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -175,7 +176,7 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
     return result
 
 
-TABLES = ("names.tsv", "objects.tsv", "lines.tsv", "outlines.tsv", "boundaries.tsv")
+TABLES = ("names.tsv", "variables.tsv", "objects.tsv", "lines.tsv", "outlines.tsv", "boundaries.tsv")
 FILES = ("deep.kcat", "bright.kcat", "ephemeris.kcat", "small_bodies.kcat", *TABLES, "manifest.json")
 """What :func:`build` writes into its folder."""
 
@@ -192,6 +193,7 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     write_bright(out / "bright.kcat", bright, src.cross)
     write_names(out / "names.tsv", src)
     files = src.files
+    counts["variable stars"] = write_variables(files["gcvs_hip_part.dat"], set(src.stars.hip.tolist()), out)
     counts |= write_objects(files["ongc.db"], files["catalog.dat"], files["names.dat"], out / "objects.tsv")
     counts["constellation segments"] = write_lines(files["constellationship.fab"], out / "lines.tsv")
     counts["outlines"] = write_outlines(files["outlines.dat"], out / "outlines.tsv")
@@ -245,3 +247,24 @@ def write_names(path: Path, src: Sources) -> None:
         if hip in known
     ]
     write_whole(path, ["\n".join(["hip\tname\tdesignation\talso", *rows, ""]).encode("utf-8")])
+
+
+def write_variables(gcvs: Path, known: set[int], out: Path) -> int:
+    """Write ``variables.tsv``, the variable stars of the list: type, band, brightest, faintest, period; how many.
+
+    The GCVS gives a minimum, an amplitude, or a limit that the minimum is fainter than, which is left out.
+    """
+    rows = {}
+    for line in gcvs.read_text("utf-8").splitlines():
+        cells = [cell.strip() for cell in line.split("\t")]
+        if len(cells) < 10 or not cells[0].isdecimal() or int(cells[0]) not in known or cells[2].startswith("CST"):
+            continue
+        brightest, kind, least, band, period = cells[3], cells[4], cells[5], cells[7], cells[9]
+        with suppress(ValueError):  # a magnitude that is not known
+            faintest = {"0": float(least), "1": float(brightest) + float(least)}.get(kind)
+            told = "" if faintest is None else f"{faintest:g}"
+            days = f"{float(period):g}" if period else ""
+            rows[int(cells[0])] = f"{cells[0]}\t{cells[2]}\t{band}\t{float(brightest):g}\t{told}\t{days}"
+    table = ["hip\ttype\tband\tbrightest\tfaintest\tperiod_d", *(rows[hip] for hip in sorted(rows)), ""]
+    write_whole(out / "variables.tsv", ["\n".join(table).encode("utf-8")])
+    return len(rows)

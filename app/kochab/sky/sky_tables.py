@@ -40,17 +40,29 @@ class NamedStars(Table):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Variable:
+    """A variable star by the GCVS: type, band, magnitudes at maximum and minimum, period in days; NaN is unknown."""
+
+    kind: str
+    band: str
+    brightest: float
+    faintest: float
+    period_d: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SkyTables:
     """All of it. ``lines`` are chains of vectors by what they are; ``outlines`` by the row of their object.
 
     ``texts`` are the objects' designations, and these with their common names. ``ranks`` (N,) say how
-    soon an object is named, as magnitudes; inf for single stars and what is no object.
+    soon an object is named, as magnitudes; inf for single stars and what is no object. ``variables`` go by HIP number.
     """
 
     objects: SkyObjects
     ranks: Floats
     texts: tuple[tuple[str, str], ...]
     stars: NamedStars
+    variables: dict[int, Variable]
     lines: dict[str, tuple[Floats, ...]]
     outlines: dict[int, tuple[Floats, ...]]
 
@@ -85,6 +97,15 @@ def _chains(path: Path) -> list[tuple[str, Floats]]:
         places = [(head, np.array(rest.split(), dtype=np.float64).reshape(-1, 2)) for head, rest in lines]
         return [(head, unit_vectors(*place.T)) for head, place in places]
     except (OSError, ValueError):
+        raise CatalogueError("The table {path} is missing or damaged.", path=path) from None
+
+
+def _variables(path: Path) -> dict[int, Variable]:
+    try:
+        lines = (line.split("\t") for line in path.read_text("utf-8").splitlines()[1:])
+        rows = ((int(hip), kind, band, [float(value or "nan") for value in rest]) for hip, kind, band, *rest in lines)
+        return {hip: Variable(kind, band, *told) for hip, kind, band, told in rows}
+    except (OSError, ValueError, TypeError):
         raise CatalogueError("The table {path} is missing or damaged.", path=path) from None
 
 
@@ -146,4 +167,4 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
     }
     texts = ((objects.designation(row), name.partition(",")[0]) for row, name in enumerate(objects.common.tolist()))
     names_of = tuple((short, f"{short} {name}".strip()) for short, name in texts)
-    return SkyTables(objects, ranks_of(objects), names_of, stars, lines, outlines)
+    return SkyTables(objects, ranks_of(objects), names_of, stars, _variables(folder / "variables.tsv"), lines, outlines)

@@ -65,9 +65,29 @@ def test_a_double_stars_card_has_its_companion_as_in_the_wds_of_1991(hip, arcsec
     assert stars.pair[row] == pytest.approx((arcsec, pa_deg, mag), abs=1.0)
     assert stars.pair[row, 0] == pytest.approx(arcsec, abs=0.1)
     told = facts(sky_tables(), replace(mark_of("Alnilam")[0], row=row), solution, AngleStyle.SEXAGESIMAL, None)
-    assert told["Double"].startswith(f"{stars.pair[row, 0]:.1f}″ at {stars.pair[row, 1]:.0f}°, component of ")
+    assert told["Double"].startswith(f"{stars.pair[row, 0]:.1f}″ at {stars.pair[row, 1]:.0f}°, ")
     single = facts(sky_tables(), mark_of("Alnilam")[0], solution, AngleStyle.SEXAGESIMAL, None)
     assert "Double" not in single
+
+
+@pytest.mark.parametrize(
+    ("hip", "said"),
+    [
+        (10826, "Mira star, V 2–10.1, period 331.96 d"),
+        (14576, "eclipsing, V 2.12–3.39, period 2.8673 d"),
+        (110991, "Cepheid, V 3.48–4.37, period 5.3662 d"),
+        (92207, "GCVS type RCB, V 8.3"),
+    ],
+    ids=["omicron Cet", "Algol", "delta Cep", "V CrA"],
+)
+def test_a_variables_card(hip, said):
+    """The GCVS's own lines of them; V CrA's minimum is only known to be below 16.5."""
+    stars = sky_tables().stars
+    mark = replace(mark_of("Alnilam")[0], row=stars.hip.tolist().index(hip))
+    assert facts(sky_tables(), mark, fake_solution(600, 400), AngleStyle.SEXAGESIMAL, None)["Variable"] == said
+    assert "Variable" not in facts(
+        sky_tables(), mark_of("Alnitak")[0], fake_solution(600, 400), AngleStyle.DECIMAL, None
+    )
 
 
 def test_a_planets_card_tells_where_it_was():

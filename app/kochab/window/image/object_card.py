@@ -1,5 +1,6 @@
 """An object, a star or a place of the frame: its card, with what it is and how high tonight, and its menu."""
 
+import re
 from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
 from functools import partial
@@ -18,7 +19,7 @@ from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
 from kochab.sky.landmarks import constellation_at
 from kochab.sky.layer import Mark
-from kochab.sky.sky_tables import SkyTables
+from kochab.sky.sky_tables import SkyTables, Variable
 from kochab.sky.solar_system import AU_KM, BodyKind
 from kochab.window.widgets import button, column, copy_text, label, row, styled_frame
 
@@ -44,6 +45,21 @@ KINDS = {
     "SNR": tr_noop("Supernova remnant"),
     "star": tr_noop("Star"),
 }
+VARIABLES = {
+    "M": tr_noop("Mira star"),
+    **dict.fromkeys(("SR", "SRA", "SRB", "SRC", "SRD", "SRS"), tr_noop("semiregular")),
+    **dict.fromkeys(("L", "LB", "LC"), tr_noop("slow irregular")),
+    **dict.fromkeys(("E", "EA", "EB", "EW"), tr_noop("eclipsing")),
+    **dict.fromkeys(("CEP", "DCEP", "DCEPS", "CWA", "CWB"), tr_noop("Cepheid")),
+    **dict.fromkeys(("RR", "RRAB", "RRC"), tr_noop("RR Lyrae star")),
+    **dict.fromkeys(("DSCT", "DSCTC", "SXPHE"), tr_noop("Delta Scuti star")),
+    **dict.fromkeys(("ACV", "ACVO", "SXARI", "BY", "FKCOM"), tr_noop("rotating")),
+    **dict.fromkeys(("BE", "GCAS"), tr_noop("Be star")),
+    **dict.fromkeys(("RV", "RVA", "RVB"), tr_noop("RV Tauri star")),
+    "UV": tr_noop("flare star"),
+    "ELL": tr_noop("ellipsoidal"),
+}
+"""The GCVS's types in words."""
 SIMBAD, ALADIN = "https://simbad.cds.unistra.fr/simbad/", "https://aladin.cds.unistra.fr/AladinLite/"
 KNOWN = ("HIP ", "M ", "NGC ", "IC ")  # as Simbad spells them
 TURN_H = 23.9344696  # of the sky
@@ -73,8 +89,10 @@ def facts(
         told["V"] = number(tables.stars.mag[mark.row], ".2f")
         away, pa_deg, mag = tables.stars.pair[mark.row].tolist()
         if np.isfinite(away):
-            double = tr("{away:.1f}″ at {pa:.0f}°, component of {mag:.1f} mag (1991)", away=away, pa=pa_deg, mag=mag)
+            double = tr("{away:.1f}″ at {pa:.0f}°, {mag:.1f} mag (1991)", away=away, pa=pa_deg, mag=mag)
             told[tr("Double")] = double
+        if (varies := tables.variables.get(int(tables.stars.hip[mark.row]))) is not None:
+            told[tr("Variable")] = variable_text(varies)
         hip = f"HIP {tables.stars.hip[mark.row]}"
         told[tr("Catalogue")] = hip
         residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")
@@ -98,6 +116,16 @@ def facts(
     if horizon is not None:
         told[tr("Now")], told[tr("Highest")] = heights(vector, horizon)
     return told
+
+
+def variable_text(star: Variable) -> str:
+    """Its type in words, or as the GCVS writes it; between which magnitudes, and how fast."""
+    plain = re.split(r"[/:+(]", star.kind)[0]
+    said = tr(VARIABLES.get(plain, "")) or tr("GCVS type {kind}", kind=star.kind or "?")
+    low, high = (number(mag, ".2f").rstrip("0").rstrip(".,") for mag in (star.brightest, star.faintest))
+    unknown = not np.isfinite(star.faintest)
+    text = f"{said}, {star.band} {low}" if unknown else f"{said}, {star.band} {low}–{high}"
+    return text + (tr(", period {days:.5g} d", days=star.period_d) if np.isfinite(star.period_d) else "")
 
 
 def heights(vector: Floats, horizon: "Horizon") -> tuple[str, str]:
