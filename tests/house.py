@@ -78,7 +78,7 @@ ADDED = {
     "go to, centre, copy and search from the image": 145,
     "the companion of a double star on its card": 13,
     "layers chosen for the annotated pictures of kochab solve": 31,
-    "variable stars: type, magnitudes, period": 71,
+    "variable stars: type, magnitudes, period": 72,
     "a tripod that sinks, a camera that creeps, a bearing that wobbles": 88,
     "creep that frames can't show in the ellipse, a bench of mounts that give way": 270,
     "good enough? for the frames that a person wants to take": 80,
