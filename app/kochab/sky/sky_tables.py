@@ -81,8 +81,8 @@ def _named_stars(names: "StarNames") -> NamedStars:
     step = motion[0] * east + motion[1] * np.cross(vector, east)
     labels = np.array([names.label(row)[1] for row in rows.tolist()])
     other = np.minimum(rows + 1, len(column("hip")) - 1)
-    across, up = (np.int64(column(name)[other]) - np.int64(column(name)[rows]) for name in ("ra", "dec"))
-    across = (across + 2**31) % 2**32 - 2**31  # the shorter way round
+    # as int32 the difference is the shorter way round, across 0h too
+    across, up = ((column(name)[other] - column(name)[rows]).astype(np.int32) for name in ("ra", "dec"))
     offset = np.stack([across * np.cos(dec), up], axis=1) * (1296000.0 / 2**32)
     pa_deg = np.degrees(np.arctan2(*offset.T)) % 360.0
     pair = np.stack([np.hypot(*offset.T), pa_deg, column("mag")[other] * 1e-3], axis=1)
