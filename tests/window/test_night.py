@@ -4,12 +4,13 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer
+from PySide6.QtCore import QEvent, QObject, QPoint, Qt, QTimer
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QPushButton, QToolTip
 
 from kochab.core.frame import Frame
 from kochab.window.shell.dialogs import ask_frames, ask_save, tell
+from kochab.window.shell.preferences import Preferences
 from kochab.window.themes import THEMES
 from tests.window.fakes import FakeEngine, no_solution, star_field
 
@@ -96,6 +97,28 @@ def test_menus_lists_boxes_and_tips_are_red(qtbot, night):
     for tip in tips:
         assert_red(tip)
     QToolTip.hideText()
+
+
+def test_the_menu_of_a_place_and_the_layers_in_the_preferences_are_red(qtbot, night):
+    window, commands = night
+    qtbot.waitUntil(lambda: commands.presenter.overlay.tables is not None)
+    menu = commands.show_place_menu((300.0, 200.0, 5.0), QPoint(20, 20))
+    assert_red(menu)
+    online = next(action.menu() for action in menu.actions() if action.menu() is not None)
+    online.popup(QPoint(30, 30))
+    assert_red(online)
+    menu.close()
+    commands.actions["layers"].trigger()
+    dialog = window.findChild(Preferences)
+    box = dialog.colours["figures"]
+    box.setCurrentIndex(3)
+    box.activated.emit(3)
+    box.showPopup()
+    assert_red(box.view().window())
+    box.hidePopup()
+    assert_red(dialog)
+    assert_red(window)
+    dialog.close()
 
 
 def test_states_of_controls_are_red(qtbot, night):

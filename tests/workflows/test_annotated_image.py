@@ -178,6 +178,8 @@ def test_what_is_off_is_not_drawn_and_the_colour_is_the_chosen_one():
         drawn = drawing_of(answer, layers=layers, horizon=evening, detected=found)
         return {ink[:7] for _, ink, _ in drawn.strokes} | {ink for *_, ink in drawn.words}
 
+    own = drawing_of(answer, layers=everything, detected=answer.stars_px).strokes
+    assert INKS["detected"] not in {ink[:7] for _, ink, _ in own}  # an identified star has its own circle
     drawn = inks(everything)
     for layer in {*MARKS} - {"bodies", "compass"}:
         chosen = inks(replace(everything, colour={layer: "#123456"}))

@@ -247,6 +247,12 @@ def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach
                 yield good
 
 
+def among(xy: Floats, stars: Floats) -> Bools:
+    """Which places (N, 2) are those of one of the stars (M, 2), to 0.01 px."""
+    grid = np.array([1.0, 1e7])
+    return np.isin(np.rint(xy * 100.0) @ grid, np.rint(stars * 100.0) @ grid)
+
+
 def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: float = 0.5) -> dict[str, float]:
     """The ranks down to which stars and objects are named: fewer in a wide view, more in a narrow one.
 

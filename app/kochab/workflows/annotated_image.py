@@ -36,6 +36,7 @@ from kochab.sky.layer import (
     Layers,
     Mark,
     View,
+    among,
     in_frame,
     labels,
     outlined,
@@ -181,6 +182,8 @@ def _grids(solution: Solution, layers: Layers, horizon: SiteSky | None) -> dict[
 
 def _circles(solution: Solution, layers: Layers, detected: Floats, unit: float, line: float) -> list[Stroke]:
     """Those of detections and identified stars, and the cross in the centre, where they are on."""
+    if layers.on["identified"]:  # which have circles of their own
+        detected = detected[~among(detected, solution.stars_px)]
     rings = {"detected": (detected, 4.5), "identified": (solution.stars_px, 8.0)}
     made = [
         (place + radius * unit * CIRCLE, f"{_ink(layers, layer, layer)}ff", line)

@@ -25,6 +25,7 @@ from kochab.sky.layer import (
     Mark,
     SkyInFrame,
     View,
+    among,
     in_frame,
     mark_at,
     outlined,
@@ -256,7 +257,7 @@ class Overlay:
             self._sky, self.picked, self.bodies = None, None, ()
         self.detected, self.solution, self.selected = detected, solution, None
         self._stars = np.empty((0, 2)) if solution is None else solution.stars_px
-        self._others = detected[~_among(detected, self._stars)]
+        self._others = detected[~among(detected, self._stars)]
 
     def clear(self) -> None:
         self.show(np.empty((0, 2)), None)
@@ -387,12 +388,6 @@ def _path(lines: tuple[Floats, ...]) -> QPainterPath:
     for line in lines:
         path.addPolygon(QPolygonF([QPointF(x, y) for x, y in line.tolist()]))
     return path
-
-
-def _among(xy: Floats, stars: Floats) -> NDArray[np.bool_]:
-    """Which places (N, 2) are those of one of the stars (M, 2), to 0.01 px."""
-    grid = np.array([1.0, 1e7])
-    return np.isin(np.rint(xy * 100.0) @ grid, np.rint(stars * 100.0) @ grid)
 
 
 def _edges(view: Viewport, solution: Solution | None) -> QRectF:
