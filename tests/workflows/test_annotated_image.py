@@ -219,6 +219,19 @@ def test_the_horizon_is_drawn_where_and_when_the_frame_says_so():
         assert not [text for text in texts(less) if text.startswith(("alt ", "az "))]
 
 
+@pytest.mark.parametrize(("ra", "dec", "name"), [(60.0, 20.0, "Ecliptic"), (84.0, 29.0, "Galactic equator")])
+def test_a_circle_of_the_sky_is_named_once_and_on_itself(ra, dec, name):
+    picture = solution(ra, dec, fov_deg=20.0)
+    on = dict.fromkeys(MARKS, False) | {"ecliptic": True, "galactic": True}
+    drawn = drawing_of(picture, layers=Layers(on))
+    (place,) = [place for place, text, _ in drawn.words if text == name]
+    ink = INKS["ecliptic" if name == "Ecliptic" else "galaxy"]
+    line = np.concatenate([xy for xy, of, _ in drawn.strokes if of[:7] == ink])
+    dense = np.column_stack([np.interp(np.linspace(0, 1, 500), np.linspace(0, 1, len(line)), side) for side in line.T])
+    assert np.hypot(*(dense - place).T).min() < 3.0 * drawn.letter
+    assert not [text for _, text, _ in drawing_of(picture).words if text == name]  # while it is off
+
+
 def test_values_of_a_grid_stand_free_of_names_and_the_credit():
     letter = drawing_of(solution()).letter
     font = font_of(letter)

@@ -1,11 +1,12 @@
 """The lines of RA and Dec, or of azimuth and altitude, on a solved frame or on the part of it that is seen."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from kochab.core import tr
+from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors, wrapped
 from kochab.core.solution import Solution
@@ -20,18 +21,23 @@ FAR_PX = 1e5
 NORTH_EAST_UP = [1, 0, 2]  # of east, north, up, and back: azimuth runs from north through east
 
 
+NAMED = {"ecliptic": tr_noop("Ecliptic"), "galactic": tr_noop("Galactic equator")}
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GridLine:
     """One line: ``xy`` (N, 2) image px with NaN where it is out of sight, and its value."""
 
-    kind: str  # "ra" or "dec", "az" or "alt"
+    kind: str  # "ra" or "dec", "az" or "alt", or a name of NAMED, which has no value
     value_deg: float
     step_deg: float
     xy: Floats
 
     @property
     def text(self) -> str:
-        """Its value, as fine as its step needs."""
+        """Its value, as fine as its step needs, or its name."""
+        if self.kind in NAMED:
+            return tr(NAMED[self.kind])
         units, whole_deg, turn = ("hms", 15.0, 24) if self.kind == "ra" else ("°′″", 1.0, 360)
         sign = "" if self.kind in ("ra", "az") else "−" if self.value_deg < 0 else "+"
         minutes, s = divmod(round(abs(self.value_deg) / whole_deg * 3600.0), 60)
@@ -51,6 +57,12 @@ class GridLine:
             return None
         best = int(np.where(inside, y if self.kind in ("ra", "az") else -x, -np.inf).argmax())
         return float(x[best]), float(y[best])
+
+
+def named_lines(lines: Mapping[str, Sequence[Floats]], on: Mapping[str, bool]) -> dict[str, list[GridLine]]:
+    """Of the lines (N, 2) of each kind in a frame that is :data:`NAMED` and on, the longest: one name is enough."""
+    drawn = {kind: lines[kind] for kind in NAMED if on[kind] and lines[kind]}
+    return {kind: [GridLine(kind, 0.0, 1.0, max(parts, key=len))] for kind, parts in drawn.items()}
 
 
 class SiteSky(Protocol):

@@ -52,8 +52,10 @@ LINES = {
     "grid": ("grid", 85),
     "altaz": ("horizon", 85),
 }
-DOTTED = "boundaries"
 """The layers that are lines: their colours' names in a theme, and how opaque they are, of 255."""
+DOTTED = "boundaries"
+TEXTS = {"grid": "grid_text", "altaz": "horizon_text", "ecliptic": "ecliptic", "galactic": "galaxy"}
+"""Layers of lines that say what they are, and in which colour of the theme."""
 AMOUNTS = dict.fromkeys((*LAYER_OF.values(), *LINES), 0.5) | {"bodies": 1.0}
 """The layers with more or less of them, and how much at first, 0..1: the density of names, the strength of lines."""
 OUTLINE = 190  # how opaque an outline is, of 255

@@ -20,7 +20,7 @@ from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import avm_packet, compass, csv_text, ds9_regions
-from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, pieces
+from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.polar.horizon import horizon_of
 from kochab.sky.frame_bodies import body_marks
@@ -33,6 +33,7 @@ from kochab.sky.layer import (
     MARKS,
     OUTLINE,
     SHOWN,
+    TEXTS,
     Layers,
     Mark,
     View,
@@ -144,8 +145,8 @@ def drawing_of(
             ring = label.mark.xy + CIRCLE * DOT_PX / scale
             made.strokes.append((ring, f"{ink_of(label.mark)}{OUTLINE:02x}", line))
     words = [(label.box, label.text, ink_of(label.mark)) for label in shown]
-    for kind, drawn in grids.items():
-        ink = _ink(layers, kind, f"{LINES[kind][0]}_text")
+    for kind, drawn in {**named_lines(sky.lines, layers.on), **grids}.items():
+        ink = _ink(layers, kind, TEXTS[kind])
         for one in drawn:
             width, height = size(one.text)
             if (spot := one.spot(view.to_screen(one.xy), *view.bounds)) is not None:

@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
-from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, pieces
+from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces
 from kochab.sky.layer import (
     DOT_PX,
     DOTTED,
@@ -20,6 +20,7 @@ from kochab.sky.layer import (
     LAYER_OF,
     LINES,
     OUTLINE,
+    TEXTS,
     Label,
     Layers,
     Mark,
@@ -298,8 +299,9 @@ class Overlay:
         circles(brush, self.circled, brush.ink("detected", "detected"), DETECTED_PX, 1.0)
         if solution is not None:
             self._solved(brush, solution, edges)
-        for kind, lines in grids.items():
-            sky_labels(brush, lines, edges, brush.ink(kind, f"{LINES[kind][0]}_text"))
+        named = {} if self.sky is None else named_lines(self.sky.lines, self.layers.on)
+        for kind, lines in {**named, **grids}.items():
+            sky_labels(brush, lines, edges, brush.ink(kind, TEXTS[kind]))
 
     def _solved(self, brush: Brush, solution: Solution, edges: QRectF) -> None:
         if self.layers.on["identified"]:
