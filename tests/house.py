@@ -73,7 +73,7 @@ ADDED = {
     "closed outlines with names beside them, fields called by named nebulae": 6,
     "bodies of the Solar System in the sky layer and on their cards": 79,
     "the sky layer and names beside a second source in a bench": 105,
-    "a grid of altitude and azimuth": 64,
+    "a grid of altitude and azimuth, the circles of the sky with their names": 81,
     "amounts and colours of layers, and exports that show the same": 264,
     "go to, centre, copy and search from the image": 145,
     "the companion of a double star on its card": 13,
