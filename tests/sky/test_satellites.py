@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sgp4.io import fix_checksum
 
 from kochab.core.attitude import apart_deg, attitude_from, unit, unit_vectors
 from kochab.core.camera import Camera
@@ -253,6 +254,7 @@ def test_kept_files_are_read_the_newest_first_and_again_when_they_change(tmp_pat
         ("a.tle", "\n".join([*ISS, ISS[1]]), "line 4"),
         ("a.tle", "\n".join([ISS[1], ISS[1], ISS[2]]), "line 1"),
         ("a.tle", "\n".join([ISS[1], ISS[2][:30]]), "line 1"),
+        ("a.tle", "\n".join(fix_checksum(line) for line in (ISS[1].replace("19343.69", "19343.E9"), ISS[2])), "line 1"),
         ("a.json", json.dumps([OMM, {**OMM, "ECCENTRICITY": "wide"}]), "entry 2"),
         ("a.json", json.dumps([OMM])[:-1], "line 1"),
         ("a.csv", "OBJECT_NAME,MEAN_MOTION\nISS,15.5\n", "line 2"),

@@ -111,7 +111,7 @@ class Satellites:
         ra, dec = trail[middle]
         km = float(np.linalg.norm(places[lit[middle]]))
         sigma = float(np.degrees(np.hypot(sigma_km, CLOCK_S * speed_km_s[lit[middle]]) / km)) * 3600.0
-        if sigma > MOST_ARCSEC:
+        if not sigma <= MOST_ARCSEC:
             return None
         kind, moved = BodyKind.SPACECRAFT, tuple(trail) if len(trail) > 1 else ()
         return Body(self.names[k], kind, ra, dec, km / AU_KM, np.nan, 0.0, np.nan, sigma, moved)
@@ -132,8 +132,7 @@ def topocentric_km(orbits: Sequence[Any], observer: Observer, seconds: Floats) -
     part = date - whole + seconds / 86400.0
     failed, places, velocities = SatrecArray(list(orbits)).sgp4(whole, part)
     places = np.where(failed[:, :, None] == 0, places, np.nan)
-    tt = observer.jd_tdb[0] - whole + seconds / 86400.0
-    apparent = erfa.gst06a(whole, part, whole, tt)
+    apparent = erfa.gst06a(whole, part, whole, observer.jd_tdb[0] - whole + seconds / 86400.0)
     site = observer.site
     ground = erfa.gd2gc(1, np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m) / 1e3
     here = _turned(np.broadcast_to(ground, (len(seconds), 3)), apparent)
@@ -185,7 +184,7 @@ def read_satellites(name: str, text: str) -> Satellites:
         for where, called, given in _elements(text):  # noqa: B007
             orbit = _orbit(given)
             found[called or f"NORAD {orbit.satnum}"] = orbit
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError):
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError):
         raise CatalogueError(
             "Can't read {name}: {where} has no usable elements of a satellite.", name=name, where=where
         ) from None
@@ -231,6 +230,7 @@ def _orbit(given: Any) -> Any:
     else:
         orbit = Satrec()
         omm.initialize(orbit, {key: str(value) for key, value in given.items()})
-    if orbit.error or not np.isfinite(orbit.a) or orbit.sgp4(orbit.jdsatepoch, orbit.jdsatepochF)[0]:
+    date = orbit.jdsatepoch, orbit.jdsatepochF
+    if orbit.error or not 2.43e6 < sum(date) < 2.49e6 or not np.isfinite(orbit.a * orbit.ndot) or orbit.sgp4(*date)[0]:
         raise ValueError
     return orbit
