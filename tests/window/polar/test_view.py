@@ -33,6 +33,7 @@ from kochab.workflows.session.alignment import (
     mount_turner,
 )
 from kochab.workflows.session.alignment_state import AlignmentState
+from tests.window.polar.test_night import entry
 from tests.window.polar_cases import adjusting
 from tests.window.test_night import assert_red
 
@@ -493,6 +494,16 @@ def test_wishes_are_understood(polar):
     view.setup.fov.setText("wide")
     with pytest.raises(UsageError, match="field of view"):
         view.setup.request()
+
+
+@pytest.mark.parametrize(("spoils", "word"), [(False, "Done."), (True, "Not to be trusted")])
+def test_a_spoilt_measurement_does_not_end_in_green(polar, spoils, word):
+    _, view = polar()
+    finding = PolarFinding(PolarFindingKind.DISAGREE, "Something slipped.", spoils=spoils)
+    view.state = replace(adjusting(300.0, 20.0), findings=(finding,))
+    view._succeeded(History(entries=[entry(0, 300.0, "measured")]))
+    assert view.message.text().startswith(word)
+    assert view.message.property("role") == ("wrong" if spoils else "good")
 
 
 def test_an_empty_night_says_so(polar):

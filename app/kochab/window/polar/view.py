@@ -232,7 +232,10 @@ class PolarView(Page):
     def _succeeded(self, history: History) -> None:
         if history.entries:
             self.history.keep(history)
-            self.say(tr("Done. The report is in the Tonight tab."), "good")
+            if self.state.spoilt:
+                self.say(tr("Not to be trusted: see why above. The report is in the Tonight tab."), "wrong")
+            else:
+                self.say(tr("Done. The report is in the Tonight tab."), "good")
 
     def _ended(self, sentence: str, role: str) -> None:
         self.state = replace(
