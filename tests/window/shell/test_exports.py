@@ -17,7 +17,7 @@ from tests.window.fakes import FakeEngine, no_solution
 def commands(qtbot, settings, engine, a_file):
     window, commands = build(engine, settings, [], wiring=Wiring(lambda f, s: to_line(as_json(f, s))))
     qtbot.addWidget(window)
-    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+    with qtbot.waitSignal(commands.session.idle, timeout=60_000):
         commands.open(a_file)
     yield commands
     window.close()
@@ -98,7 +98,7 @@ def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, mo
 
     monkeypatch.setattr("kochab.window.shell.exports.ask_save", ask)
     menu = {a.objectName(): a for a in commands.window.menus.export.actions()}
-    with qtbot.waitSignal(commands.exporter.wrote, timeout=10_000):
+    with qtbot.waitSignal(commands.exporter.wrote, timeout=60_000):
         menu["export_regions"].trigger()
     assert asked == [tmp_path / "orion.reg"]
     assert (tmp_path / "chosen.reg").exists()
@@ -107,7 +107,7 @@ def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, mo
 def test_nothing_is_exported_without_a_solution(qtbot, make_window, a_file, tmp_path):
     window, commands = make_window(FakeEngine(result=no_solution()))
     assert not window.menus.export.isEnabled()
-    with qtbot.waitSignal(commands.session.idle, timeout=10_000):
+    with qtbot.waitSignal(commands.session.idle, timeout=60_000):
         commands.open(a_file)
     assert not window.menus.export.isEnabled()
     commands.exporter.write(commands.exporter.kinds["csv"], tmp_path / "a.csv")

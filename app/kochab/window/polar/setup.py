@@ -133,7 +133,7 @@ class AlignmentSetupPanel(Page):
         self.turn = number_field(tr("Rotation in RA"), 0, 120, PLANNED, 0, "°")
         self.turn.setSpecialValueText(tr("planned from the first frame"))
         self.turn.setSingleStep(5)
-        self.second = switch(tr("measure with a second sweep"), tr(SECOND_TIP))
+        self.second = switch(tr("second sweep"), tr(SECOND_TIP))
         self.second.setAccessibleName(tr("Second sweep at another declination"))
         self.fov = text_field(tr("Field of view"), tr("width in degrees, optional"))
         self.imaging = text_field(
