@@ -4,8 +4,7 @@ By construction a rendered field's noise is that of its pixels, its lens has one
 the middle, as real ones have, and its stars are where the catalogue has them; only the centroids, the matches and the
 fit are put to the test. A crop about the middle of a real frame has the lens, the sky and the mistakes of a real one:
 what it says of its centre is held against the whole frame. Both share the stars of the middle, a sixth or a quarter
-of the frame: the more they share the smaller is their difference, and three quarters of a side would seem to prove
-sigmas that are a quarter too large.
+of the frame: the more they share the smaller is their difference, and at three quarters of a side it proves too much.
 """
 
 import math

@@ -80,11 +80,10 @@ def soak(turns: int, folder: Path, report: Report) -> dict[str, Any]:
                 report(f"  {(turn + 1) * SOLVES_A_TURN} solves, {memory[-1][0]:.1f} MB own, {memory[-1][1]:.1f} in all")
     finally:
         live.close()
-    own_before, own_after = (float(np.median([own for own, _ in memory[end - few : end]])) for end in (warm, turns))
-    all_before, all_after = (
-        float(np.median([resident for _, resident in memory[max(0, end - 2 * few) : max(1, end - few)]]))
-        for end in (warm, turns)
-    )
+    seen = np.array(memory)
+    own_before, own_after = (float(np.median(seen[end - few : end, 0])) for end in (warm, turns))
+    before = [slice(max(0, end - 2 * few), max(1, end - few)) for end in (warm, turns)]
+    all_before, all_after = (float(np.median(seen[rows, 1])) for rows in before)
     hours = (camera.rig.clock.now_unix() - camera.rig.start_unix) / 3600.0
     return {
         "solves": turns * SOLVES_A_TURN,

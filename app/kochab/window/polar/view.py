@@ -232,10 +232,8 @@ class PolarView(Page):
     def _succeeded(self, history: History) -> None:
         if history.entries:
             self.history.keep(history)
-            if self.state.spoilt:
-                self.say(tr("Not to be trusted: see why above. The report is in the Tonight tab."), "wrong")
-            else:
-                self.say(tr("Done. The report is in the Tonight tab."), "good")
+            done = tr("Done. The report is in the Tonight tab."), "good"
+            self.say(*((tr("Not to be trusted: see why above."), "wrong") if self.state.spoilt else done))
 
     def _ended(self, sentence: str, role: str) -> None:
         self.state = replace(
