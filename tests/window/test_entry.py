@@ -18,7 +18,7 @@ def heard(monkeypatch):
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setattr(display_check, "_load_screen_plugin", lambda: None)
     monkeypatch.setattr(display_check, "_answers", lambda: True)
-    monkeypatch.setattr("kochab.window.application.run", lambda paths, **_: said.append(("window", paths)) or 0)
+    monkeypatch.setattr("kochab.window.application.run", lambda paths, *_: said.append(("window", paths)) or 0)
     monkeypatch.setattr("kochab.cli.main.main", lambda argv: said.append(("command", argv)) or 1)
     return said
 

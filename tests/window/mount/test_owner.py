@@ -25,7 +25,8 @@ from kochab.window.polar.alignment_run import OTHER_SKY, mount_is_still
 from kochab.workflows.session.alignment import AxisTurnedBy, FrameSource
 from tests.gear.mounts.bench import place
 from tests.window.mount_bench import connected
-from tests.window.polar.test_view import Nights, drive, polar
+from tests.window.polar.conftest import polar
+from tests.window.polar.test_view import Nights, drive
 from tests.window.polar_cases import adjusting
 
 __all__ = ["polar"]  # a fixture

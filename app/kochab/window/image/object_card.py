@@ -158,6 +158,10 @@ def links(tables: SkyTables, mark: Mark, vector: Floats, width_deg: float) -> di
     return {"Simbad": f"{SIMBAD}sim-id?{urlencode({'Ident': name})}", **found}
 
 
+AIMS = {"goto": tr_noop("&Go to"), "centre": tr_noop("C&entre")}
+"""What a mount may be asked for at a place of an image."""
+
+
 def place_menu(
     parent: QWidget,
     name: str,
@@ -169,15 +173,15 @@ def place_menu(
 ) -> QMenu:
     """What can be done with something at ``radec``, ICRS degrees; ``go`` takes an action's name and coordinates.
 
-    ``against`` says why the mount cannot "goto" or "centre" it. The network is used for a page that is chosen alone.
+    ``against`` says why the mount cannot do each of `AIMS`. The network is used for a page that is chosen alone.
     """
     menu = QMenu(parent)
     menu.addAction(name.replace("&", "&&") or radec_text(*radec, style)).setEnabled(False)
     menu.addSeparator()
     target = radec_plain(*radec, AngleStyle.DECIMAL)
-    for action, text in (("goto", tr("&Go to")), ("centre", tr("C&entre"))):
-        _add(menu, text, partial(go, action, target)).setEnabled(not against[action])
-    for reason in dict.fromkeys(why for action in ("goto", "centre") if (why := against[action])):
+    for action, text in AIMS.items():
+        _add(menu, tr(text), partial(go, action, target)).setEnabled(not against[action])
+    for reason in dict.fromkeys(filter(None, map(against.__getitem__, AIMS))):
         menu.addAction(reason).setEnabled(False)
     menu.addSeparator()
     _add(menu, tr("Copy &coordinates"), partial(copy_text, radec_plain(*radec, style)))

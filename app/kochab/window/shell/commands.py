@@ -20,7 +20,7 @@ from kochab.gear.journal import save_report
 from kochab.sky.elements import ENDINGS, keep_elements
 from kochab.sky.layer import MARKS
 from kochab.window.image.frame_image import FrameImage
-from kochab.window.image.object_card import links, place_menu, vector_of
+from kochab.window.image.object_card import AIMS, links, place_menu, vector_of
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.batch import Batch, FileState, images_in
 from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
@@ -217,9 +217,7 @@ class Commands(QObject):
         against, taken = reasons_against(self.services.situation), known.frame.hint.time_utc
         old = taken is None or abs(datetime.now(UTC) - taken) > STILL_THERE
         if mark.body is not None and (old or mark.body.trail):
-            against |= dict.fromkeys(
-                ("goto", "centre"), tr("{name} has moved since the frame was taken.", name=mark.text)
-            )
+            against |= dict.fromkeys(AIMS, tr("{name} has moved since the frame was taken.", name=mark.text))
         width_deg = max(0.25, mark.radius * solution.camera.scale_arcsec_px / 900.0)  # four radii
         pages = links(tables, mark, vector, width_deg)
         menu = place_menu(self.window, mark.text, radec_deg(vector), presenter.style, pages, against, self.aim)
