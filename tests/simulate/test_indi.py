@@ -49,7 +49,7 @@ ALSO = (("indi_celestron_gps", "starsense"),)  # a program of the above with ano
 GOTO_ONLY = {"indi_eqmod_telescope"}  # a sync of EQMod's stays in EQMod
 SYNC_ONLY = {"indi_rainbow_telescope"}  # its slew ends by a message that is not asked for
 STOPS_TRACKING = {"indi_lx200ap"}  # when it connects
-PATIENCE_S = 90.0
+PATIENCE_S = 240.0
 NAMESPACE = ["--net", "--pid", "--fork", "--kill-child"]
 # A telescope that tracks goes on while a driver asks, and an LX200 counts whole seconds of time.
 TOLERANCE_DEG = {"indi_eqmod_telescope": 0.02}

@@ -158,8 +158,7 @@ def links(tables: SkyTables, mark: Mark, vector: Floats, width_deg: float) -> di
     return {"Simbad": f"{SIMBAD}sim-id?{urlencode({'Ident': name})}", **found}
 
 
-AIMS = {"goto": tr_noop("&Go to"), "centre": tr_noop("C&entre")}
-"""What a mount may be asked for at a place of an image."""
+AIMS = {"goto": tr_noop("&Go to"), "centre": tr_noop("C&entre")}  # of a mount, at a place of an image
 
 
 def place_menu(
