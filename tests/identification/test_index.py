@@ -324,6 +324,74 @@ def test_a_cancelled_build_leaves_nothing_behind(small_plan):
     assert index.fine() is None
 
 
+def whole_levels(task, count):
+    """Cancel a build when so many levels are done, in the middle of the next."""
+    for step in task:
+        if step.detail == f"level {count + 1} of 3":
+            next(task)
+            break
+    task.close()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_cancelled_build_goes_on_after_its_last_whole_level(monkeypatch, tmp_path, count):
+    sky, rows, plan = random_sky(3_000), np.arange(3_000), {"neighbours": [(4, 7)] * 3, "steps": 40}
+    run(build_volume(tmp_path / "whole", sky, rows, range(9, 12), **plan))
+    whole_levels(build_volume(tmp_path / "parts", sky, rows, range(9, 12), **plan), count)
+    with next((tmp_path / "parts").glob("quads-*.part")).open("ab") as file:
+        file.write(b"of a level that was not finished")
+    made = []
+    monkeypatch.setattr(index_build, "level_quads", lambda *args: made.append(args[1]) or level_quads(*args))
+    run(build_volume(tmp_path / "parts", sky, rows, range(9, 12), **plan))
+    assert made == [index.LEVEL_FIELDS_DEG[k] for k in range(9 + count, 12)]
+    assert {p.name for p in (tmp_path / "parts").iterdir()} == {p.name for p in (tmp_path / "whole").iterdir()}
+    for path in (tmp_path / "whole").iterdir():
+        assert (tmp_path / "parts" / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("spoilt", ["another plan", "cut", "no record"])
+def test_what_cannot_be_gone_on_from_is_made_anew(tmp_path, spoilt):
+    sky, rows, plan = random_sky(3_000), np.arange(3_000), {"neighbours": [(4, 7)] * 3, "steps": 40}
+    run(build_volume(tmp_path / "whole", sky, rows, range(9, 12), **plan))
+    mark = "an older sky" if spoilt == "another plan" else ""
+    whole_levels(build_volume(tmp_path / "parts", sky, rows, range(9, 12), mark=mark, **plan), 2)
+    if spoilt == "cut":
+        for path in (tmp_path / "parts").glob("quads-*.part"):
+            path.write_bytes(path.read_bytes()[:1000])
+    elif spoilt == "no record":
+        (tmp_path / "parts" / index_build.BEGUN).write_text("{")
+    run(build_volume(tmp_path / "parts", sky, rows, range(9, 12), **plan))
+    for path in (tmp_path / "whole").iterdir():
+        assert (tmp_path / "parts" / path.name).read_bytes() == path.read_bytes()
+
+
+def test_the_fine_volume_goes_on_where_it_was_cancelled(small_plan):
+    task = index_build.make_fine()
+    while next(task).detail != "level 2 of 3":
+        pass
+    task.close()
+    assert [path.suffix for path in small_plan.iterdir()] == [".part"]
+    assert index.fine() is None
+    details = []
+    assert run(index_build.make_fine(), lambda step: details.append(step.detail)) is not None
+    assert "level 2 of 3" in details
+    assert "level 1 of 3" not in details
+    assert [p.name for p in small_plan.iterdir()] == [index.fine_folder().name]
+
+
+def test_a_disk_that_fills_up_keeps_nothing(small_plan, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    task = index_build.make_fine()
+    while next(task).detail != "level 2 of 3":
+        pass
+    monkeypatch.setattr(QuadSort, "kept", full)
+    with pytest.raises(CatalogueError, match="No space left"):
+        run(task)
+    assert list(small_plan.iterdir()) == []
+
+
 def test_a_second_program_waits_for_the_first(small_plan):
     first = index_build.make_fine()
     next(first)

@@ -26,11 +26,11 @@ def test_the_time_that_is_left_is_estimated(qtbot, make_window, monkeypatch):
     monkeypatch.setattr("kochab.window.application.monotonic", lambda: now[0])
     window, _ = make_window(engine)
     background = Background(window, engine, after_ms=60_000)
-    background._progressed(Progress("patterns", 0.2))
-    assert window.status.background.text() == "Building the small-field index: 20 %"
-    now[0] = 10.0
-    background._progressed(Progress("patterns", 0.6))
-    assert window.status.background.text() == "Building the small-field index: 60 %, about 10 s left"
+    told = []
+    for now[0], share in ((0.0, 0.0), (0.1, 0.2), (2.1, 0.28), (4.1, 0.36)):  # it goes on at 20 %
+        background._progressed(Progress("patterns", share))
+        told.append(window.status.background.text().removeprefix("Building the small-field index: "))
+    assert told == ["0 %", "20 %", "28 %, about 18 s left", "36 %, about 16 s left"]
     engine.gate.set()
 
 

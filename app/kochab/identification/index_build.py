@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,8 @@ AROUND = 8  # stars by whose distance the sky around a star is judged
 RICH, POOR = 15.0, 9.0  # stars a field: quads enough from the nearest, and all that can be had
 EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
 FINE = (range(5), ((4, 12), (4, 4), (4, 4), (4, 4), (4, 4)), 40)  # as the entries of ``SHIPPED``
+BEGUN = "begun.json"
+"""In the folder of a build that is not done: what of it is, once that is worth going on from."""
 ROOM_BYTES = 620_000_000  # the volume and the largest part of what it is sorted from
 ELSEWHERE = "KOCHAB_CACHE names another folder"
 WAITING = "waiting for another program to build the small-field index"
@@ -239,7 +242,8 @@ def build_volume(
     ``vectors`` (N, 3) ICRS unit vectors, brightest first, with their catalogue ``rows`` (N,).
     ``neighbours`` per chosen level: how many nearest stars each star forms quads with,
     where the sky is rich and where it is poor (see :func:`level_quads`).
-    ``mark`` is kept in the index so that a later catalogue is noticed.
+    ``mark`` is kept in the index so that a later catalogue is noticed. A build of the same plan that was cancelled
+    goes on after its last whole level.
     """
     yield Progress("patterns", 0.0, "sorting the stars by field size")
     ra = np.arctan2(vectors[:, 1], vectors[:, 0]) % (2 * np.pi)
@@ -261,8 +265,18 @@ def build_volume(
         np.save(folder / f"{name}.npy", np.concatenate(arrays))
     del vectors, rows, ra, dec, chosen, kept, keys  # the quads need the room
     grid = Grid(steps)
-    with QuadSort(folder, grid.cells) as found:
+    plan = {
+        "steps": steps,
+        "levels": [*levels],
+        "neighbours": [[*n] for n in neighbours],
+        "stars": offsets,
+        "mark": mark,
+    }
+    begun = _begun(folder, plan)
+    with QuadSort(folder, grid.cells, begun["sizes"], begun["quads"]) as found:
         for i, xyz in enumerate(stars):
+            if i < begun["levels"]:
+                continue
             begin, width = 0.1 + 0.75 * i / len(stars), 0.3 / len(stars)
             yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
             task = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
@@ -272,7 +286,11 @@ def build_volume(
                 found.add(*_encode(grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])))
                 done += len(part)
                 yield Progress("patterns", begin + width * (1.0 + 1.5 * done / wanted))
+            whole = {"plan": plan, "levels": i + 1, "sizes": found.kept(), "quads": found.quads}
+            (folder / "begun.new").write_text(json.dumps(whole), "utf-8")
+            (folder / "begun.new").replace(folder / BEGUN)
         yield Progress("patterns", 0.85, "sorting the patterns by shape")
+        (folder / BEGUN).unlink()  # the scratch files are used up from here on
         yield from found.write(folder)
     about = {
         "steps": steps,
@@ -283,6 +301,16 @@ def build_volume(
         "mark": mark,
     }
     (folder / "index.json").write_text(json.dumps(about) + "\n", "utf-8")
+
+
+def _begun(folder: Path, plan: dict[str, Any]) -> dict[str, Any]:
+    """What a cancelled build of this plan has finished: how many levels, and the quads and scratch files of then."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        kept: dict[str, Any] = json.loads((folder / BEGUN).read_text("utf-8"))
+        paths = (folder / f"quads-{k}.part" for k in range(len(kept["sizes"])))
+        if kept["plan"] == plan and all(p.stat().st_size >= n for p, n in zip(paths, kept["sizes"], strict=True)):
+            return kept
+    return {"levels": 0, "sizes": [], "quads": 0}
 
 
 def _encode(
@@ -314,18 +342,18 @@ def build_shipped(folder: Path | None = None) -> Task[None]:
 def make_fine() -> Task[Volume]:
     """Return the volume of small fields, making it first if need be: half a minute, once.
 
-    Safe when several programs ask at once: one makes it, the others wait. Raises CatalogueError
-    when it cannot be written.
+    Cancelled, it goes on where it stopped. Safe when several programs ask at once: one makes it, the others
+    wait. Raises CatalogueError when it cannot be written.
     """
     folder = fine_folder()
-    lock = folder.with_suffix(".lock")
+    lock, scratch = folder.with_suffix(".lock"), folder.with_suffix(".part")
     while True:
         ready = fine()
         if ready is not None:
             return ready
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
-            _need_room(folder.parent)
+            _need_room(folder.parent, scratch)
             handle = acquire(lock)
         except OSError as error:
             raise CatalogueError(
@@ -335,12 +363,10 @@ def make_fine() -> Task[Volume]:
             break
         yield Progress("patterns", None, WAITING)
         time.sleep(0.2)
-    scratch = folder.with_suffix(".part")
     try:
         ready = fine()  # another may have been done since we looked
         if ready is not None:
             return ready
-        shutil.rmtree(scratch, ignore_errors=True)
         yield from _build(scratch, *FINE)
         for path in scratch.iterdir():  # on the disk itself: a name may get there before its content
             with path.open("rb+") as file:
@@ -348,18 +374,25 @@ def make_fine() -> Task[Volume]:
         shutil.rmtree(folder, ignore_errors=True)
         scratch.rename(folder)
     except OSError as error:
+        shutil.rmtree(scratch, ignore_errors=True)
         raise CatalogueError(
             f"The patterns for small fields cannot be written to {folder.parent}: {error.strerror}."
         ) from error
     finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+        drop_unless_begun(scratch)
         release(handle, lock)
     return open_volume(folder)
 
 
-def _need_room(parent: Path) -> None:
-    """Refuse at once what would fill the disk after a minute's work."""
-    free = shutil.disk_usage(parent).free
+def drop_unless_begun(scratch: Path) -> None:
+    """Remove what a build has left in its folder, unless the next one can go on from it."""
+    if not (scratch / BEGUN).exists():
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _need_room(parent: Path, scratch: Path) -> None:
+    """Refuse at once what would fill the disk after a minute's work; ``scratch`` has what is done of it."""
+    free = shutil.disk_usage(parent).free + sum(path.stat().st_size for path in scratch.glob("*"))
     if free < ROOM_BYTES:
         raise CatalogueError(
             f"Patterns for small fields need {ROOM_BYTES // 1_000_000} MB in {parent}, where"

@@ -5,6 +5,8 @@ are then sorted by the cell's last two bytes and appended to the volume, and the
 beside the volume the disk holds what is not yet in it.
 """
 
+import os
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -25,18 +27,24 @@ STORED = ("codes", "sizes", "quads")
 class QuadSort:
     """Takes quads in any order and writes them sorted by cell, those of a cell in the order they came.
 
-    A context: its scratch files, in ``folder``, are removed at its end. ``cells`` is how many there are.
+    A context: its scratch files, in ``folder``, are removed at its end, but for a build that is cancelled: the next
+    one goes on from there, with the ``sizes`` and ``quads`` of then. ``cells`` is how many there are.
     """
 
-    def __init__(self, folder: Path, cells: int) -> None:
+    def __init__(self, folder: Path, cells: int, sizes: Sequence[int] = (), quads: int = 0) -> None:
         self.cells = cells
-        self.quads = 0
+        self.quads = quads
+        self._sizes = sizes
         self._paths = [folder / f"quads-{k}.part" for k in range(((cells - 1) >> LOW_BITS) + 1)]
         self._files: list[IO[bytes]] = []
 
     def __enter__(self) -> Self:
         with ExitStack() as opened:
-            self._files = [opened.enter_context(path.open("w+b")) for path in self._paths]
+            mode = "r+b" if self._sizes else "w+b"
+            self._files = [opened.enter_context(path.open(mode)) for path in self._paths]
+            for file, size in zip(self._files, self._sizes, strict=False):
+                file.truncate(size)
+                file.seek(size)
             opened.pop_all()
         return self
 
@@ -45,7 +53,15 @@ class QuadSort:
     ) -> None:
         for file, path in zip(self._files, self._paths, strict=True):
             file.close()
-            path.unlink(missing_ok=True)
+            if kind is None or issubclass(kind, Exception):
+                path.unlink(missing_ok=True)
+
+    def kept(self) -> list[int]:
+        """The sizes of the scratch files, all of which is on the disk."""
+        for file in self._files:
+            file.flush()
+            os.fsync(file.fileno())
+        return [file.tell() for file in self._files]
 
     def add(self, cell: Ints, codes: NDArray[np.uint32], sizes: NDArray[np.uint8], quads: NDArray[np.uint8]) -> None:
         """Take quads: cells, codes and sizes (Q,) and members (Q, 12), as a volume stores them."""

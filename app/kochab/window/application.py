@@ -43,6 +43,7 @@ class Background(QObject):
         self.job.finished.connect(lambda: self._status.background.setText(""))
         window.closing.connect(self._close)
         self._began: tuple[float, float] | None = None  # when, and at which share
+        self._share = 0.0
         self._timer = QTimer(self, singleShot=True, interval=after_ms)
         self._timer.timeout.connect(self.job.start)
         self._timer.start()
@@ -52,7 +53,9 @@ class Background(QObject):
             return
         text = tr("Building the small-field index")
         if (share := progress.fraction) is not None:
-            self._began = self._began or (monotonic(), share)
+            if self._began is None or share - self._share > LEAP:  # it goes on where an earlier one stopped
+                self._began = monotonic(), share
+            self._share = share
             when, first = self._began
             text = tr("Building the small-field index: {share:.0f} %", share=100 * share)
             if share - first > 0.05:
@@ -74,6 +77,7 @@ class Background(QObject):
         self.job.join(5.0)
 
 
+LEAP = 0.1  # of the share from one step to the next
 EVERY_MS = 1000
 FULL_EVERY = 10  # ticks
 

@@ -5,7 +5,6 @@ second now and then. No Qt is imported there.
 """
 
 import os
-import shutil
 import signal
 import sys
 from contextlib import suppress
@@ -50,14 +49,14 @@ def make_elsewhere() -> Task[None]:
 
 
 def _clear_up() -> None:
-    """Remove what a process that was killed has left half made, unless another program makes it."""
+    """Remove what a process that was killed has left and cannot go on from, unless another program makes it."""
     from kochab.identification.index import fine_folder
-    from kochab.identification.index_build import acquire, release
+    from kochab.identification.index_build import acquire, drop_unless_begun, release
 
     lock = fine_folder().with_suffix(".lock")
     with suppress(OSError):
         if lock.exists() and (handle := acquire(lock)) is not None:
-            shutil.rmtree(lock.with_suffix(".part"), ignore_errors=True)
+            drop_unless_begun(lock.with_suffix(".part"))
             release(handle, lock)
 
 
