@@ -23,19 +23,21 @@ def screen():
     if shutil.which("Xvfb") is None:
         pytest.skip("Xvfb is not installed, so there is no virtual screen to draw on")
     reading, writing = os.pipe()
+    # A number of its own: a server that ends takes away the socket of one that begins with the same number.
+    display = f":{1000 + os.getpid() % 50_000}"
     server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1600x1000x24", "-nolisten", "tcp"],
+        ["Xvfb", display, "-displayfd", str(writing), "-screen", "0", "1600x1000x24", "-nolisten", "tcp"],
         pass_fds=[writing],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
     os.close(writing)
     with os.fdopen(reading) as told:
-        number = told.readline().strip()
-    if not number:
+        started = told.readline().strip()
+    if not started:
         server.wait(10)
         pytest.skip("Xvfb did not start")
-    yield f":{number}"
+    yield display
     server.terminate()
     server.wait(10)
 

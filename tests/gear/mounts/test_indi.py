@@ -193,7 +193,7 @@ def test_servers_are_found_and_named(server, capsys) -> None:
     assert [(one.driver, one.name) for one in run(probe([ports[0]]))] == [("indi", SIMULATOR)]
     (several,) = run(probe([server.address]))
     assert all(port in several.advice for port in ports)
-    with pytest.raises(PortError, match="several telescopes"):
+    with pytest.raises(PortError, match="more than one telescope"):
         open_mount("indi", server.address)
     with pytest.raises(PortError, match="has no telescope Dome"):
         open_mount("indi", f"{server.address}/Dome")
