@@ -7,7 +7,7 @@ The layer: random frames, with names that overlap, marks out of place, its cost;
 
 from collections.abc import Iterator
 from configparser import RawConfigParser
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from importlib.util import find_spec
@@ -96,14 +96,14 @@ def against_skyfield(times: list[datetime], places: list[Site]) -> Iterator[Row]
     from skyfield.api import load, wgs84
     from skyfield.jpllib import SpiceKernel
 
-    kernel, scale = SpiceKernel(str(Path(skyfield_data.__file__).with_name("data") / "de421.bsp")), load.timescale()
-    worst = dict.fromkeys(SKYFIELD, 0.0)
-    for time, place in zip(times, places, strict=True):
-        ground = kernel[399] + wgs84.latlon(place.latitude_deg, place.longitude_deg, place.height_m)
-        for body in major_bodies(observer_at(time, place)):
-            ra, dec, _ = ground.at(scale.from_datetime(time)).observe(kernel[SKYFIELD[body.name]]).radec()
-            off = separation_deg(unit_vectors(ra._degrees, dec.degrees), body.vector) * 3600.0
-            worst[body.name] = max(worst[body.name], off)
+    scale, worst = load.timescale(), dict.fromkeys(SKYFIELD, 0.0)
+    with closing(SpiceKernel(str(Path(skyfield_data.__file__).with_name("data") / "de421.bsp"))) as kernel:
+        for time, place in zip(times, places, strict=True):
+            ground = kernel[399] + wgs84.latlon(place.latitude_deg, place.longitude_deg, place.height_m)
+            for body in major_bodies(observer_at(time, place)):
+                ra, dec, _ = ground.at(scale.from_datetime(time)).observe(kernel[SKYFIELD[body.name]]).radec()
+                off = separation_deg(unit_vectors(ra._degrees, dec.degrees), body.vector) * 3600.0
+                worst[body.name] = max(worst[body.name], off)
     for name, off in worst.items():
         yield {"body": name, "against": "skyfield, DE421", "n": len(times), "arcsec": off}
 
