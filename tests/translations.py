@@ -61,14 +61,16 @@ def data_texts() -> Iterator[str]:
     from kochab.core.registry import options_of
     from kochab.detection import DETECTORS
     from kochab.gear.mounts import DRIVERS
-    from kochab.gear.mounts.protocols.skywatcher import ERRORS as REFUSALS
+    from kochab.gear.mounts.protocols import lx200, skywatcher
     from kochab.identification import IDENTIFIERS
 
     for sample in json.loads(SAMPLES.read_text(encoding="utf-8")).values():
         yield from sample.values()
     for driver in DRIVERS.loaded().values():
         yield driver.title
-    yield from (*Ability, *PierSide, *REFUSALS.values(), *THINGS, *replies())
+    yield from (*Ability, *PierSide, *THINGS, *replies())
+    for codes in (skywatcher.ERRORS, lx200.REFUSALS, lx200.ZWO_REFUSALS, lx200.TEENASTRO_REFUSALS, lx200.FAULTS):
+        yield from codes.values()
     for registry in (IDENTIFIERS, DETECTORS, ESTIMATORS):
         for name in registry:
             for option in options_of(registry.load(name)):

@@ -45,7 +45,7 @@ def test_the_page_needs_nothing_else_and_tells_the_end(night):
     assert page.count("<svg viewBox") == 2
     total = re.search(r"class='big'>(\d+)″", page)
     assert abs(int(total[1]) - night.entries[-1].total_arcsec) < 1.0
-    assert "at first" in page
+    assert "At first" in page
     assert "&lt;b&gt;bolt" in page
     assert "<b>" not in page
 
@@ -177,8 +177,8 @@ def test_live_errors_two_seconds_apart_are_kept_whichever_way_the_clock_goes():
 def test_the_page_says_where_when_and_how_it_began(night):
     page = report_html(night)
     first, last = night.entries[0], night.entries[-1]
-    assert "latitude 48.000&deg;, longitude 10.000&deg;" in page
-    assert f"from {first.total_arcsec / 60.0:.1f}′ at first" in page
+    assert "Latitude 48.000°, longitude 10.000°." in page
+    assert f"At first {first.total_arcsec / 60.0:.1f}′." in page
     assert f"{last.time_utc:%Y-%m-%d %H:%M} UTC" in page
     assert page.count("<tr>") == 1 + 3  # two measurements and an instruction
     assert f"{first.altitude_arcsec:+.0f}&Prime; &plusmn; {first.sigma_arcsec[0]:.0f}" in page

@@ -4,9 +4,12 @@ That language is made as any other, by Qt's lupdate and lrelease, and is a third
 """
 
 import ast
+import html
 import re
+import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 from PySide6.QtCore import QLocale, Qt
@@ -30,19 +33,22 @@ from PySide6.QtWidgets import (
 )
 
 from kochab.attitude import ESTIMATORS
-from kochab.core import in_english, number, speak, tr, tr_n
+from kochab.core import data_folder, in_english, number, speak, tr, tr_n
 from kochab.core.angle_text import AngleStyle
-from kochab.core.errors import KochabError
+from kochab.core.errors import KochabError, RefusedError
+from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction
 from kochab.detection import DETECTORS
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.protocols import lx200, require
 from kochab.identification import IDENTIFIERS
+from kochab.polar.report import History, report_html
 from kochab.server.phone_page import PhonePage
 from kochab.window.application import build, use_language
 from kochab.window.mount.pointing import SyncDialog
 from kochab.window.panels.log_panel import LogPanel
 from kochab.window.session import WorkflowEngine
+from kochab.window.shell import help_book
 from kochab.window.shell.dialogs import tell
 from kochab.window.shell.help_book import pages
 from kochab.window.shell.preferences import Preferences
@@ -54,6 +60,7 @@ from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solution_text import summary
 from tests.gear.mounts.bench import LIMITS, SITE, simulated
 from tests.house import sources
+from tests.polar.test_drawings import entry
 from tests.translations import collect, markers, release
 from tests.window.fakes import assert_no_threads_left, fake_solution
 from tests.window.mount_bench import connected
@@ -66,7 +73,7 @@ MARKERS = {"tr", *markers()}
 
 PLAIN = {
     *("kochab.core.solution", "kochab.frames.export"),  # what is copied or written into a file, the same everywhere
-    *("kochab.polar.report", "kochab.window.display_check"),  # a page for the web, and what the terminal says
+    "kochab.window.display_check",  # what the terminal says
 }
 """Modules whose f-strings are no sentences for a window."""
 NOT_YET = ()
@@ -628,5 +635,47 @@ def test_what_a_guard_and_a_driver_refuse_is_translated(qtbot, abroad):
                 act()
             told.append(str(error.value))
         guard.close()
+    with simulated("onstep") as bench, closing(bench.open()) as mount:
+        here = mount.position()
+        with pytest.raises(RefusedError) as refused:
+            mount.goto((here.ra_deg + 180.0) % 360.0, -80.0)  # which no guard asked about
+        told.append(str(refused.value))
     for text in told:
         assert not unmarked(QLabel(text), NAMES_SHOWN | {"nothing"}), text
+
+
+# -- Pages for a browser ------------------------------------------------------------------------
+
+
+def texts_of_a_page(page: str) -> list[str]:
+    """What a person reads of HTML: its text, and what attributes hold for a screen reader or for its script."""
+    page = re.sub(r"<(style|script)>.*?</\1>", "", page, flags=re.DOTALL)
+    shown = re.findall(r"""aria-label="([^"]*)"|data-\w+="([^"]*)"|>([^<>]+)""", page)
+    return [html.unescape(text) for found in shown for text in found if text.strip()]
+
+
+def test_the_report_and_the_phone_page_are_translated(qtbot, abroad):
+    measured = [entry(altitude=300.0, azimuth=400.0), entry("instruction", text=tr("Log")), entry(minute=3.0)]
+    report = report_html(History(site=Site(-33.4567, 151.2, 100.0), entries=measured))
+    phone = PhonePage("token").answer("/token/")[1].decode()
+    for page, least in ((report, 25), (phone, 3)):
+        told = texts_of_a_page(page)
+        assert len(told) >= least
+        left = [one for text in told for one in unmarked(QLabel(text), {"UTC", "min"})]
+        assert not left, "\n".join(left)
+
+
+def test_a_help_page_of_the_persons_language_is_shown_in_place_of_the_english(
+    qtbot, abroad, help_abroad, tmp_path, monkeypatch
+):
+    shutil.copytree(data_folder("resources") / "help", tmp_path / "help")
+    (tmp_path / "help" / "eo").mkdir()
+    (tmp_path / "help" / "eo" / "4-live.md").write_text("# Rekte\n\nBildoj unu post la alia.\n", encoding="utf-8")
+    monkeypatch.setattr(help_book, "data_folder", lambda name: tmp_path)
+    book = help_book.HelpBook(None)
+    qtbot.addWidget(book)
+    book.turn_to("live")
+    assert book.list.currentItem().text() == "Rekte"
+    assert "unu post la alia" in book.browser.toPlainText()
+    book.turn_to("mount")
+    assert book.list.currentItem().text() == "Mount"

@@ -9,6 +9,7 @@ from math import degrees, log10
 from pathlib import Path
 from typing import Any
 
+from kochab.core import number, tr
 from kochab.core.angle_text import round_angle_text
 from kochab.core.errors import KochabError
 from kochab.core.frame import Site
@@ -121,7 +122,7 @@ def error_over_time(entries: Sequence[Entry]) -> str:
         top, bottom = (place(minute, entry.total_arcsec + s * sigma)[1] for s in (1.0, -1.0))
         parts.append(f'<line class="bar" x1="{x:.1f}" x2="{x:.1f}" y1="{top:.1f}" y2="{bottom:.1f}"/>')
         parts.append(f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="5"/>')
-    return _svg(WIDTH, HEIGHT, parts, "Error from the pole over time")
+    return _svg(WIDTH, HEIGHT, parts, tr("Error from the pole over time"))
 
 
 def ellipses(entries: Sequence[Entry]) -> str:
@@ -135,7 +136,7 @@ def ellipses(entries: Sequence[Entry]) -> str:
     panels = [_around_pole(measured, max(widest * 1.1, closest), 0.0)]
     if widest > 2.0 * closest:
         panels.append(_around_pole(measured, closest, PANEL))
-    return _svg(PANEL * len(panels), PANEL, panels, "Measured axes around the pole")
+    return _svg(PANEL * len(panels), PANEL, panels, tr("Measured axes around the pole"))
 
 
 def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) -> str:
@@ -148,7 +149,7 @@ def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) ->
             parts.append(f'<circle class="ring" r="{ring * scale:.2f}"/>')
             parts.append(f'<text x="3" y="{-ring * scale - 3:.1f}">{round_angle_text(ring)}</text>')
     parts.append('<path class="bar" d="M-6,0H6M0,-6V6"/>')
-    for number, entry in enumerate(measured, 1):
+    for at, entry in enumerate(measured, 1):
         long, short, angle = entry.ellipse_arcsec
         x, y = entry.azimuth_on_sky_arcsec * scale, -entry.altitude_arcsec * scale
         if abs(x) > half or abs(y) > half:
@@ -158,7 +159,7 @@ def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) ->
             f' ry="{max(short * scale, 1.5):.2f}"'
             f' transform="translate({x:.2f},{y:.2f}) rotate({-degrees(angle):.2f})"/>'
         )
-        parts.append(f'<text x="{x + 6:.1f}" y="{y - 6:.1f}">{number}</text>')
+        parts.append(f'<text x="{x + 6:.1f}" y="{y - 6:.1f}">{at}</text>')
     return "".join([*parts, "</g>"])
 
 
@@ -186,7 +187,7 @@ text{font:12px system-ui,sans-serif;fill:#333}
 
 def _svg(width: float, height: float, parts: Sequence[str], title: str) -> str:
     return (
-        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{title}"'
+        f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}"'
         f' width="{width:.0f}"><style>{DRAWN}</style>{"".join(parts)}</svg>'
     )
 
@@ -202,13 +203,17 @@ td:last-child,th:last-child{text-align:left}.big{font-size:2.4rem}svg{max-width:
 def report_html(history: History) -> str:
     """The page as text."""
     measured = [e for e in history.entries if e.kind == "measured"]
-    parts = ["<h1>Polar alignment</h1>", _summary(history, measured)]
-    parts += ["<h2>Error over time</h2>", error_over_time(history.entries)]
-    parts += ["<h2>Axis and its 68&nbsp;% ellipse</h2>", ellipses(history.entries)]
-    parts += ["<h2>Log</h2>", _table(history)]
+    title, language = escape(tr("Polar alignment")), escape(tr("en", "the language's code, as a web page gives it"))
+    parts = [f"<h1>{title}</h1>", _summary(history, measured)]
+    for head, shown in (
+        (tr("Error over time"), error_over_time(history.entries)),
+        (tr("Axis and its 68 % ellipse"), ellipses(history.entries)),
+        (tr("Log"), _table(history)),
+    ):
+        parts += [f"<h2>{escape(head)}</h2>", shown]
     return (
-        "<!doctype html><html lang='en'><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width'><title>Polar alignment</title>"
+        f"<!doctype html><html lang='{language}'><meta charset='utf-8'>"
+        f"<meta name='viewport' content='width=device-width'><title>{title}</title>"
         f"<style>{STYLE}</style><body>{''.join(parts)}</body></html>\n"
     )
 
@@ -230,19 +235,20 @@ def write_report(path: str | Path, history: History) -> None:
 
 def _summary(history: History, measured: list[Entry]) -> str:
     if not measured:
-        return "<p>No measurement.</p>"
-    first, last = measured[0], measured[-1]
-    site = history.site
-    where = ""
+        return "<p>" + escape(tr("No measurement.")) + "</p>"
+    first, last, site = measured[0], measured[-1], history.site
+    when = f"{last.time_utc:%Y-%m-%d %H:%M}"
+    told = [tr("From the {pole} pole, {time} UTC.", pole=tr(str(history.pole)), time=when)]
+    if first is not last:
+        told.append(tr("At first {angle}.", angle=angle_in_words(first.total_arcsec)))
     if site is not None:
-        where = f" at latitude {site.latitude_deg:.3f}&deg;, longitude {site.longitude_deg:.3f}&deg;"
-    change = "" if first is last else f", from {_words(first.total_arcsec)} at first"
+        place = (number(site.latitude_deg, ".3f"), number(site.longitude_deg, ".3f"))
+        told.append(tr("Latitude {latitude}°, longitude {longitude}°.", latitude=place[0], longitude=place[1]))
+    noise, flexure = angle_in_words(last.noise_arcsec), angle_in_words(last.flexure_arcsec)
+    share = tr("Uncertainty: {noise} measurement, {flexure} possible flexure.", noise=noise, flexure=flexure)
     return (
         f"<p class='big'>{_words(last.total_arcsec)} &plusmn; {_words(last.sigma_total_arcsec)}</p>"
-        f"<p>from the {escape(str(history.pole))} pole{change}; {last.time_utc:%Y-%m-%d %H:%M} UTC"
-        f"{where}.</p>"
-        f"<p>Uncertainty: {_words(last.noise_arcsec)} measurement, {_words(last.flexure_arcsec)} possible"
-        " flexure.</p>"
+        f"<p>{escape(' '.join(told))}</p><p>{escape(share)}</p>"
     )
 
 
@@ -254,13 +260,18 @@ def _table(history: History) -> str:
         cells = [
             f"{entry.time_utc:%H:%M:%S}",
             _words(entry.total_arcsec),
-            f"{entry.altitude_arcsec:+.0f}&Prime; &plusmn; {entry.sigma_arcsec[0]:.0f}",
-            f"{entry.azimuth_on_sky_arcsec:+.0f}&Prime; &plusmn; {entry.sigma_arcsec[1]:.0f}",
-            escape(f"Measured. {entry.text}" if entry.kind == "measured" else entry.text),
+            _signed(entry.altitude_arcsec, entry.sigma_arcsec[0]),
+            _signed(entry.azimuth_on_sky_arcsec, entry.sigma_arcsec[1]),
+            escape(" ".join((tr("Measured."), entry.text)) if entry.kind == "measured" else entry.text),
         ]
         rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    top = "".join(f"<th>{head}</th>" for head in ("UTC", "Total", "Altitude", "Azimuth on the sky", ""))
+    heads = ("UTC", tr("Total"), tr("Altitude"), tr("Azimuth on the sky"), "")
+    top = "".join(f"<th>{escape(head)}</th>" for head in heads)
     return f"<table><tr>{top}</tr>{''.join(rows)}</table>"
+
+
+def _signed(arcsec: float, sigma_arcsec: float) -> str:
+    return f"{arcsec:+.0f}&Prime; &plusmn; {sigma_arcsec:.0f}"
 
 
 def _words(arcsec: float) -> str:

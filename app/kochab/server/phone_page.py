@@ -12,10 +12,11 @@ import socket
 import threading
 from collections.abc import Callable
 from hmac import compare_digest
+from html import escape
 from http import HTTPStatus
 from typing import Any
 
-from kochab.core import data_folder
+from kochab.core import data_folder, tr
 from kochab.core.errors import PortError
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 
@@ -80,10 +81,23 @@ class PhonePage:
         if len(parts) != 3 or parts[0] or not compare_digest(parts[1].encode(), self._token.encode()):
             return None
         if parts[2] == "":
-            return "text/html; charset=utf-8", (data_folder("resources") / "phone.html").read_bytes()
+            page = (data_folder("resources") / "phone.html").read_text(encoding="utf-8")
+            for place, text in texts().items():
+                page = page.replace(f"{{{place}}}", escape(text))
+            return "text/html; charset=utf-8", page.encode("utf-8")
         if parts[2] == "now.json":
             return "application/json", json.dumps(self._numbers).encode("utf-8")
         return None
+
+
+def texts() -> dict[str, str]:
+    """The page's own texts in the person's language, by the places in it."""
+    return {
+        "language": tr("en", "the language's code, as a web page gives it"),
+        "title": tr("Polar alignment"),
+        "unsolved": tr("No solution for the newest frame yet."),
+        "unconnected": tr("No connection to Kochab."),
+    }
 
 
 class _Server:

@@ -216,7 +216,7 @@ class SlewSupervisor:
                     pier=tr(state.pier_side or ""),
                 )
             if idle >= IDLE:
-                why = f": {state.fault}" if state.fault else ""
+                why = f": {tr(state.fault)}" if state.fault else ""
                 raise RefusedError("The mount stopped {left:.1f} deg from its target{why}.", left=left, why=why)
 
     def rest(self, action: str, limit_s: float) -> Task[None]:

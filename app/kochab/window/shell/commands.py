@@ -27,7 +27,7 @@ from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_t
 from kochab.window.shell.equipment import Equipment
 from kochab.window.shell.exports import FrameExporter
 from kochab.window.shell.film_strip import Blink, FilmStrip, results_table
-from kochab.window.shell.menus import NEWS, SPECS, colour_icons
+from kochab.window.shell.menus import SPECS, colour_icons
 from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.search import Search
 from kochab.window.shell.undo import Undo
@@ -164,7 +164,7 @@ class Commands(QObject):
             "layers": lambda: self.show_preferences("layers"),
             "help": self.show_help,
             "tour": self.show_tour,
-            "news": lambda: self.show_help(tr(NEWS)),
+            "news": lambda: self.show_help("news"),
             "search": self.search,
             "about": lambda: about(window).open(),
             "keys": lambda: keyboard(window).open(),
@@ -341,7 +341,7 @@ class Commands(QObject):
 
         book = self.window.findChild(HelpBook) or HelpBook(self.window)
         docked = next((name for name in self.views.docked if name in VIEWS), "")
-        book.turn_to(page or docked.capitalize())
+        book.turn_to(page or docked)
         book.show()
         book.raise_()
         book.activateWindow()

@@ -1,11 +1,14 @@
-"""The help book: pages with pictures, searchable, from files beside the program; and what is new."""
+"""The help book: pages with pictures, searchable, from files beside the program; and what is new.
+
+A page of a person's language stands in a folder of its name, ``help/de/4-live.md``; one that is not there is English.
+"""
 
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import QLocale, Qt, QUrl
 from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
 from PySide6.QtWidgets import QDialog, QListWidget, QTextBrowser, QWidget
 
@@ -19,8 +22,9 @@ PICTURE_PX, LIST_PX = 640, 250
 
 @dataclass(frozen=True, slots=True)
 class HelpPage:
-    """One page: its title, and its text in Markdown."""
+    """One page: its name, as of the mode that it is about, its title, and its text in Markdown."""
 
+    name: str
     title: str
     text: str
 
@@ -33,10 +37,12 @@ class HelpPage:
 def pages() -> list[HelpPage]:
     """The pages in ``resources/help`` by their numbers, and the changelog."""
     folder = data_folder("resources") / "help"
-    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("[0-9]*.md"))]
+    own = folder / QLocale().name().partition("_")[0]
+    files = [p if (p := own / english.name).exists() else english for english in sorted(folder.glob("[0-9]*.md"))]
+    texts = {path.stem.partition("-")[2]: path.read_text(encoding="utf-8") for path in files}
     news = next((p for p in (folder / "CHANGELOG.md", folder.parents[1] / "CHANGELOG.md") if p.exists()), None)
-    made = [HelpPage(text.partition("\n")[0].lstrip("# "), text) for text in texts]
-    return [*made, HelpPage(tr(NEWS), news.read_text(encoding="utf-8"))] if news else made
+    made = [HelpPage(name, text.partition("\n")[0].lstrip("# "), text) for name, text in texts.items()]
+    return [*made, HelpPage("news", tr(NEWS), news.read_text(encoding="utf-8"))] if news else made
 
 
 class PageBrowser(QTextBrowser):
@@ -78,11 +84,10 @@ class HelpBook(QDialog):
         self._narrow("")
         self.resize(1000, 680)
 
-    def turn_to(self, title: str) -> None:
-        """Open the page whose title begins with ``title``."""
+    def turn_to(self, name: str) -> None:
+        """Open the page ``name``, else the first."""
         self.search.clear()
-        found = self.list.findItems(title, Qt.MatchFlag.MatchStartsWith)
-        self.list.setCurrentItem(found[0] if found else self.list.item(0))
+        self.list.setCurrentRow(next((row for row, page in enumerate(pages()) if page.name == name), 0))
 
     def _narrow(self, words: str) -> None:
         fit = [page.title for page in pages() if page.has(words)]
@@ -92,7 +97,7 @@ class HelpBook(QDialog):
         self.list.setCurrentRow(0)
 
     def _read(self, title: str) -> None:
-        page = next((page for page in pages() if page.title == title), HelpPage("", ""))
+        page = next((page for page in pages() if page.title == title), HelpPage("", "", ""))
         self.browser.setMarkdown(page.text)
         if words := self.search.text().split():
             self.browser.find(words[0])

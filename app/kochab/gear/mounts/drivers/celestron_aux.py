@@ -173,7 +173,7 @@ class CelestronAux(MotorMount):
         """A board may end its goto elsewhere, at its limits or because it was switched on, and say that it is done."""
         self.counters()
         self.took_s = monotonic() - self.ordered_s
-        self.fault = "a motor stopped by itself" if any(motor.fell_short() for motor in self.motors) else ""
+        self.fault = tr_noop("a motor stopped by itself") if any(motor.fell_short() for motor in self.motors) else ""
         return not self.fault
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:

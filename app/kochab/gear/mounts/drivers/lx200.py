@@ -203,7 +203,7 @@ class Lx200(SerialMount):
         refusals = self.dialect.refusals
         reason = self.talk.ask(self.dialect.sync, self.reply(), lambda reply: protocol.parse_sync(reply, refusals))
         if reason:
-            raise RefusedError("The mount refuses the sync: {reason}.", reason=reason)
+            raise RefusedError("The mount refuses the sync: {reason}.", reason=tr(reason))
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then slew."""
@@ -215,7 +215,7 @@ class Lx200(SerialMount):
         refusals = self.dialect.refusals
         reason = self.talk.ask(protocol.SLEW, self.read_slew, lambda reply: protocol.parse_slew(reply, refusals), since)
         if reason:
-            raise RefusedError("The mount refuses to go there: {reason}.", reason=reason.rstrip("."))
+            raise RefusedError("The mount refuses to go there: {reason}.", reason=tr(reason).rstrip("."))
 
     def set_target(self, ra_deg: float, dec_deg: float) -> None:
         """``:Sr`` and ``:Sd``; some mounts want a space after them, and the FS2 takes another target without."""
