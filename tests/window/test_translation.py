@@ -451,6 +451,7 @@ DIALOGS = {
     "search": lambda c: c.search(),
     "help": lambda c: c.show_help(),
     "results": lambda c: c.show_results(),
+    "atlas": lambda c: c.show_atlas(),
     "a sentence": lambda c: tell(c.window, tr("Results"), tr("no profile")),
 }
 

@@ -120,3 +120,34 @@ class Camera:
     def _pixels(self, uvd: Floats) -> Floats:
         sign = -1.0 if self.mirrored else 1.0
         return np.stack([self.cx + sign * self.focal_px * uvd[..., 0], self.cy + self.focal_px * uvd[..., 1]], axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class ChartCamera(Camera):
+    """A stereographic chart of up to a hemisphere: small circles stay circles, and little is stretched.
+
+    A point of it is ``u = 2 X / (1 + Z), v = 2 Y / (1 + Z)``; the scale is that of its middle.
+    """
+
+    @classmethod
+    def of(cls, width: int, height: int, field_deg: float) -> "ChartCamera":
+        """A chart of ``width`` x ``height`` px whose shorter side is ``field_deg`` degrees long, at most 180."""
+        focal_px = min(width, height) / (4.0 * float(np.tan(np.radians(field_deg) / 4.0)))
+        return cls(width, height, focal_px, (width - 1) / 2, (height - 1) / 2)
+
+    @property
+    def reach(self) -> float:
+        """A quarter of the sky to each side."""
+        return 1e9
+
+    def project(self, vectors: Floats) -> Floats:
+        """Pixels (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""
+        v = np.asarray(vectors, dtype=np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self._pixels(np.where(v[..., 2:] > 0.0, 2.0 * v[..., :2] / (1.0 + v[..., 2:]), np.nan))
+
+    def unproject(self, pixels: Floats) -> Floats:
+        """Unit vectors (N, 3) in camera axes of pixels (N, 2)."""
+        uv = (np.asarray(pixels, dtype=np.float64) - (self.cx, self.cy)) / (2.0 * self.focal_px)
+        r2 = (uv * uv).sum(axis=-1, keepdims=True)
+        return np.asarray(np.concatenate([2.0 * uv, 1.0 - r2], axis=-1) / (1.0 + r2))

@@ -166,6 +166,7 @@ class Commands(QObject):
             "tour": self.show_tour,
             "news": lambda: self.show_help("news"),
             "search": self.search,
+            "atlas": self.show_atlas,
             "about": lambda: about(window).open(),
             "keys": lambda: keyboard(window).open(),
             "report": self.save_report,
@@ -345,6 +346,15 @@ class Commands(QObject):
         book.show()
         book.raise_()
         book.activateWindow()
+
+    def show_atlas(self) -> None:
+        """Open the chart of the sky, or bring it to the front."""
+        from kochab.window.shell.atlas import Atlas
+
+        atlas = self.window.findChild(Atlas) or Atlas(self.presenter, self.services, self.aim)
+        atlas.show()
+        atlas.raise_()
+        atlas.activateWindow()
 
     def show_tour(self) -> None:
         from kochab.window.shell.tour import Tour

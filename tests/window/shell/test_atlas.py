@@ -1,0 +1,194 @@
+"""The atlas: its projection beside astropy's, panels of a mosaic, and the chart used by mouse and keyboard."""
+
+import re
+
+import numpy as np
+import pytest
+from astropy.wcs import WCS
+from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtGui import QColor, QGuiApplication, QWheelEvent
+from PySide6.QtWidgets import QApplication
+
+from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
+from kochab.core.camera import Camera, ChartCamera
+from kochab.window.shell.atlas import Atlas, Mosaic, border, frame_at
+from kochab.window.themes import theme_colours
+from tests.window.fakes import fake_solution
+from tests.window.test_night import assert_red
+
+BELT = unit_vectors(84.05, -1.2)
+
+
+@pytest.mark.parametrize(("ra", "dec", "field"), [(84.05, -1.2, 120.0), (10.0, 89.0, 180.0), (250.0, -60.0, 3.0)])
+def test_the_chart_is_astropys_stereographic_projection(ra, dec, field):
+    chart = frame_at(ChartCamera.of(600, 400, field), unit_vectors(ra, dec))
+    theirs = WCS(naxis=2)
+    theirs.wcs.ctype = ["RA---STG", "DEC--STG"]
+    theirs.wcs.crval, theirs.wcs.crpix = (ra, dec), (300.5, 200.5)
+    theirs.wcs.cdelt = np.array([-1.0, -1.0]) * np.degrees(1.0 / chart.camera.focal_px)
+    rng = np.random.default_rng(1)
+    away, around = 195.0 * np.sqrt(rng.random(50)), rng.uniform(0.0, 2.0 * np.pi, 50)
+    xy = np.stack([299.5 + away * np.cos(around), 199.5 + away * np.sin(around)], axis=1)
+    vectors = chart.sky_at(xy)
+    assert theirs.all_world2pix(np.array([radec_deg(v) for v in vectors]), 0) == pytest.approx(xy, abs=1e-6)
+    assert chart.pixels_of(vectors) == pytest.approx(xy, abs=1e-6)
+    top, low = chart.sky_at(np.array([[299.5, -0.5], [299.5, 399.5]]))
+    assert separation_deg(top, low) == pytest.approx(field)
+    assert np.isnan(chart.pixels_of(-chart.centre_vector[None])).all()
+
+
+def test_one_panel_is_the_frame_itself():
+    frame = frame_at(Camera.centred(600, 400, 2855.0), BELT, 27.0)
+    (panel,) = Mosaic(*frame.camera.fov_deg, rotation_deg=frame.roll_deg).panels(BELT)
+    assert np.degrees(np.linalg.norm(border(panel) - border(frame), axis=1)).max() < 2e-3 * frame.camera.fov_deg[0]
+
+
+@pytest.mark.parametrize("dec", [0.0, 60.0, -88.0])
+def test_panels_overlap_as_asked_and_keep_their_position_angle(dec):
+    middle = unit_vectors(84.0, dec)
+    mosaic = Mosaic(2.0, 1.5, 30.0, columns=3, rows=2, overlap=0.2)
+    panels = mosaic.panels(middle)
+    assert len(panels) == 6
+    assert [panel.roll_deg for panel in panels] == pytest.approx([30.0] * 6)
+    centres = [panel.centre_vector for panel in panels]
+    assert separation_deg(centres[0], centres[1]) == pytest.approx(0.8 * 2.0, rel=0.003)
+    assert separation_deg(centres[0], centres[3]) == pytest.approx(0.8 * 1.5, rel=0.003)
+    assert sum(centres) / np.linalg.norm(sum(centres)) == pytest.approx(middle, abs=1e-5)
+    upper_left, around = centres[0], frame_at(Camera.centred(400, 300, 1000.0), middle, 30.0)
+    assert (around.pixels_of(upper_left[None])[0] < (199.5, 149.5)).all()
+
+
+@pytest.fixture
+def atlas(qtbot, opened):
+    """That of a window with a solved frame, the sky read."""
+    window, commands = opened
+    commands.actions["atlas"].trigger()
+    made = window.findChild(Atlas)
+    qtbot.waitUntil(lambda: made.chart.catalogue is not None)
+    return made
+
+
+def on_screen(chart, vector):
+    x, y = chart.sheet.pixels_of(vector[None])[0] + 0.5
+    return QPointF(x, y)
+
+
+def test_the_open_frame_is_drawn_where_it_lies_with_the_sky_around_it(atlas, opened):
+    chart, frame = atlas.chart, opened[1].presenter.overlay.solution
+    assert chart.centre == pytest.approx(frame.centre_vector)
+    picture, ratio = chart.grab().toImage(), chart.devicePixelRatio()
+    line = QColor(theme_colours().identified)
+    drawn = 0
+    for vector in border(frame):
+        at = on_screen(chart, vector)
+        near = (
+            picture.pixelColor(int(at.x() * ratio) + i, int(at.y() * ratio) + j) for i in (-1, 0, 1) for j in (-1, 0, 1)
+        )
+        drawn += any(abs(c.red() - line.red()) + abs(c.blue() - line.blue()) < 60 for c in near)
+    assert drawn > 0.9 * len(border(frame))
+    assert {"Betelgeuse", "Rigel"} <= {label.text for label in chart.overlay.labels}
+    assert "Orion" in atlas.told.text()
+
+
+def test_the_sky_follows_the_mouse_and_the_wheel_zooms(qtbot, atlas):
+    chart = atlas.chart
+    first, last = QPoint(200, 150), QPoint(260, 190)
+    held = chart.sky_at(QPointF(first))
+    qtbot.mousePress(chart, Qt.MouseButton.LeftButton, pos=first)
+    for share in (0.25, 0.5, 0.75, 1.0):
+        qtbot.mouseMove(chart, first + (last - first) * share)
+    qtbot.mouseRelease(chart, Qt.MouseButton.LeftButton, pos=last)
+    assert (on_screen(chart, held) - QPointF(last)).manhattanLength() < 2.0
+    before, middle = chart.field_deg, QPointF(chart.rect().center())
+    turn = QWheelEvent(
+        middle, chart.mapToGlobal(middle), QPoint(), QPoint(0, 120), Qt.MouseButton.NoButton,
+        Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase, False,
+    )  # fmt: skip
+    QApplication.sendEvent(chart, turn)
+    assert chart.field_deg == pytest.approx(before / 1.25)
+
+
+def test_the_keyboard_turns_zooms_and_comes_back(qtbot, atlas):
+    chart = atlas.chart
+    home, field = chart.centre, chart.field_deg
+    qtbot.keyClick(chart, Qt.Key.Key_Up)
+    assert radec_deg(chart.centre)[1] > radec_deg(home)[1] + 1.0
+    for _ in range(20):
+        qtbot.keyClick(chart, Qt.Key.Key_Minus)
+    assert chart.field_deg == 180.0
+    assert not chart.grab().isNull()  # a hemisphere is drawn
+    qtbot.keyClick(chart, Qt.Key.Key_0)
+    assert (chart.centre, chart.field_deg) == (pytest.approx(home), field)
+
+
+def test_what_is_sought_comes_to_the_middle(qtbot, atlas):
+    atlas.sought.setText("Vega")
+    qtbot.keyClick(atlas.sought, Qt.Key.Key_Return)
+    assert radec_deg(atlas.chart.centre) == pytest.approx((279.23, 38.78), abs=0.02)
+    assert "Lyra" in atlas.told.text()
+    atlas.sought.setText("Planet of the apes")
+    qtbot.keyClick(atlas.sought, Qt.Key.Key_Return)
+    assert "called" in atlas.told.text()
+
+
+def test_a_click_names_a_star(qtbot, atlas):
+    atlas.chart.grab()
+    at = on_screen(atlas.chart, unit_vectors(88.793, 7.407)).toPoint()
+    qtbot.mouseClick(atlas.chart, Qt.MouseButton.LeftButton, pos=at)
+    assert atlas.told.text().splitlines()[0] == "Betelgeuse"
+
+
+def test_the_panels_are_drawn_and_copied(atlas):
+    assert not atlas.copy.isEnabled()
+    frame = atlas.chart.frame
+    assert atlas.wide.value() == pytest.approx(frame.camera.fov_deg[0], abs=0.01)
+    assert atlas.turn.value() == pytest.approx(frame.roll_deg, abs=0.1)
+    before = atlas.chart.grab().toImage()
+    atlas.framing.setChecked(True)
+    atlas.columns.setValue(2)
+    assert atlas.chart.grab().toImage() != before
+    atlas.copy.click()
+    lines = QGuiApplication.clipboard().text().splitlines()
+    assert len(lines) == 2
+    assert re.fullmatch(r"1\t[\d: .+-]+\t27", lines[0])
+
+
+def test_the_middle_is_centred_by_a_mount_that_can(monkeypatch, atlas, opened):
+    sent = []
+    monkeypatch.setattr(atlas, "_aim", lambda *order: sent.append(order))
+    assert not atlas.centre.isEnabled()
+    assert atlas.centre.toolTip()  # says why not
+    monkeypatch.setattr("kochab.window.shell.atlas.reasons_against", lambda _: {"centre": "", "goto": ""})
+    atlas.chart.look(BELT)
+    assert atlas.centre.isEnabled()
+    atlas.centre.click()
+    ((action, target),) = sent
+    assert action == "centre"
+    assert [float(part) for part in target.split()] == pytest.approx([84.05, -1.2], abs=1e-5)
+
+
+def test_its_menu_names_the_object_and_brings_it_to_the_middle(atlas):
+    atlas.chart.grab()
+    betelgeuse = unit_vectors(88.793, 7.407)
+    menu = atlas._offer(on_screen(atlas.chart, betelgeuse), QPoint(0, 0))
+    first, *_, last = menu.actions()
+    assert first.text() == "Betelgeuse"
+    last.trigger()
+    assert separation_deg(atlas.chart.centre, betelgeuse) < 0.01
+    menu.close()
+
+
+def test_at_night_it_is_red(qtbot, atlas, opened):
+    commands = opened[1]
+    commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.looks.settled)
+    atlas.framing.setChecked(True)
+    assert_red(atlas)
+    commands.looks.use_theme("dark")
+
+
+def test_a_later_frame_leaves_the_chart_where_it_was_turned(atlas):
+    atlas.chart.look(unit_vectors(10.0, 40.0), 30.0)
+    atlas._presenter.session.solved.emit(fake_solution(300, 200))
+    assert radec_deg(atlas.chart.centre) == pytest.approx((10.0, 40.0))
+    assert atlas.chart.frame.camera.width == 300
