@@ -218,7 +218,7 @@ def test_a_driver_of_indi_connects_syncs_goes_and_reads_back(driven, driver):
         if plan[act] is None:
             continue
         assert apart_deg(told[driver][act], plan[act]) < TOLERANCE_DEG
-    believed = BELIEF_DEG.get(driver, tolerance)
+    believed = BELIEF_DEG.get(driver, TOLERANCE_DEG)
     assert apart_deg(telescope.believed_deg(), plan["goto"] or plan["sync"]) < believed
     if isinstance(telescope, BenchTelescope):
         begun = [entry[0] for entry in telescope.log if entry[0] in ("sync", "goto", "turn to")]
