@@ -13,6 +13,7 @@ from PIL import Image
 
 from kochab.core.attitude import attitude_from, radec_deg, unit_vectors, wrapped
 from kochab.core.camera import Camera
+from kochab.core.errors import KochabError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.sky_grid import grid_lines
@@ -34,6 +35,7 @@ from kochab.workflows.annotated_image import (
     objects_csv,
     picture_of,
     sky_regions,
+    write_stellarium,
 )
 
 
@@ -143,6 +145,27 @@ def test_pdf_and_svg(tmp_path):
     texts = [node.text for node in root.iter("{http://www.w3.org/2000/svg}text")]
     assert "M 42 Orion Nebula" in texts
     assert len(list(root.iter("{http://www.w3.org/2000/svg}polyline"))) > 10
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_script_for_stellarium_has_the_corners_of_the_picture(tmp_path, mirrored):
+    """In Stellarium's own list M 1's picture, north up, begins in the south-east and goes on to the south-west."""
+    answer = solution(roll=0.0, mirrored=mirrored)
+    write_stellarium(Frame(rgb()[..., 0], colour=rgb()), answer, tmp_path / "a.ssc")
+    told = (tmp_path / "a.ssc").read_text("utf-8")
+    numbers = re.search(r'loadSkyImage\("a.png", "a.png", ([^;]*), 2.5, 14, true\);', told)[1]
+    corners = np.array(numbers.split(","), dtype=float).reshape(4, 2)
+    right, low = 1279.5, 959.5
+    theirs = answer.wcs.all_pix2world([[-0.5, low], [right, low], [right, -0.5], [-0.5, -0.5]], 0)
+    assert corners == pytest.approx(theirs, abs=1e-5)
+    (first_ra, first_dec), (next_ra, _), (_, last_dec) = corners[0], corners[1], corners[3]
+    assert first_dec < last_dec
+    assert (first_ra > next_ra) is not mirrored
+    assert 'core.moveToRaDecJ2000("84.000000d", "-3.000000d", 1);' in told
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (1280, 960)
+    with pytest.raises(KochabError, match="wider than 20°"):
+        write_stellarium(Frame(rgb()[..., 0], colour=rgb()), solution(fov_deg=30.0), tmp_path / "b.ssc")
 
 
 def test_what_cannot_be_written_raises(tmp_path):

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ import numpy as np
 from kochab.core import data_folder
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
+from kochab.core.errors import KochabError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
@@ -72,6 +74,7 @@ INKS = {
 NORTH, EAST, EDGE = "#ff6b6b", "#6bb8ff", "#0c0e11"
 SMALL_PX = 12_000_000  # a picture this small has smooth lines; in others they are wide
 LETTER_PX, ACROSS = 13, 1200.0  # of a picture 1200 px across; larger ones have larger letters
+STELLARIUM_DEG, STELLARIUM_PX = 20.0, 4096  # the widest field, and the largest picture that any computer shows
 CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos"
 
 
@@ -329,6 +332,42 @@ def _png_text(key: str, content: bytes) -> "PngInfo":
     info = PngInfo()
     info.add_itxt(key, content.decode("utf-8"))
     return info
+
+
+def write_stellarium(frame: Frame, solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write a script that lays the frame over Stellarium's sky, and the picture that it loads beside it.
+
+    Stellarium stretches a picture between its corners, which is good to 0.3 % at 10 degrees. KochabError for a
+    field that is too wide, and rather than write over a picture that nobody asked about; OSError.
+    """
+    from PIL import Image
+
+    script, picture = Path(path), Path(path).with_suffix(".png")
+    if max(solution.camera.fov_deg) > STELLARIUM_DEG:
+        raise KochabError("Stellarium bends a field wider than {most:.0f}°: crop the image first.", most=STELLARIUM_DEG)
+    if picture.exists() and not script.exists():  # the dialog asked about the script alone
+        raise KochabError("{name} already exists. Choose another name for the script.", name=picture.name)
+    shown, packed = picture_of(frame), io.BytesIO()
+    shown.thumbnail((STELLARIUM_PX, STELLARIUM_PX), Image.Resampling.LANCZOS)
+    shown.save(packed, format="PNG", compress_level=4)
+    write_atomically(picture, packed.getvalue())
+    write_atomically(script, stellarium_script(solution, picture.name))
+
+
+def stellarium_script(solution: Solution, picture: str) -> str:
+    """The script: corners from the lower left counterclockwise as ``core.loadSkyImage`` takes them, J2000 degrees."""
+    right, low = solution.camera.width - 0.5, solution.camera.height - 0.5
+    corners = solution.sky_at(np.array([[-0.5, low], [right, low], [right, -0.5], [-0.5, -0.5]]))
+    places = ", ".join(f"{angle:.6f}" for corner in corners for angle in radec_deg(corner))
+    name = json.dumps(picture)
+    ra, dec = solution.ra_dec_deg
+    return (
+        f"// Name: {printable(picture)}\n"
+        f"// Description: put this script and the picture into Stellarium's folder scripts, and run it there (F12).\n"
+        f"core.loadSkyImage({name}, {name}, {places}, 2.5, 14, true);\n"
+        f'core.moveToRaDecJ2000("{ra:.6f}d", "{dec:.6f}d", 1);\n'
+        f"StelMovementMgr.zoomTo({2.0 * max(solution.camera.fov_deg):.3f}, 1);\n"
+    )
 
 
 def objects_csv(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:

@@ -50,6 +50,21 @@ def test_ds9_and_wcs(qtbot, commands, tmp_path):
     assert header["CRVAL1"] == pytest.approx(84.05, abs=0.01)
 
 
+def test_a_script_for_stellarium_has_its_picture_beside_it_and_writes_over_no_other(qtbot, commands, tmp_path):
+    script = write(qtbot, commands, "stellarium", tmp_path / "a.ssc").read_text("utf-8")
+    assert 'core.loadSkyImage("a.png", "a.png", ' in script
+    assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    write(qtbot, commands, "stellarium", tmp_path / "a.ssc")  # the dialog has asked
+    (tmp_path / "b.png").write_bytes(b"somebody's")
+    commands.exporter.write(commands.exporter.kinds["stellarium"], tmp_path / "b.ssc")
+    qtbot.waitUntil(lambda: commands.window.findChildren(QMessageBox) != [])
+    (box,) = commands.window.findChildren(QMessageBox)
+    assert box.text() == "b.png already exists. Choose another name for the script."
+    box.close()
+    assert (tmp_path / "b.png").read_bytes() == b"somebody's"
+    assert not (tmp_path / "b.ssc").exists()
+
+
 def test_the_annotated_picture_is_a_png(qtbot, commands, tmp_path):
     path = write(qtbot, commands, "picture", tmp_path / "a.png")
     assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

@@ -22,7 +22,7 @@ from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.main_window import MainWindow
-from kochab.workflows.annotated_image import annotate, objects_csv, sky_regions
+from kochab.workflows.annotated_image import annotate, objects_csv, sky_regions, write_stellarium
 from kochab.workflows.session.wiring import ToJson
 
 Write = Callable[[Frame, Solution, Path], None]
@@ -64,6 +64,13 @@ EXPORTS = (
         "-objects.csv",
         CSV,
         lambda f, s, p: write_atomically(p, objects_csv(f, s, kept_elements())),
+    ),
+    Export(
+        "stellarium",
+        tr_noop("S&tellarium script…"),
+        "-stellarium.ssc",
+        tr_noop("Stellarium script (*.ssc)"),
+        write_stellarium,
     ),
     Export("picture", tr_noop("Annotated &image…"), "-annotated.png", PICTURES, annotate),
 )
