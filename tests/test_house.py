@@ -136,6 +136,17 @@ def test_asking_for_help_costs_no_heavy_import(repository, arguments):
     assert "solve" in found.stdout
 
 
+def test_the_window_is_shown_before_libraries_of_numbers_are_loaded(repository):
+    """They take a third of the time to its first paint; a thread loads them after it."""
+    code = (
+        "import sys, kochab.window.application\n"
+        "heavy = {'scipy', 'astropy', 'pyqtgraph', 'photutils', 'kochab.lab'}\n"
+        "print('LOADED', sorted(heavy & set(sys.modules)))"
+    )
+    found = python(code, repository)
+    assert found.stdout.strip().endswith("LOADED []"), found.stdout + found.stderr
+
+
 def test_the_numbers_of_the_house_are_within_their_limits():
     assert not {n.name: n.value for n in house.numbers() if not n.met}
 

@@ -18,8 +18,7 @@ import numpy as np
 from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
-from kochab.window.application import Background, Garbage, build
-from kochab.window.session import WorkflowEngine
+from kochab.window.application import Background, Garbage, build, whole_engine
 from kochab.window.settings import WindowSettings
 
 TICK_MS = 2
@@ -99,7 +98,7 @@ def main(*arguments):
         settings = WindowSettings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
         path = Path(home, "large.fits")
         size = make_frame(path, float(sizes[0]) if sizes else 61.0)
-        engine = WorkflowEngine()
+        engine = whole_engine()
         window, commands = build(engine, settings)
         garbage, background = Garbage(), Background(window, engine)
         window.resize(1360, 860)

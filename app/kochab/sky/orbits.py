@@ -1,7 +1,6 @@
 """Orbits about the Sun: two bodies in any conic, and carried by integration under the pull of the planets."""
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from kochab.core.arrays import Floats
 from kochab.core.progress import Progress, Task
@@ -100,6 +99,8 @@ def carried(
         now = flat.reshape(-1, 6)
         pull = acceleration(now[:, :3], first + share * span, ephemeris)
         return (np.hstack([now[:, 3:], pull]) * span[:, None]).ravel()
+
+    from scipy.integrate import DOP853  # a third of a second, which the window's start need not take
 
     solver = DOP853(slope, 0.0, state.ravel(), 1.0, rtol=precision, atol=precision * 1e-2)
     while solver.status == "running":

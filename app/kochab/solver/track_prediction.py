@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, predicted, rotation_vector
 from kochab.core.arrays import Floats, Ints
@@ -154,6 +153,8 @@ def _alone(vectors: Floats, mag: Floats, blend_rad: float) -> NDArray[np.bool_]:
     alone = np.ones(len(vectors), dtype=np.bool_)
     if len(vectors) < 2:
         return alone
+    from scipy.spatial import cKDTree  # not needed to show the window
+
     pairs = cKDTree(vectors).query_pairs(2.0 * np.sin(blend_rad / 2.0), output_type="ndarray")
     for mine, other in (pairs.T, pairs.T[::-1]):
         alone[mine[mag[other] < mag[mine] + 2.5]] = False

@@ -28,6 +28,8 @@ from kochab.workflows.session.wiring import Wiring
 INDEX_TIP = tr_noop(
     "The index for fields narrower than about 2° is built on this computer, once. Wider fields solve meanwhile."
 )
+LIBRARIES = ("scipy.spatial", "scipy.integrate", "kochab.simulate.rig", "serial.tools.list_ports")
+"""What views and solved frames need a moment later."""
 AFTER_MS = 1500  # the person's first frame goes first
 
 
@@ -115,6 +117,11 @@ class Garbage(QObject):
         gc.enable()
 
 
+def whole_engine() -> WorkflowEngine:
+    """The engine that loads, in a thread, the views and what they need: opening one holds up nobody."""
+    return WorkflowEngine([*(made_by.partition(":")[0] for _, _, made_by in VIEWS.values()), *LIBRARIES])
+
+
 def build(
     engine: WorkflowEngine,
     settings: WindowSettings,
@@ -155,7 +162,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     use_plain_numerals()
     settings = WindowSettings()
     use_language(app, language or settings.text("language", ""))
-    engine = WorkflowEngine(made_by.partition(":")[0] for _, _, made_by in VIEWS.values())
+    engine = whole_engine()
     window, commands = build(engine, settings, wiring=wiring)
     garbage = Garbage()
     background = Background(window, engine)

@@ -63,6 +63,7 @@ class WorkflowEngine:
         for name in (*NEEDED, *self._views):
             yield Progress("load", None, name)
             import_module(name)
+        DRIVERS.others()  # asks every package that is installed
         from kochab.identification.index import fine
         from kochab.workflows.fine_patterns import make_elsewhere
 
