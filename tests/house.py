@@ -100,7 +100,7 @@ ADDED = {
     "the report, the phone page, the help pages and mounts' reasons in a person's language": 30,
     "libraries loaded after the window's first paint": 12,
     "a script that lays an image over Stellarium's sky": 53,
-    "a sky atlas: a chart with the frame on it, framing, the panels of a mosaic": 415,
+    "a sky atlas: a chart with the frame on it, framing, the panels of a mosaic": 425,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

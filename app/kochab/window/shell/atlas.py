@@ -5,7 +5,7 @@ camera of its own.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -49,7 +49,8 @@ from kochab.window.themes import theme_colours, translucent
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
 
 WIDEST_DEG, CLOSEST_DEG = 180.0, 0.1
-AROUND, LEAST_DEG = 8.0, 25.0  # so many times the frame is shown at first, and so much at least
+WIDE_DEG, WIDE_MAG, WIDE_RANK = 60.0, 5.0, 8.0  # wider, a chart names no more, and leaves boundaries out
+AROUND, LEAST_DEG = 4.0, 25.0  # so many times the frame is shown at first, and so much at least
 STARS = 1500  # of one chart, the brightest
 STAR_PX, PX_A_MAG, LARGEST_PX = 1.1, 0.75, 7.0  # the faintest star's diameter, and how they grow
 SHOWN = ("objects", "names", "figures", "boundaries", "ecliptic", "grid")
@@ -133,6 +134,8 @@ class StarChart(QWidget):
         self.mosaic: Mosaic | None = None
         self.catalogue: Catalogue | None = None
         self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
+        self._tables: SkyTables | None = None
+        self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
         self._key: object = None
         self._stars: tuple[Floats, Floats] = NO_STARS, np.empty(0)
         self._pressed: QPointF | None = None
@@ -145,6 +148,7 @@ class StarChart(QWidget):
         if key != self._key or self.overlay.solution is None:
             camera = ChartCamera.of(self.width(), self.height(), self.field_deg)
             self._key, sheet = key, frame_at(camera, self.centre)
+            self.overlay.tables = self._wide if self.field_deg > WIDE_DEG else self._tables
             self.overlay.show(NO_STARS, sheet)
             if self.catalogue is not None:
                 radius = min(sheet.radius_rad, np.pi / 2.0)
@@ -155,7 +159,11 @@ class StarChart(QWidget):
 
     def fill(self, tables: SkyTables, catalogue: Catalogue) -> None:
         """The sky has been read."""
-        self.overlay.tables, self.catalogue, self._key = tables, catalogue, None
+        self._tables, self.catalogue, self._key = tables, catalogue, None
+        lines = {kind: chains for kind, chains in tables.lines.items() if kind != "boundaries"}
+        stars = tables.stars.take(np.flatnonzero(tables.stars.mag < WIDE_MAG))
+        ranks = np.where(tables.ranks < WIDE_RANK, tables.ranks, np.inf)
+        self._wide = replace(tables, lines=lines, stars=stars, ranks=ranks)
         self.update()
 
     def look(self, centre: Floats, field_deg: float | None = None) -> None:
