@@ -25,8 +25,9 @@ def screen():
     reading, writing = os.pipe()
     # A number of its own: a server that ends takes away the socket of one that begins with the same number.
     display = f":{1000 + os.getpid() % 50_000}"
+    # And no reset: without it the server begins anew when its last client has left, and one that comes then is refused.
     server = subprocess.Popen(
-        ["Xvfb", display, "-displayfd", str(writing), "-screen", "0", "1600x1000x24", "-nolisten", "tcp"],
+        ["Xvfb", display, "-displayfd", str(writing), "-screen", "0", "1600x1000x24", "-nolisten", "tcp", "-noreset"],
         pass_fds=[writing],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
