@@ -182,7 +182,7 @@ CASES = (
     Case("live --record --profile", _live, dear=True),
     Case("settings", _settings, ("window.ini",), tells=False),
     Case("report", _report, ("report.zip",)),
-    Case("exports", _exports, ("a-stars.csv", "a-objects.csv", "a.reg", "a.wcs", "a-solved.fits", "a-annotated.png")),
+    Case("exports", _exports, ("a-stars.csv", "a-objects.csv", "a.reg", "a.wcs", "a-solved.fits", "a-annotated.png", "a-stellarium.ssc")),
     Case("catalogue", _catalogue, ("deep.kcat", "manifest.json")),
     Case("table", _table, tells=False),
     Case("patterns", _patterns),
@@ -245,6 +245,8 @@ def whole(path: Path) -> bool:
         case ".csv" | ".reg":  # stars, objects, stars and objects
             count = 12 if "objects" in path.name else 501 if path.suffix == ".csv" else 514
             return data.count(b"\n") == count and data.endswith(b"\n")
+        case ".ssc":
+            return data.startswith(b"// Name: ") and data.endswith(b", 1);\n")
         case ".kcat":
             from kochab.sky import open_catalogue
 

@@ -361,12 +361,14 @@ def stellarium_script(solution: Solution, picture: str) -> str:
     places = ", ".join(f"{angle:.6f}" for corner in corners for angle in radec_deg(corner))
     name = json.dumps(picture)
     ra, dec = solution.ra_dec_deg
-    return (
-        f"// Name: {printable(picture)}\n"
-        f"// Description: put this script and the picture into Stellarium's folder scripts, and run it there (F12).\n"
-        f"core.loadSkyImage({name}, {name}, {places}, 2.5, 14, true);\n"
-        f'core.moveToRaDecJ2000("{ra:.6f}d", "{dec:.6f}d", 1);\n'
-        f"StelMovementMgr.zoomTo({2.0 * max(solution.camera.fov_deg):.3f}, 1);\n"
+    return "\n".join(
+        (
+            f"// Name: {printable(picture)}",
+            "// Description: put this script and the picture into Stellarium's folder scripts, and run it there (F12).",
+            f"core.loadSkyImage({name}, {name}, {places}, 2.5, 14, true);",
+            f'core.moveToRaDecJ2000("{ra:.6f}d", "{dec:.6f}d", 1);',
+            f"StelMovementMgr.zoomTo({2.0 * max(solution.camera.fov_deg):.3f}, 1);\n",
+        )
     )
 
 
