@@ -255,7 +255,7 @@ class Overlay:
     def show(self, detected: Floats, solution: Solution | None) -> None:
         """Detections (N, 2) px, brightest first, and their solution."""
         if solution is not self.solution:
-            self._sky, self.picked, self.bodies = None, None, ()
+            self._sky, self.picked, self.bodies, self._grids = None, None, (), {}
         self.detected, self.solution, self.selected = detected, solution, None
         self._stars = np.empty((0, 2)) if solution is None else solution.stars_px
         self._others = detected[~among(detected, self._stars)]

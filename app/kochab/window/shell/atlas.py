@@ -262,9 +262,9 @@ class StarChart(QWidget):
         self.menu_wanted.emit(at, event.globalPos())
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        key, middle = Qt.Key(event.key()), QPointF(self.rect().center())
+        key, middle = event.key(), QPointF(self.rect().center())
         if key in PANS_PX:
-            self.drag(middle, middle + QPointF(*PANS_PX[key]))
+            self.drag(middle, middle + QPointF(*PANS_PX[Qt.Key(key)]))
         elif key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
             self.zoom(1 / 1.5 if key == Qt.Key.Key_Minus else 1.5)
         elif key in (Qt.Key.Key_0, Qt.Key.Key_Home):
