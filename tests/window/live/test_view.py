@@ -147,6 +147,21 @@ def test_a_fast_camera_is_drawn_thirty_times_a_second_and_not_more(qtbot, live):
     assert "drawn" in view.pointing.values["Frame rate"].toolTip()
 
 
+def test_a_camera_faster_than_the_drawing_leaves_the_window_answering(qtbot, live, monkeypatch):
+    """No timer ticked, no key was heard, while frames came faster than they were drawn."""
+    view, commands = live
+    picture, ticks = commands.presenter.panes.view, []
+    draw = picture.repaint
+    monkeypatch.setattr(picture, "repaint", lambda: (draw(), time.sleep(0.04)))
+    timer = QTimer()
+    timer.timeout.connect(lambda: ticks.append(time.monotonic()))
+    timer.start(10)
+    run(view, Stars(0.002, frames=400))
+    wait_drawn(qtbot, view, 10)
+    first, last = view.display.moments[0], view.display.moments[9]
+    assert sum(first < tick < last for tick in ticks) >= 8
+
+
 def test_a_slow_camera_leaves_the_window_answering(qtbot, live):
     view, _ = live
     ticks = []

@@ -147,11 +147,14 @@ class LiveDisplay(QObject):
         return self._services.settings.flag("colour", True)
 
     def _draw_soon(self) -> None:
-        left = self._drawn_s + SHORTEST_S - monotonic()
-        if left <= 0:
-            self._draw()
-        elif not self._timer.isActive():
-            self._timer.start(max(1, round(1e3 * left)))
+        """Draw the newest frame by a timer, never at once.
+
+        Qt first hands out all events of other threads, those too that come while a frame is drawn: a camera faster than
+        the drawing would keep keys and timers waiting for ever.
+        """
+        if not self._timer.isActive():
+            left = self._drawn_s + SHORTEST_S - monotonic()
+            self._timer.start(max(0, round(1e3 * left)))
 
     def _draw(self) -> None:
         ready = self.queue.take() if self.queue is not None else None
