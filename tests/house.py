@@ -101,6 +101,11 @@ ADDED = {
     "libraries loaded after the window's first paint": 12,
     "a script that lays an image over Stellarium's sky": 53,
     "a sky atlas: a chart with the frame on it, framing, the panels of a mosaic": 425,
+    "the Solar System in the atlas, satellites and elements of one's own found by name": 100,
+    "the axis by drift of a running camera, and of files while they grow": 145,
+    "one long turn by hand, and no more frames than the numbers ask for": 55,
+    "a bolt's own move as a witness against clock and zone": 40,
+    "motorised adjusters: their protocol, found out by small moves, stopped by Esc": 245,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

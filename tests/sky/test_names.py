@@ -6,8 +6,7 @@ import pytest
 from kochab.core import cache_folder
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
-from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, StarNames, position_name, printed
-from kochab.sky.objects import read_objects
+from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, StarNames, position_name, printed, read_objects
 from kochab.sky.objects_build import SkyObject, plain, read_names, read_stellarium
 
 SPELLINGS = {

@@ -19,6 +19,7 @@ from kochab.sky.apparent import JD_UNIX, with_aberration
 from kochab.sky.elements import keep_elements, kept_elements, read_elements
 from kochab.sky.frame_bodies import bodies_in_frame, body_marks
 from kochab.sky.satellites import _sunlit, topocentric_km
+from kochab.sky.small_bodies import body_called
 from kochab.sky.solar_system import AU_KM, BodyKind, observer_at
 
 HERE = Path(__file__).parent
@@ -183,6 +184,21 @@ def test_the_trail_through_a_frame_is_in_the_sky_layer(iridium, catalogue):
     mark = next(mark for mark in run(body_marks(frame, solution, more=[iridium])) if mark.kind == "satellite")
     assert np.abs(mark.shapes[0][[0, -1]] - ends).max() < 0.1
     assert mark.radius > 200.0
+
+
+def test_a_satellite_is_found_by_its_name_wherever_it_is(iridium):
+    """At dusk, against the vector from the site; the one in the Earth's shadow and one of no file are not."""
+    observer = observer_at(DUSK, SITE)
+    found = [run(body_called(name.lower(), DUSK, SITE, [iridium])) for name in iridium.names]
+    lit = [k for k, body in enumerate(found) if body is not None]
+    assert 0 < len(lit) < len(found)
+    places = topocentric_km(iridium.orbits, observer, np.zeros(1))[0][:, 0]
+    for k, body in enumerate(found):
+        assert (body is not None) == bool(_sunlit(places[k][None], observer)[0])
+    for k in lit:
+        assert np.degrees(np.linalg.norm(with_aberration(found[k].vector[None], DUSK)[0] - unit(places[k]))) < 1e-3
+    assert run(body_called(iridium.names[lit[0]], DUSK, None, [iridium])) is None  # its place needs a site
+    assert run(body_called(iridium.names[lit[0]], DUSK, SITE)) is None
 
 
 # -- Files -------------------------------------------------------------------------------------

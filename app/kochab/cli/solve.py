@@ -122,17 +122,15 @@ def solve_one(
     result = within_radius(found, bound)
     outcome = as_json(wish.file, with_doubts(result, options, header))
     hint = header if options.hint is None or options.hint.time_utc is None else options.hint
-    if isinstance(result, Solution) and frame is not None and hint and hint.time_utc and not hint.time_of_file:
+    if isinstance(result, Solution) and frame is not None and hint and (taken := hint.taken_utc):
         from kochab.sky import open_catalogue
         from kochab.sky.frame_bodies import bodies_in_frame
 
         place, more = site or hint.site or frame.hint.site, tables_of(elements)
         exposure_s = hint.exposure_s or frame.hint.exposure_s or 0.0
-        told = yield from bodies_in_frame(
-            result, solved.detections, hint.time_utc, place, open_catalogue(), more, exposure_s
-        )
+        told = yield from bodies_in_frame(result, solved.detections, taken, place, open_catalogue(), more, exposure_s)
         outcome |= bodies_json(told)
-        outcome["warnings"] += [text for table in more if (text := table.warning(hint.time_utc, place))]
+        outcome["warnings"] += [text for table in more if (text := table.warning(taken, place))]
     failures: list[str] = []
     if isinstance(result, Solution):
         if wish.wcs is not None:

@@ -42,6 +42,11 @@ class Hint:
     time_of_file: bool = False
 
     @property
+    def taken_utc(self) -> datetime | None:
+        """When it was taken; None where only its file has a time."""
+        return None if self.time_of_file else self.time_utc
+
+    @property
     def helps(self) -> bool:
         """Whether it narrows the search at all."""
         return self.scale_arcsec_px is not None or self.centre_deg is not None

@@ -111,24 +111,24 @@ def body_marks(
 ) -> Task[tuple[Mark, ...]]:
     """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines."""
     hint = frame.hint
-    if hint.time_utc is None or hint.time_of_file:
+    if hint.taken_utc is None:
         return ()
     nothing = Detections.from_list(np.empty((0, 2)), frame.width, frame.height)
     place, exposure_s = hint.site or site, hint.exposure_s or 0.0
-    found = yield from bodies_in_frame(solution, nothing, hint.time_utc, place, open_catalogue(), more, exposure_s)
+    found = yield from bodies_in_frame(solution, nothing, hint.taken_utc, place, open_catalogue(), more, exposure_s)
+    return tuple(body_mark(solution, one.body, k, np.array([one.x, one.y])) for k, one in enumerate(found.bodies))
+
+
+def body_mark(solution: Solution, body: Body, row: int, xy: Floats) -> Mark:
+    """A body at its pixel (2,), with its disc or its trail."""
     turn = np.linspace(0.0, 2.0 * np.pi, 49)
-    circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    marks = []
-    for number, one in enumerate(found.bodies):
-        body, xy = one.body, np.array([one.x, one.y])
-        radius = body.diameter_arcsec / 2.0 / solution.camera.scale_arcsec_px
-        shape = xy + radius * circle
-        if body.trail:
-            shape = solution.pixels_of(np.array([unit_vectors(*place) for place in body.trail]))
-            radius = float(np.hypot(*(shape - xy).T).max())
-        rank = float(np.nan_to_num(body.magnitude, nan=20.0)) - BODY_MAG
-        marks.append(Mark(str(body.kind), number, xy, radius, rank, body.name, body.name, (shape,), body))
-    return tuple(marks)
+    radius = body.diameter_arcsec / 2.0 / solution.camera.scale_arcsec_px
+    shape = xy + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    if body.trail:
+        shape = solution.pixels_of(np.array([unit_vectors(*place) for place in body.trail]))
+        radius = float(np.hypot(*(shape - xy).T).max())
+    rank = float(np.nan_to_num(body.magnitude, nan=20.0)) - BODY_MAG
+    return Mark(str(body.kind), row, xy, radius, rank, body.name, body.name, (shape,), body)
 
 
 def _unknown(

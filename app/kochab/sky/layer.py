@@ -159,7 +159,8 @@ def in_reach(vectors: Floats, centre: Floats, reach_rad: float) -> Bools:
     return np.asarray(vectors @ centre > np.cos(min(reach_rad, np.pi)))
 
 
-def _inside(solution: Solution, xy: Floats) -> Bools:
+def inside(solution: Solution, xy: Floats) -> Bools:
+    """Which pixels (N, 2) the frame has."""
     size = np.array([solution.camera.width, solution.camera.height])
     with np.errstate(invalid="ignore"):
         return np.asarray(((xy > -0.5) & (xy < size - 0.5)).all(axis=1))
@@ -169,7 +170,7 @@ def _objects(tables: SkyTables, solution: Solution, centre: Floats, reach: float
     objects, ranks = tables.objects, tables.ranks
     rows = np.flatnonzero(in_reach(objects.vector, centre, 1.2 * reach) & np.isfinite(ranks))
     xy = solution.pixels_of(objects.vector[rows])
-    seen = np.flatnonzero(_inside(solution, xy))
+    seen = np.flatnonzero(inside(solution, xy))
     seen = seen[np.argsort(ranks[rows[seen]], kind="stable")[:MOST]]
     rows, xy = rows[seen], xy[seen]
     rings = solution.pixels_of(ellipses(tables, rows).reshape(-1, 3)).reshape(len(rows), POINTS + 1, 2)
@@ -211,7 +212,7 @@ def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, 
     stars = tables.stars
     rows = np.flatnonzero(in_reach(stars.vector, centre, 1.1 * reach + 1e-4))
     xy = solution.pixels_of(unit(stars.vector[rows] + (year - EPOCH) * stars.step[rows]))
-    for row, place in zip(rows[seen := _inside(solution, xy)].tolist(), xy[seen], strict=True):
+    for row, place in zip(rows[seen := inside(solution, xy)].tolist(), xy[seen], strict=True):
         name = str(stars.name[row])
         proper = 1.5 * (" " not in name)
         yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 - proper, name, name)

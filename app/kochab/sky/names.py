@@ -1,18 +1,20 @@
 """Names of stars, constellations and deep-sky objects, and finding them by any name."""
 
+import csv
 import json
 import re
 import unicodedata
 from collections import ChainMap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from kochab.core import data_folder
-from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg
+from kochab.core.arrays import Floats, Table
+from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.catalogue_file import Container
 
@@ -159,8 +161,6 @@ class StarNames:
     @cached_property
     def _objects(self) -> dict[str, Floats]:
         """Vectors (3,) of the deep-sky objects by every name, lower case and without spaces; a shown name wins."""
-        from kochab.sky.objects import read_objects
-
         objects = read_objects(self.folder / "objects.tsv")
         found: dict[str, Floats] = {}
         for names in (objects.names, lambda row: str(objects.also[row]).split(",")):
@@ -213,3 +213,56 @@ def position_name(vector: Floats) -> str:
         f"J{hours:02d}{minutes:02d}{tenths % 600 // 10:02d}.{tenths % 10}"
         f"{sign}{seconds // 3600:02d}{seconds // 60 % 60:02d}{seconds % 60:02d}"
     )
+
+
+# -- The table of deep-sky objects ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SkyObjects(Table):
+    """Deep-sky objects: texts (N,), ICRS vectors (N, 3), V or B magnitude, diameters in arcmin, PA in degrees.
+
+    NaN is unknown. ``kind`` is OpenNGC's, with GalCl a cluster of galaxies; ``also`` are other designations and names,
+    ``common`` those that are shown, both parted by commas.
+    """
+
+    name: np.ndarray[tuple[int], np.dtype[np.str_]]
+    kind: np.ndarray[tuple[int], np.dtype[np.str_]]
+    vector: Floats
+    mag: Floats
+    major: Floats
+    minor: Floats
+    pa_deg: Floats
+    messier: np.ndarray[tuple[int], np.dtype[np.str_]]
+    common: np.ndarray[tuple[int], np.dtype[np.str_]]
+    also: np.ndarray[tuple[int], np.dtype[np.str_]]
+
+    def designation(self, row: int) -> str:
+        """How it is called first: M 42, NGC 2024, Sh2-155."""
+        messier = str(self.messier[row])
+        return messier.replace("M", "M ", 1) if messier else str(self.name[row])
+
+    def names(self, row: int) -> list[str]:
+        """Those that are shown, the best known first."""
+        texts = (self.designation(row), *self.common[row].split(","), str(self.name[row]))
+        return [text for text in dict.fromkeys(texts) if text]
+
+
+def read_objects(path: Path) -> SkyObjects:
+    """The table of objects; `CatalogueError` when it is missing or damaged."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [*csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)]
+        head, *rows = rows
+        columns = dict(zip(head, zip(*rows, strict=True), strict=True))
+        texts = {name: np.array(columns[name]) for name in ("name", "type", "messier", "common", "also")}
+        ra, dec, mag, major, minor, pa = (
+            np.array([float(value or "nan") for value in columns[name]])
+            for name in ("ra_deg", "dec_deg", "mag", "size_arcmin", "minor_arcmin", "pa_deg")
+        )
+        if not (np.isfinite(ra).all() and np.isfinite(dec).all()):
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError):
+        raise CatalogueError("The table of objects {path} is missing or damaged.", path=path) from None
+    shape = (unit_vectors(ra, dec), mag, major, minor, pa)
+    return SkyObjects(texts["name"], texts["type"], *shape, texts["messier"], texts["common"], texts["also"])

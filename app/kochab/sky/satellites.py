@@ -84,6 +84,14 @@ class Satellites:
                     found.append(body)
         return found
 
+    def body(self, row: int, observer: Observer) -> Task[Body | None]:
+        """One wherever it is at mid-exposure; None in the Earth's shadow, with old elements and without a site."""
+        yield Progress("Looking for satellites")
+        if observer.site is None:
+            return None
+        sigma_km = float(self.sigma_km(observer.time_utc)[row])
+        return self._body(row, observer, np.array([0.0, 0.0, 1.0]), np.pi, (0.0, 0.0), sigma_km)
+
     def _body(
         self,
         k: int,

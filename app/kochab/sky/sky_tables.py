@@ -3,17 +3,13 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
-from kochab.sky.objects import SkyObjects, read_objects
-
-if TYPE_CHECKING:
-    from kochab.sky.names import StarNames
+from kochab.sky.names import SkyObjects, StarNames, read_objects
 
 OBLIQUITY = np.radians(84381.406 / 3600.0)  # of the ecliptic at J2000, IAU 2006
 GALACTIC_POLE_DEG = (192.8594813, 27.1282512)  # ICRS of the galactic north pole (Hipparcos, vol. 1, eq. 1.5.10)
@@ -67,7 +63,7 @@ class SkyTables:
     outlines: dict[int, tuple[Floats, ...]]
 
 
-def _named_stars(names: "StarNames") -> NamedStars:
+def _named_stars(names: StarNames) -> NamedStars:
     bright = names.bright
     column = bright.column
     hips = np.array(sorted(names.table), dtype=np.int64)
@@ -109,7 +105,7 @@ def _variables(path: Path) -> dict[int, Variable]:
         raise CatalogueError("The table {path} is missing or damaged.", path=path) from None
 
 
-def _figures(path: Path, stars: NamedStars, names: "StarNames") -> tuple[Floats, ...]:
+def _figures(path: Path, stars: NamedStars, names: StarNames) -> tuple[Floats, ...]:
     """The constellations' figures as chains of their stars."""
     try:
         rows = [[int(n) for n in line.split("\t")[1].split()] for line in path.read_text("utf-8").splitlines()[1:]]
@@ -146,7 +142,6 @@ def ranks_of(objects: SkyObjects) -> Floats:
 def sky_tables(folder: Path | None = None) -> SkyTables:
     """Read the tables of ``folder``, by default the shipped ones: a quarter of a second, once."""
     from kochab.sky.catalogue import shipped_folder
-    from kochab.sky.names import StarNames
 
     folder = folder or shipped_folder()
     names = StarNames(folder)

@@ -1,7 +1,7 @@
 """Asteroids and comets in a frame: carried from the table's dates to the frame's, the planets' pull counted."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cache
@@ -54,6 +54,14 @@ SOLVED_JD = 2459914.5
 
 STRAY_DEG_PER_YEAR = 0.5
 """How far a body may stray from a two-body orbit: this times years to the power of 1.5; 99.9 % do less."""
+
+CALLED: tuple[Callable[[str], str], ...] = (
+    str,
+    lambda name: name.partition("/")[2],
+    lambda name: name.partition(" ")[2],
+    lambda name: name.partition(" (")[0],
+)
+"""By what of its name a body may be called: all, what follows a comet's type or a number, or precedes brackets."""
 
 
 @dataclass(slots=True, eq=False)
@@ -120,6 +128,11 @@ class SmallBodies:
             for body in seen
             if body.vector @ centre >= np.cos(min(np.pi, radius_rad)) and body.magnitude <= faintest
         ]
+
+    def body(self, row: int, observer: Observer) -> Task[Body | None]:
+        """One of them, wherever it is."""
+        (body,) = yield from _seen(self, np.array([row], dtype=np.intp), observer)
+        return body
 
     def warning(self, time_utc: datetime, site: Site | None) -> str:
         """Nothing: each body's sigma tells how old its elements are."""
@@ -190,19 +203,23 @@ def bodies_near(
     return sorted(found, key=lambda body: np.nan_to_num(body.magnitude, nan=np.inf))
 
 
-def body_called(text: str, time_utc: datetime, site: Site | None) -> Task[Body | None]:
-    """A body of the Solar System by its name, wherever it is; ``"Vesta"`` is 4 Vesta."""
+def body_called(text: str, time_utc: datetime, site: Site | None, more: Sequence[Moving] = ()) -> Task[Body | None]:
+    """A body of the Solar System by its name, wherever it is; those of ``more`` tables come before the shipped ones.
+
+    ``"Vesta"`` is 4 Vesta, ``"Halley"`` 1P/Halley, ``"C/2023 A3"`` the comet with its finder, ``"ISS"`` ISS (ZARYA).
+    """
     if not covers(time_utc):
         return None
     observer, wanted = observer_at(time_utc, site), text.casefold().strip()
     bodies = major_bodies(observer)
     bodies += [moon for planet in bodies if planet.name in MOONS for moon in planet_moons(observer, planet)]
-    table = shipped_small_bodies()
-    rows = [k for k, name in enumerate(table.names) if wanted in (name.casefold(), name.casefold().partition(" ")[2])]
-    if rows and not any(body.name.casefold() == wanted for body in bodies):
-        bodies += yield from _seen(table, np.array(rows[:1], dtype=np.intp), observer)
-        wanted = bodies[-1].name.casefold()
-    return next((body for body in bodies if body.name.casefold() == wanted), None)
+    found = next((body for body in bodies if body.name.casefold() == wanted), None)
+    for table in (*more, shipped_small_bodies()):
+        names = [name.casefold() for name in table.names]
+        row = next((k for called in CALLED for k, name in enumerate(names) if called(name) == wanted), None)
+        if found is None and row is not None:
+            found = yield from table.body(row, observer)
+    return found
 
 
 def _seen(table: SmallBodies, rows: Indices, observer: Observer) -> Task[list[Body]]:

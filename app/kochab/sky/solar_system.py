@@ -5,7 +5,7 @@ by. The site counts for the nearer ones, most for the Moon.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -95,6 +95,13 @@ class Observer:
 
 class Moving(Protocol):
     """A table of bodies that move among the stars."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """What each is called."""
+
+    def body(self, row: int, observer: Observer) -> Task[Body | None]:
+        """One of them wherever it is; None when that is not known."""
 
     def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
         """Its bodies within ``radius_rad`` of an ICRS direction (3,), down to a magnitude."""

@@ -51,7 +51,7 @@ class CameraFrames(SolvedFrames):
         """The solution of a frame begun after this call."""
         frame = lost_in_space((yield from fresh_frame(self._camera)))
         result = yield from solve_frame(frame, self._options)
-        self.time_utc = None if frame.hint.time_of_file else frame.hint.time_utc
+        self.time_utc = frame.hint.taken_utc
         return result
 
 

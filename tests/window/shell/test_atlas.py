@@ -1,6 +1,10 @@
 """The atlas: its projection beside astropy's, panels of a mosaic, and the chart used by mouse and keyboard."""
 
+import json
 import re
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +15,14 @@ from PySide6.QtWidgets import QApplication
 
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.camera import Camera, ChartCamera
+from kochab.core.frame import Hint, Site
 from kochab.window.shell.atlas import Atlas, Mosaic, border, frame_at
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
 from tests.window.test_night import assert_red
 
 BELT = unit_vectors(84.05, -1.2)
+SKYFIELD = Path(__file__).parents[2] / "sky" / "solar_system.json"
 
 
 @pytest.mark.parametrize(("ra", "dec", "field"), [(84.05, -1.2, 120.0), (10.0, 89.0, 180.0), (250.0, -60.0, 3.0)])
@@ -192,3 +198,59 @@ def test_a_later_frame_leaves_the_chart_where_it_was_turned(atlas):
     atlas._presenter.session.solved.emit(fake_solution(300, 200))
     assert radec_deg(atlas.chart.centre) == pytest.approx((10.0, 40.0))
     assert atlas.chart.frame.camera.width == 300
+
+
+# -- The Solar System -----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def dated(qtbot, opened):
+    """The atlas beside a frame that says when and where it was taken, and skyfield's places of then."""
+    told = json.loads(SKYFIELD.read_text("utf-8"))["rows"][4]
+    window, commands = opened
+    known = commands.session.known
+    hint = Hint(time_utc=datetime.fromisoformat(told["utc"]), site=Site(*told["site"]))
+    known.frame = replace(known.frame, hint=hint)
+    commands.actions["atlas"].trigger()
+    made = window.findChild(Atlas)
+    qtbot.waitUntil(lambda: made.chart.catalogue is not None and bool(made.chart._bodies))
+    return made, told["places"]
+
+
+def test_planets_stand_where_they_were_when_the_open_frame_was_taken(qtbot, dated):
+    atlas, places = dated
+    assert "2005-07-11 16:59" in atlas.dated.text()
+    chart = atlas.chart
+    for name, (ra, dec, *_) in places.items():
+        if name == "Pluto":  # fainter than the chart's stars, but always there
+            continue
+        chart.look(unit_vectors(ra, dec), 60.0)
+        chart.grab()
+        mark = next(mark for mark in chart.overlay.sky.marks if mark.text == name)
+        assert separation_deg(mark.body.vector, unit_vectors(ra, dec)) < 1.0 / 3600.0
+        assert np.hypot(*(mark.xy + 0.5 - (chart.width() / 2.0, chart.height() / 2.0))) < 0.1
+        assert name in {label.text for label in chart.overlay.labels}
+
+
+def test_a_planet_is_sought_clicked_and_told(qtbot, dated):
+    atlas, places = dated
+    atlas.sought.setText("jupiter")
+    qtbot.keyClick(atlas.sought, Qt.Key.Key_Return)
+    chart = atlas.chart
+    assert radec_deg(chart.centre) == pytest.approx(places["Jupiter"][:2], abs=1e-3)
+    chart.grab()
+    qtbot.mouseClick(chart, Qt.MouseButton.LeftButton, pos=chart.rect().center())
+    told = atlas.told.text().splitlines()
+    assert told[:3] == ["Jupiter", "Planet", "In  Virgo"]
+    assert "Magnitude  -1.9" in told or "Magnitude  −1.9" in told
+    assert "Io" not in {mark.text for mark in chart.overlay.sky.marks}
+    chart.look(chart.centre, 0.3)
+    chart.grab()
+    assert {"Io", "Europa", "Ganymede", "Callisto"} <= {mark.text for mark in chart.overlay.sky.marks}
+
+
+def test_without_a_date_planets_stand_where_they_are(qtbot, atlas):
+    qtbot.waitUntil(lambda: bool(atlas.chart._bodies))
+    told = re.search(r"\d{4}-\d\d-\d\d \d\d:\d\d", atlas.dated.text()).group()
+    assert abs(datetime.now(UTC) - datetime.fromisoformat(f"{told}+00:00")) < timedelta(minutes=30)
+    assert {"Sun", "Moon", "Jupiter"} <= {body.name for body in atlas.chart._bodies}

@@ -95,8 +95,9 @@ def facts(
             told[tr("Variable")] = variable_text(varies)
         hip = f"HIP {tables.stars.hip[mark.row]}"
         told[tr("Catalogue")] = hip
-        residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")
-        told[tr("Residual")] = residual or tr("not matched")
+        if solution.stars:
+            residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")
+            told[tr("Residual")] = residual or tr("not matched")
     elif (body := mark.body) is not None:
         told |= {tr("Magnitude"): number(body.magnitude, ".1f")} if np.isfinite(body.magnitude) else {}
         told |= {tr("Diameter"): number(body.diameter_arcsec, ".3g") + "″"} if body.diameter_arcsec else {}

@@ -6,6 +6,7 @@ camera of its own.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
 from itertools import pairwise
 
@@ -30,20 +31,25 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import attitude_from, radec_deg, unit
 from kochab.core.camera import Camera, ChartCamera
 from kochab.core.errors import UsageError
+from kochab.core.frame import Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
 from kochab.frames.sky_grid import pieces
 from kochab.gear.actions import reasons_against
 from kochab.sky.catalogue import Catalogue, open_catalogue
+from kochab.sky.elements import kept_elements
+from kochab.sky.frame_bodies import body_mark
 from kochab.sky.landmarks import constellation_at
-from kochab.sky.layer import MARKS, Layers
+from kochab.sky.layer import MARKS, Layers, Mark, inside
 from kochab.sky.sky_tables import SkyTables, sky_tables
+from kochab.sky.small_bodies import SmallBodies, bodies_near
+from kochab.sky.solar_system import Body, BodyKind
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
-from kochab.window.image.object_card import links, place_menu, vector_of
+from kochab.window.image.object_card import facts, links, place_menu, vector_of
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import Viewport
 from kochab.window.shell.presenter import Presenter
-from kochab.window.shell.search import place_of
+from kochab.window.shell.search import body_then, place_of
 from kochab.window.shell.views import Services
 from kochab.window.themes import theme_colours, translucent
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
@@ -53,11 +59,13 @@ WIDE_DEG, WIDE_MAG, WIDE_RANK = 60.0, 5.0, 8.0  # wider, a chart names no more, 
 AROUND, LEAST_DEG = 4.0, 25.0  # so many times the frame is shown at first, and so much at least
 STARS = 1500  # of one chart, the brightest
 STAR_PX, PX_A_MAG, LARGEST_PX = 1.1, 0.75, 7.0  # the faintest star's diameter, and how they grow
-SHOWN = ("objects", "names", "figures", "boundaries", "ecliptic", "grid")
+SHOWN = ("objects", "names", "bodies", "figures", "boundaries", "ecliptic", "grid")
+BODIES_MAG = 10.0  # down to which asteroids and comets are drawn
+MOONS_DEG = 3.0  # wider, moons of planets are not
 DRAG_STEPS = 8  # each leaves a part of the way: north up turns the chart meanwhile
 SIDE_POINTS = 17  # of a side of a frame: straight in the frame, it bends on the chart
 NO_STARS = np.empty((0, 2))
-EXAMPLE = tr_noop("M 31, Vega, 05h35m -5 23")
+EXAMPLE = tr_noop("M 31, Vega, Jupiter, 05h35m -5 23")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +124,17 @@ def _loaded() -> Task[tuple[SkyTables, Catalogue]]:
     return sky_tables(), open_catalogue()
 
 
+def _bodies(when: datetime, site: Site | None) -> Task[tuple[datetime, list[Body]]]:
+    """Those of the whole sky at a time, but for satellites: they are elsewhere in a minute."""
+    own = [table for table in kept_elements() if isinstance(table, SmallBodies)]
+    return when, (yield from bodies_near(when, site, np.array([0.0, 0.0, 1.0]), np.pi, BODIES_MAG, own))
+
+
 class StarChart(QWidget):
     """The chart: dragged, it turns; the wheel zooms; a click names what is there."""
 
     moved = Signal()
-    clicked = Signal(str)  # what is there
+    clicked = Signal(object)  # what is there, a mark or nothing
     menu_wanted = Signal(object, QPoint)  # screen place, and where on the screen
 
     def __init__(self) -> None:
@@ -138,6 +152,7 @@ class StarChart(QWidget):
         self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
         self._key: object = None
         self._stars: tuple[Floats, Floats] = NO_STARS, np.empty(0)
+        self._bodies: list[Body] = []
         self._pressed: QPointF | None = None
         self._dragged = False
 
@@ -150,6 +165,7 @@ class StarChart(QWidget):
             self._key, sheet = key, frame_at(camera, self.centre)
             self.overlay.tables = self._wide if self.field_deg > WIDE_DEG else self._tables
             self.overlay.show(NO_STARS, sheet)
+            self.overlay.show_bodies(tuple(self._marks(sheet)))
             if self.catalogue is not None:
                 radius = min(sheet.radius_rad, np.pi / 2.0)
                 rows = self.catalogue.brightest(self.centre, radius, STARS)
@@ -165,6 +181,19 @@ class StarChart(QWidget):
         ranks = np.where(tables.ranks < WIDE_RANK, tables.ranks, np.inf)
         self._wide = replace(tables, lines=lines, stars=stars, ranks=ranks)
         self.update()
+
+    def show_bodies(self, bodies: list[Body]) -> None:
+        """Draw bodies of the Solar System."""
+        self._bodies, self._key = bodies, None
+        self.update()
+
+    def _marks(self, sheet: Solution) -> Iterator[Mark]:
+        """Bodies in sight."""
+        vectors = np.array([body.vector for body in self._bodies]).reshape(-1, 3)
+        xy = sheet.pixels_of(vectors)
+        for k in np.flatnonzero(inside(sheet, xy)).tolist():
+            if self._bodies[k].kind is not BodyKind.SATELLITE or self.field_deg < MOONS_DEG:
+                yield body_mark(sheet, self._bodies[k], k, xy[k])
 
     def look(self, centre: Floats, field_deg: float | None = None) -> None:
         """Bring an ICRS unit vector (3,) to the middle."""
@@ -252,7 +281,7 @@ class StarChart(QWidget):
         if self._pressed is not None and not self._dragged:
             at = event.position()
             self.overlay.picked = self.overlay.mark_at(at.x() - 0.5, at.y() - 0.5, 14.0)
-            self.clicked.emit("" if self.overlay.picked is None else self.overlay.picked.text)
+            self.clicked.emit(self.overlay.picked)
             self.update()
         self._pressed = None
 
@@ -284,6 +313,7 @@ class Atlas(QDialog):
         self.chart = StarChart()
         self.sought = text_field(tr("Find"), tr(EXAMPLE), tr("A star, an object or coordinates"))
         self.told = label("", "muted", wrap=True)
+        self.dated = label("", "muted", wrap=True)
         self.framing = switch(tr("&Framing"), tr("What one frame, or a mosaic, holds around the middle of the chart"))
         self.wide = number_field(tr("Width"), 0.01, 90.0, 1.5, 2, "°")
         self.high = number_field(tr("Height"), 0.01, 90.0, 1.0, 2, "°")
@@ -298,8 +328,10 @@ class Atlas(QDialog):
         self.copy = button(tr("&Copy the panels"), self._copy, tip=tip)
         self.centre = button(tr("C&entre the mount here"), self._send)
         self.home = button(tr("&Show the open frame"), self.chart.show_frame)
-        facts = form(*((each.accessibleName(), each) for each in self.fields))
-        side = column(self.sought, self.told, 6, self.framing, facts, self.copy, None, self.home, self.centre)
+        sizes = form(*((each.accessibleName(), each) for each in self.fields))
+        side = column(
+            self.sought, self.told, 6, self.framing, sizes, self.copy, None, self.dated, self.home, self.centre
+        )
         row((self.chart, 1), side, on=self, spacing=12, margins=(12, 12, 12, 12))
         self.sought.returnPressed.connect(self._seek)
         self.chart.moved.connect(self._say)
@@ -309,9 +341,11 @@ class Atlas(QDialog):
         for each in self.fields:
             each.valueChanged.connect(self._frame)
         presenter.session.solved.connect(self._solved)
+        presenter.session.opened.connect(self._date)
         job = presenter.session.jobs.run(_loaded(), "sky")
         job.succeeded.connect(lambda read: self.chart.fill(*read))
         job.failed.connect(self.told.setText)
+        self._date()
         self._solved(frame := presenter.overlay.solution)
         if frame is not None:
             for field, value in zip(self.fields, (*frame.camera.fov_deg, frame.roll_deg), strict=False):
@@ -320,6 +354,19 @@ class Atlas(QDialog):
         self._frame()
         self._say()
         self.resize(980, 640)
+
+    def _date(self) -> None:
+        """Show the planets as they stood when the open frame was taken, or as they stand."""
+        frame, site = self._presenter.session.known.frame, self._presenter.settings.site
+        hint = Hint() if frame is None else frame.hint
+        self._when, self._site = hint.taken_utc or datetime.now(UTC), hint.site or site
+        job = self._presenter.session.jobs.run(_bodies(self._when, self._site), "bodies")
+        job.succeeded.connect(self._has_bodies)
+        self.dated.setText(tr("Planets: {time} UTC", time=f"{self._when:%Y-%m-%d %H:%M}"))
+
+    def _has_bodies(self, found: tuple[datetime, list[Body]]) -> None:
+        if found[0] == self._when:  # and not of the frame before
+            self.chart.show_bodies(found[1])
 
     def _solved(self, solution: Solution | None) -> None:
         """Show where the open frame lies; the chart stays where the person has turned it."""
@@ -336,16 +383,26 @@ class Atlas(QDialog):
         self.chart.mosaic = Mosaic(wide, high, turn, int(columns), int(rows), overlap / 100.0) if on else None
         self.chart.update()
 
-    def _say(self, name: str = "") -> None:
-        """What is in the middle, or was clicked, and what a mount may do about it."""
+    def _say(self, mark: Mark | None = None) -> None:
+        """What was clicked, what is in the middle, and what a mount may do about it."""
         place, field = radec_deg(self.chart.centre), self.chart.field_deg
         wide = f"{number(field, '.0f')}°" if field >= 10.0 else angle_text(field)
         around = tr("{constellation}, {angle} across", constellation=constellation_at(self.chart.centre), angle=wide)
         style = self._presenter.style
-        self.told.setText("\n".join(filter(None, (name, ra_text(place[0], style), dec_text(place[1], style), around))))
+        middle = "\n".join((ra_text(place[0], style), dec_text(place[1], style), around))
+        head = tr("In the middle")
+        self.told.setText(middle if mark is None else f"{self._facts(mark)}\n\n{head}\n{middle}")
         against = reasons_against(self._services.situation)["centre"]
         self.centre.setEnabled(not against)
         self.centre.setToolTip(against)
+
+    def _facts(self, mark: Mark) -> str:
+        """What a mark of the chart is."""
+        tables, sheet = self.chart.overlay.tables, self.chart.sheet
+        if tables is None:
+            return mark.text
+        told = facts(tables, mark, sheet, self._presenter.style, None)
+        return "\n".join((mark.text, *(f"{title}  {text}".strip() for title, text in told.items())))
 
     def _seek(self) -> None:
         text = self.sought.text().strip()
@@ -354,7 +411,11 @@ class Atlas(QDialog):
         try:
             self.chart.look(place_of(text))
         except UsageError as error:
-            self.told.setText(str(error))
+            body = body_then(text, self._when, self._site)
+            if body is None:
+                self.told.setText(str(error))
+            else:
+                self.chart.look(body)
 
     def _copy(self) -> None:
         if self.chart.mosaic is not None:

@@ -76,8 +76,7 @@ class Presenter(QObject):
     def horizon(self) -> Horizon | None:
         """Where and when the shown frame was taken; None when either is not known, as when only its file has a time."""
         frame = self.session.known.frame
-        told = frame is not None and not frame.hint.time_of_file
-        return horizon_of(frame, self.settings.site) if frame is not None and told else None
+        return None if frame is None or frame.hint.taken_utc is None else horizon_of(frame, self.settings.site)
 
     def solve(self) -> None:
         """Solve the open frame with what the hints pane says."""

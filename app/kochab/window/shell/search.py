@@ -1,6 +1,7 @@
 """Find a star, an object, a body of the frame, a place of the sky or a command by what a person types."""
 
 from collections.abc import Callable
+from datetime import datetime
 
 import numpy as np
 from PySide6.QtWidgets import QDialog
@@ -10,7 +11,7 @@ from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, east_north, unit_vectors
 from kochab.core.errors import UsageError
-from kochab.core.frame import Frame, Site
+from kochab.core.frame import Hint, Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.polar.horizon import horizon_of
@@ -56,13 +57,12 @@ def outside(solution: Solution, vector: Floats) -> str:
     return tr(way, angle=np.degrees(angle_between(centre, vector)))
 
 
-def body_then(text: str, frame: Frame | None, site: Site | None) -> Floats | None:
-    """ICRS unit vector (3,) of a body of the Solar System when a frame was taken; None undated, or by another name."""
+def body_then(text: str, when: datetime | None, site: Site | None) -> Floats | None:
+    """ICRS unit vector (3,) of a body of the Solar System at a time; None without one, or when none is called so."""
+    from kochab.sky.elements import kept_elements
     from kochab.sky.small_bodies import body_called
 
-    if frame is None or frame.hint.time_utc is None or frame.hint.time_of_file:
-        return None
-    body = finish(body_called(text, frame.hint.time_utc, frame.hint.site or site))
+    body = None if when is None else finish(body_called(text, when, site, kept_elements()))
     return None if body is None else body.vector
 
 
@@ -98,10 +98,11 @@ class Search(QDialog):
         solution = self._presenter.overlay.solution
         body = next((m for m in self._presenter.overlay.bodies if m.text.casefold() == text.casefold()), None)
         frame, site = self._presenter.session.known.frame, self._presenter.settings.site
+        hint = Hint() if frame is None else frame.hint
         try:
             vector = place_of(text) if body is None or body.body is None else body.body.vector
         except UsageError as error:
-            then = body_then(text, frame, site)
+            then = body_then(text, hint.taken_utc, hint.site or site)
             if then is None:
                 return str(error)
             vector = then
