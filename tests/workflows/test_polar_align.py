@@ -1,6 +1,6 @@
 """The whole alignment on the practice rig: by the mount, by hand, and when things go wrong."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -11,7 +11,8 @@ from kochab.core.frame import Site
 from kochab.core.mount import Direction, Epoch, MountState, Pointing
 from kochab.core.progress import Progress, run
 from kochab.core.solution import NoSolution, Reason
-from kochab.lab.bench.polar_rig import ALIGN, follow, make_rig
+from kochab.gear.adjusters import AdjusterAxis
+from kochab.lab.bench.polar_rig import ALIGN, RigSky, follow, make_rig
 from kochab.polar.horizon import Refraction
 from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, measure_local
 from kochab.polar.plan import Optics, best_path, sweep_path
@@ -21,8 +22,17 @@ from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
-from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, adjust
-from kochab.workflows.polar.measure import HandTurner, MountTurner, Sweep, foreseen_arcsec, measure_axis, plan_path
+from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, adjust, align
+from kochab.workflows.polar.measure import (
+    MOST_POINTS,
+    HandTurner,
+    MountTurner,
+    Sweep,
+    foreseen_arcsec,
+    measure_axis,
+    measure_drifting,
+    plan_path,
+)
 from kochab.workflows.polar.sources import NotMeasuredError
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from tests.workflows.rig_mount import Bench
@@ -108,10 +118,10 @@ def test_without_a_mount_words_are_said_and_the_frames_show_when_it_was_done():
     hand = ByHand(sky)
     updates = []
     found = run(measure_axis(hand, hand, sky.settings, Sweep(turn_deg=60.0, frames=3, most_frames=3)), updates.append)
-    assert len(hand.words) == 2
-    assert "Rotate RA about 30°" in hand.words[0]
+    assert len(hand.words) == 1
+    assert "Rotate RA about 60°" in hand.words[0]
     assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
-    assert any(u.stage == "turn" and u.detail == "0° of 30°" for u in updates)
+    assert any(u.stage == "turn" and u.detail == "0° of 60°" for u in updates)
 
 
 class Clutch:
@@ -493,3 +503,163 @@ def test_flexure_hides_from_one_sweep_and_shows_in_a_second(flexure):
     else:
         assert sky.missed_arcsec(both.error) < 3.0 * both.error.uncertainty_arcsec
         assert shown == []
+
+
+# -- A clock that is wrong by an hour ----------------------------------------------------------------
+
+
+class HourAhead(RigSky):
+    """Its frames' clock is an hour fast."""
+
+    def look(self):
+        seen = RigSky.look(self)
+        return replace(seen, time_utc=seen.time_utc + timedelta(hours=1))
+
+
+def witnesses(sky, bolts=BoltTutor):
+    """What the bolts' own moves say while somebody follows the tutor."""
+    task, controls, told, before = None, PolarControls(), set(), None
+    measured = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
+    task = adjust(sky, measured.measurement, bolts(), controls)
+    for step in task:
+        if not isinstance(step, PolarUpdate) or step.instruction is None:
+            continue
+        told |= {f.text for f in step.findings if f.kind is PolarFindingKind.CLOCK}
+        if step.instruction is not before:
+            before = step.instruction
+            sky.turn_bolt(before)
+            controls.press(PolarButton.TURNED)
+        if step.moves > 4 or told:
+            break
+    task.close()
+    return told
+
+
+@pytest.mark.parametrize("latitude", [-35.0, 50.0])
+def test_a_bolts_own_move_tells_a_clock_that_is_an_hour_wrong(latitude):
+    right = rig(seed=4, latitude=latitude, dec=np.sign(latitude) * 50.0)
+    wrong = HourAhead(**{field.name: getattr(right, field.name) for field in fields(RigSky)})
+    (told,) = witnesses(wrong)
+    assert "off the vertical" in told or "off the horizontal" in told
+    hours = float(told.split("wrong by ")[1].split(" h")[0])
+    assert hours == pytest.approx(1.0, abs=0.4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_with_the_right_clock_no_bolt_accuses_it(seed):
+    assert not witnesses(rig(seed=seed))
+
+
+# -- Nobody turns the axis ----------------------------------------------------------------------------
+
+
+def tracking(on=True, seed=1):
+    sky = rig(seed, hour=-20.0, dec=20.0)
+    sky.rig = PracticeRig(replace(sky.rig.config, tracking=on), open_catalogue())
+    sky.point(-20.0, 20.0)
+    sky.optics = Optics(0.5, 5.0)
+    return sky
+
+
+def test_a_tracked_place_gives_the_axis_by_itself():
+    sky, updates = tracking(), []
+    drift = run(measure_drifting(sky, sky.settings, PolarControls()), updates.append)
+    told = [u for u in updates if isinstance(u, PolarUpdate) and u.drift is not None]
+    assert drift.minutes_more == 0.0
+    assert drift.known
+    assert sky.missed_arcsec(drift.error) < 4.0 * drift.error.uncertainty_arcsec
+    assert max(len(s.attitudes) for u in told for s in u.drift.stretches) <= MOST_POINTS + 1
+    more = [u.drift.minutes_more for u in told if u.drift.minutes_more]
+    assert more[0] > more[-1]
+    assert "of drift" in told[0].detail
+    assert {u.stage for u in updates if isinstance(u, PolarUpdate)} == {"measure"}
+
+
+def test_a_drift_is_enough_when_a_person_says_so():
+    sky, controls = tracking(), PolarControls()
+
+    def person(update):
+        if isinstance(update, PolarUpdate) and update.drift is not None and update.drift.minutes > 3.0:
+            controls.press(PolarButton.ENOUGH)
+
+    drift = run(measure_drifting(sky, sky.settings, controls), person)
+    assert 3.0 < drift.minutes < 4.0
+    controls.press(PolarButton.ENOUGH)
+    with pytest.raises(NotMeasuredError, match="more than a minute"):
+        run(measure_drifting(tracking(), sky.settings, controls))
+
+
+def test_a_mount_that_does_not_track_is_told():
+    sky = tracking(on=False)
+    with pytest.raises(NotMeasuredError, match="let the mount track"):
+        run(measure_drifting(sky, sky.settings, PolarControls()))
+
+
+# -- Motors at the bolts --------------------------------------------------------------------------------
+
+
+class RigMotors:
+    """Motors of some pitch, in arcmin a unit, at the bolts of a rig, which have backlash of their own."""
+
+    def __init__(self, sky, altitude, azimuth):
+        self.sky, self.arcmin = sky, {AdjusterAxis.ALTITUDE: altitude, AdjusterAxis.AZIMUTH: azimuth}
+        self.moves = []
+
+    def move(self, axis, amount):
+        yield Progress("turn")
+        arcmin = amount * self.arcmin[axis]
+        self.moves.append((axis, arcmin))
+        self.sky.rig.mount.turn_bolts(*((arcmin, 0.0) if axis is AdjusterAxis.ALTITUDE else (0.0, arcmin)))
+
+
+@pytest.mark.parametrize(
+    ("altitude", "azimuth"),
+    [(0.05, 0.05), (-0.05, 0.02), (0.0003, -0.0002), (1.0, -0.5)],
+    ids=["plain", "reversed", "fine", "coarse"],
+)
+def test_motors_of_any_pitch_and_sense_end_at_the_pole_and_ask_nobody(altitude, azimuth):
+    sky, updates = rig(seed=2), []
+    motors = RigMotors(sky, altitude, azimuth)
+    done = run(align(sky, sky, sky.settings, ALIGN, motors=motors), updates.append)
+    assert done.good
+    assert sky.true_total_arcsec() < 30.0
+    told = [u.instruction for u in updates if isinstance(u, PolarUpdate) and u.instruction is not None]
+    assert not any(one.knob for one in told), "nobody has anything to turn"
+    words = {one.words for one in told}
+    assert any("small move" in text for text in words)
+    assert any("to go. Keep clear." in text for text in words)
+    whole = sky.hidden_total_arcmin
+    assert max(abs(arcmin) for _, arcmin in motors.moves) < 1.5 * whole / np.cos(np.radians(45.0)) + 5.0
+    first = next(abs(arcmin) for _, arcmin in motors.moves)
+    assert first <= max(abs(altitude), abs(azimuth))  # one unit
+
+
+def test_motors_that_move_nothing_are_told():
+    sky = rig(seed=2)
+    with pytest.raises(RefusedError, match="does not move the axis"):
+        run(align(sky, sky, sky.settings, ALIGN, motors=RigMotors(sky, 0.0, 0.0)))
+
+
+# -- By hand: one long turn, and no more frames than the numbers ask for ----------------------------------
+
+
+@pytest.mark.parametrize("off_arcmin", [47.0, 0.3])
+def test_a_hand_turns_once_where_bolts_have_to_be_turned_anyway(off_arcmin):
+    sky = rig(seed=3)
+    config = replace(sky.rig.config.mount, misalignment_arcmin=(off_arcmin, 0.0))
+    sky.rig = PracticeRig(replace(sky.rig.config, mount=config), open_catalogue())
+    sky.point(-40.0, 50.0)
+    hand = ByHand(sky)
+    found = run(measure_axis(hand, hand, sky.settings, Sweep(frames=2, most_frames=6, goal_arcsec=7.5)))
+    first, *back = [float(words.split("about ")[1].split("°")[0]) for words in hand.words]
+    assert 60.0 <= first <= 90.0
+    if off_arcmin > 1.0:
+        assert not back
+        assert found.ahead[1] == pytest.approx(first, abs=0.6)
+    else:
+        assert len(back) >= 2, "what is nearly good has to be known well"
+        assert sum(back) == pytest.approx(first, abs=1.0 + len(back))
+        assert found.went_deg == pytest.approx(0.0, abs=1e-6)
+        assert len({words.split("° ")[1].split(",")[0] for words in hand.words[1:]}) == 1
+        assert hand.words[0].split("° ")[1].split(",")[0] not in hand.words[1]
+    assert sky.missed_arcsec(found.measurement.error) < 4.0 * found.measurement.error.with_flexure.uncertainty_arcsec

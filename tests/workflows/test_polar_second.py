@@ -227,7 +227,10 @@ def test_a_last_frame_back_at_the_start_shows_what_crept():
     assert two.error.creep_total_arcsec < 0.5 * one.error.creep_total_arcsec
     assert creep_to_show_arcsec(two) == 0.0
     assert sky.missed_arcsec(two.error) < 3.0 * two.error.with_flexure.uncertainty_arcsec
-    assert {last.path.direction, first.path.direction} == {Direction.EAST, Direction.WEST}
+    assert last.ahead == (
+        Direction.WEST if first.path.direction is Direction.EAST else Direction.EAST,
+        first.path.turn_deg,
+    )
     assert run(back_at_start(sky, sky, last)) is last  # it is there already
     second = run(second_sweep(sky, sky, last, SWEEP))
     assert sky.missed_arcsec(second.measurement.error) < 3.0 * second.measurement.error.with_flexure.uncertainty_arcsec
@@ -236,7 +239,7 @@ def test_a_last_frame_back_at_the_start_shows_what_crept():
 def test_by_hand_the_way_back_is_asked_for():
     sky = rig(flexure=0.0)
     hand = Hand(sky)
-    first = run(measure_axis(hand, hand, sky.settings, replace(SWEEP, frames=3, most_frames=3)))
+    first = run(measure_axis(hand, hand, sky.settings, replace(SWEEP, frames=2, most_frames=2)))
     asked = len(hand.words)
     last = run(back_at_start(hand, hand, first))
     assert len(hand.words) == asked + 1

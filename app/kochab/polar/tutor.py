@@ -111,6 +111,20 @@ WIDEST = 1.7  # tolerances, however coarse the thread
 MOST_TURNS = 6.0  # at a time; then measure again
 
 
+TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 10.0, 4.0, 120.0
+"""A bolt that moves the axis so far beside its own direction, for certain and in so large a move, is a witness."""
+TWISTED = {
+    Knob.ALTITUDE: tr_noop(
+        "The altitude bolt moved the axis {angle:.0f}° off the vertical. A clock or time zone wrong by {hours:.1f} h"
+        " does that, or a base that is not level."
+    ),
+    Knob.AZIMUTH: tr_noop(
+        "The azimuth bolt moved the axis {angle:.0f}° off the horizontal. A clock or time zone wrong by {hours:.1f} h"
+        " does that, or a base that is not level."
+    ),
+}
+
+
 class TutorStep(StrEnum):
     """What an instruction is for."""
 
@@ -140,6 +154,7 @@ class BoltTutor:
         self._pending: Instruction | None = None
         self._before: PolarError | None = None
         self._last: tuple[Knob | None, float] = (None, 0.0)
+        self.witness = ""  # what a bolt's own move says against clock and zone
 
     def advise(
         self, error: PolarError, turned: float | None = None, noise_arcsec: tuple[float, float] | None = None
@@ -157,6 +172,10 @@ class BoltTutor:
             self.moves += not self._goes_on(instruction)
             self._last = (instruction.knob, float(np.sign(instruction.turns)))
         return instruction
+
+    def forget(self, knob: Knob) -> None:
+        """Nothing is known of this bolt any more."""
+        self.bolts[knob] = Bolt(knob, self.bolts[knob].name)
 
     def measured_again(self) -> None:
         """A new measurement stands in for the last reading: nothing is to be learned from it."""
@@ -181,9 +200,25 @@ class BoltTutor:
         if done is None or done.knob is None or before is None:
             return
         change = error.knob_arcsec(done.knob) - before.knob_arcsec(done.knob)
+        self.witness = self._twist(done.knob, before, error, noise_arcsec) or self.witness
         noise = noise_arcsec[done.knob is Knob.AZIMUTH] / _sky_share(error, done.knob)
         if turns := done.turns if turned is None else turned:
             self.bolts[done.knob] = self.bolts[done.knob].learned(turns, change, float(np.sqrt(2.0) * noise))
+
+    @staticmethod
+    def _twist(knob: Knob, before: PolarError, now: PolarError, noise_arcsec: tuple[float, float]) -> str:
+        """What is said when a bolt moved the axis in another direction than its own; empty when it did not.
+
+        At a wrong hour the sky is taken for turned about the pole, and so is every move of the axis.
+        """
+        moved = (now.altitude_arcsec - before.altitude_arcsec, now.azimuth_on_sky_arcsec - before.azimuth_on_sky_arcsec)
+        along, beside = moved if knob is Knob.ALTITUDE else moved[::-1]
+        size = float(np.hypot(along, beside))
+        angle = float(np.degrees(np.arctan2(abs(beside), abs(along))))
+        sure = TWIST_SIGMAS * np.degrees(np.sqrt(2.0) * max(noise_arcsec) / max(size, 1e-9))
+        if size < TWIST_ARCSEC or angle - sure < TWIST_DEG:
+            return ""
+        return tr(TWISTED[knob], angle=angle, hours=angle / 15.0)
 
     def _next(self, error: PolarError) -> Instruction:
         off = {knob: abs(error.knob_arcsec(knob)) * _sky_share(error, knob) for knob in Knob}

@@ -3,16 +3,19 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Protocol
 
 import numpy as np
 
 from kochab.core import tr, tr_noop
+from kochab.core.errors import RefusedError
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution
-from kochab.polar.error import PolarError, angle_in_words, split_in_words, total_in_words
+from kochab.gear.adjusters import AdjusterAxis
+from kochab.polar.error import Knob, PolarError, angle_in_words, split_in_words, total_in_words
 from kochab.polar.flexure import UNKNOWN
 from kochab.polar.live import LiveError, LivePhase, Steady, SteadyError
-from kochab.polar.measure import Measurement, MeasureSettings, PolarFindingKind, together
+from kochab.polar.measure import Measurement, MeasureSettings, PolarFinding, PolarFindingKind, together
 from kochab.polar.report import History
 from kochab.polar.rotations import ARCSEC, tangents
 from kochab.polar.sighting import to_local
@@ -51,10 +54,66 @@ class Adjusted:
     last: SteadyError | None
 
 
+class Motors(Protocol):
+    """Motorised adjusters."""
+
+    def move(self, axis: AdjusterAxis, amount: float) -> Task[None]:
+        """Move one by so many of its own units and wait until it rests; raises DeviceError."""
+
+
+AXES = {Knob.AZIMUTH: AdjusterAxis.AZIMUTH, Knob.ALTITUDE: AdjusterAxis.ALTITUDE}
+TRIED = {
+    Knob.ALTITUDE: tr_noop("The altitude motor makes a small move, to see what it does."),
+    Knob.AZIMUTH: tr_noop("The azimuth motor makes a small move, to see what it does."),
+}
+DRIVEN = {
+    Knob.ALTITUDE: tr_noop("The altitude motor moves. {left} to go. Keep clear."),
+    Knob.AZIMUTH: tr_noop("The azimuth motor moves. {left} to go. Keep clear."),
+}
+UNSEEN = {
+    Knob.ALTITUDE: tr_noop("The altitude motor does not move the axis. Is it coupled, and the other bolts loose?"),
+    Knob.AZIMUTH: tr_noop("The azimuth motor does not move the axis. Is it coupled, and the other bolts loose?"),
+}
+FIRST_UNITS, GROWTH, MOST_UNITS = 4.0, 8.0, 500_000.0  # of a board, for what the tutor calls a turn
+
+
+class MotorisedBolts:
+    """Lets motors do what the tutor asks for. Their pitch, sense and backlash are found out by its test moves.
+
+    A test that shows nothing is made 8 times larger the next time: no motor goes far before it is known.
+    """
+
+    def __init__(self, motors: Motors, tutor: BoltTutor) -> None:
+        self._motors, self._tutor = motors, tutor
+        self._units: dict[Knob, float] = {}
+
+    def shown(self, asked: Instruction, left_arcsec: float) -> Instruction:
+        """The instruction as it is told to somebody who has nothing to turn."""
+        if asked.knob is None:
+            return asked
+        text = (TRIED if asked.step is TutorStep.TEST else DRIVEN)[asked.knob]
+        return Instruction(asked.step, tr(text, left=angle_in_words(left_arcsec)))
+
+    def follow(self, asked: Instruction) -> Task[None]:
+        """Do it; RefusedError when the axis is not seen to follow a motor."""
+        knob = asked.knob
+        if knob is None:
+            return
+        units = self._units.get(knob)
+        if asked.step is TutorStep.TEST and units is not None:
+            units *= GROWTH
+            self._tutor.forget(knob)  # what it learned was of smaller units
+            if units > MOST_UNITS:
+                raise RefusedError(tr(UNSEEN[knob]))
+        self._units[knob] = units or FIRST_UNITS
+        yield from self._motors.move(AXES[knob], asked.turns * self._units[knob])
+
+
 class AdjustmentGuide:
     """Turns live frames into instructions; one call of :meth:`see` a frame."""
 
-    def __init__(self, measurement: Measurement, tutor: BoltTutor) -> None:
+    def __init__(self, measurement: Measurement, tutor: BoltTutor, bolts: MotorisedBolts | None = None) -> None:
+        self.bolts = bolts
         self.live = LivePhase(measurement)
         self._measured = measurement.error
         self.steady = Steady()
@@ -81,6 +140,13 @@ class AdjustmentGuide:
         self.turn_requested = self.turn_requested or self.instruction.knob is not None
         return steady, self.instruction
 
+    def shown(self, error: PolarError) -> Instruction:
+        """The instruction as it is told."""
+        asked = self.instruction
+        if self.bolts is None or asked.knob is None:
+            return asked
+        return self.bolts.shown(asked, error.knob_arcsec(asked.knob))
+
     def _fresh_stop(self, steady: SteadyError) -> bool:
         """Whether a measurement said Stop and nothing was asked, turned or seen to move since.
 
@@ -99,13 +165,24 @@ def adjust(
     tutor: BoltTutor,
     controls: PolarControls | None = None,
     history: History | None = None,
+    bolts: MotorisedBolts | None = None,
 ) -> Task[Adjusted]:
-    """Follow the axis until the tutor says Stop, or something or somebody asks to measure."""
+    """Follow the axis until the tutor says Stop, or something or somebody asks to measure; ``bolts`` may have motors.
+
+    Raises DeviceError when a motor does not do as it should.
+    """
     controls, history = controls or PolarControls(), history or History()
-    guide, steady = AdjustmentGuide(measurement, tutor), None
-    history.instruction(measurement.time_utc, measurement.error, guide.instruction.words)
+    guide, steady = AdjustmentGuide(measurement, tutor, bolts), None
+    followed: Instruction | None = None
+    history.instruction(measurement.time_utc, measurement.error, guide.shown(measurement.error).words)
     yield _update(None, None, guide, measurement)
     while True:
+        if bolts is not None and guide.instruction is not followed:
+            followed = guide.instruction
+            yield from bolts.follow(followed)
+            if followed.knob is not None:
+                controls.press(PolarButton.TURNED)
+                yield from source.sight()  # exposed while the motor went
         found = yield from source.sight()
         if (
             controls.take(PolarButton.REMEASURE)
@@ -125,7 +202,7 @@ def adjust(
         steady, instruction = guide.see(live, controls.take(PolarButton.TURNED))
         history.live(found.time_utc, steady.error)
         if instruction is not before:
-            history.instruction(found.time_utc, steady.error, instruction.words)
+            history.instruction(found.time_utc, steady.error, guide.shown(steady.error).words)
         yield _update(live, steady, guide, measurement)
         if instruction.step is TutorStep.STOP and steady.settled and steady.frames >= SURE_FRAMES:
             return Adjusted(AdjustingEnd.THERE, guide.turn_requested, steady)
@@ -143,8 +220,11 @@ def _moved(measured: PolarError, steady: SteadyError) -> bool:
 def _update(
     live: LiveError | None, steady: SteadyError | None, guide: AdjustmentGuide, start: Measurement, unsolved: str = ""
 ) -> PolarUpdate:
-    words, found = unsolved or guide.instruction.words, () if live is None else live.findings
-    shown = (start, live, steady, guide.instruction, found)
+    asked = guide.shown(start.error if steady is None else steady.error)
+    words, found = unsolved or asked.words, () if live is None else live.findings
+    if live is not None and guide.tutor.witness:
+        found = (*found, PolarFinding(PolarFindingKind.CLOCK, guide.tutor.witness))
+    shown = (start, live, steady, asked, found)
     return PolarUpdate("adjust", None, words, *shown, solved=not unsolved, moves=guide.tutor.moves)
 
 
@@ -184,10 +264,12 @@ def align(
     controls: PolarControls | None = None,
     tutor: BoltTutor | None = None,
     keep: Callable[[History], None] = lambda history: None,
+    motors: Motors | None = None,
 ) -> Task[Alignment]:
     """Measure, adjust and measure again until the error is small or within its uncertainty.
 
-    ``source`` gives solved frames, and ``turner`` turns the RA axis between them. ``keep`` is called with the history
+    ``source`` gives solved frames, and ``turner`` turns the RA axis between them; ``motors``, where there are any, the
+    bolts. ``keep`` is called with the history
     after every measurement, so that nothing is lost.
 
     Raises `NotMeasuredError` when a measurement failed, and `DeviceError` when the camera or the mount did, or the
@@ -195,6 +277,7 @@ def align(
     """
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()
+    bolts = None if motors is None else MotorisedBolts(motors, tutor)
     sweep, rounds, droop = options.sweep, 0, UNKNOWN
     wanted = options.second_sweep
     before: Measurement | None = None
@@ -220,7 +303,8 @@ def align(
         if good or rounds == MOST_ROUNDS:
             yield _done(measured, good, tutor.moves)
             return Alignment(measured.measurement, good, rounds, tutor.moves, history)
-        sweep = replace(sweep, backwards=measured.path.direction, turn_deg=measured.path.turn_deg)
+        backwards, turn = measured.ahead
+        sweep = replace(sweep, backwards=backwards, turn_deg=turn)
         if measured.measurement.spoilt:
             yield _spoilt(measured, tutor.moves)
             before = None
@@ -232,7 +316,7 @@ def align(
             history.instruction(before.time_utc, error, doubt.detail)
             yield doubt
             continue
-        adjusted = yield from adjust(source, measured.measurement, tutor, controls, history)
+        adjusted = yield from adjust(source, measured.measurement, tutor, controls, history, bolts)
         quiet = adjusted.end is AdjustingEnd.THERE and not adjusted.turned
         before = measured.measurement if quiet else None  # no bolt was turned: both count
 

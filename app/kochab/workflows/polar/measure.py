@@ -7,12 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.attitude import angle_between, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Mount
 from kochab.core.progress import Progress, Task
+from kochab.polar.drift import Drift, measure_drift, stretches_of
 from kochab.polar.error import angle_in_words
 from kochab.polar.flexure import UNKNOWN, Droop
 from kochab.polar.horizon import pole_direction
@@ -40,7 +41,7 @@ from kochab.polar.plan import (
     weighted_arcsec,
 )
 from kochab.polar.rotations import ARCSEC
-from kochab.polar.sighting import LocalAttitude
+from kochab.polar.sighting import LocalAttitude, Sighting
 from kochab.workflows.polar.sources import NotMeasuredError, RestWatch, SightingSource, turned_deg
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction
 
@@ -173,11 +174,19 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """A measurement, the path of its sweep, and all findings."""
+    """A measurement, the path of its sweep, all findings, and how far along the path RA stands in the end."""
 
     measurement: Measurement
     path: SweepPath
     findings: tuple[PolarFinding, ...]
+    went_deg: float = 0.0
+
+    @property
+    def ahead(self) -> tuple[Direction, float]:
+        """The direction of the sweep that the next one goes against, and how far: the longer way along this path."""
+        left = self.path.turn_deg - self.went_deg
+        direction = self.path.direction if self.went_deg >= left else _opposite(self.path.direction)
+        return direction, max(self.went_deg, left)
 
 
 def measure_axis(
@@ -198,33 +207,66 @@ def measure_axis(
     watch = RestWatch(source, settings, controls)
     yield PolarUpdate("measure", 0.0, tr("Taking the first frame."))
     seen = [(yield from watch.still())]
+    if turner.by_hand:  # to whom a long turn is no more work than a short one
+        sweep = replace(sweep, least_deg=max(sweep.least_deg, HAND_DEG))
     path = plan_path(seen[0], settings, sweep)
     sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
-    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before))
+    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before, rough=turner.by_hand))
 
 
 def sweep_from(
-    first: LocalAttitude, path: SweepPath, watch: RestWatch, turner: Turner, sweep: Sweep, before: Droop = UNKNOWN
+    first: LocalAttitude,
+    path: SweepPath,
+    watch: RestWatch,
+    turner: Turner,
+    sweep: Sweep,
+    before: Droop = UNKNOWN,
+    rough: bool = False,
 ) -> Task[Measured]:
-    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already."""
+    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already.
+
+    A hand makes the whole turn at once, and goes back in steps where more frames are needed; ``rough`` needs none
+    while the axis is so far off that the bolts have to be turned anyway.
+    """
     seen, settings, controls = [first], watch.settings, watch.controls
-    step = path.turn_deg / (sweep.frames - 1)
+    steps = _hand_turns(path, sweep.frames) if turner.by_hand else _even_turns(path, sweep.frames)
     slips: list[PolarFinding] = []
     result: Measurement | NoAxis = NoAxis(tr("no axis yet"), tr("Rotate RA."))
     while len(seen) < sweep.frames:
-        yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, step))
-        reported = yield from turner.turn(path.direction, step)
+        way, step = steps[len(seen) - 1]
+        yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, way, step))
+        reported = yield from turner.turn(way, step)
         now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
         if reported is not None and (slip := slipping(reported, turned_deg(seen[-1], now))):
             slips.append(slip)
         seen.append(now)
         result = measure_local(seen, settings, before)
         yield _measured_so_far(result, seen, slips, sweep)
-        if controls.take(PolarButton.ENOUGH) and isinstance(result, Measurement):
+        if isinstance(result, Measurement) and (controls.take(PolarButton.ENOUGH) or (rough and _far(result))):
             break
     if isinstance(result, NoAxis):
         raise NotMeasuredError(result.sentence)
-    return Measured(result, path, (*slips[:1], *result.findings))
+    went = sum(step if way is path.direction else -step for way, step in steps[: len(seen) - 1])
+    return Measured(result, path, (*slips[:1], *result.findings), went)
+
+
+HAND_DEG, FAR_SIGMAS = 60.0, 12.0
+
+
+def _even_turns(path: SweepPath, frames: int) -> list[tuple[Direction, float]]:
+    """The turns between frames, all alike."""
+    return [(path.direction, path.turn_deg / (frames - 1))] * (frames - 1)
+
+
+def _hand_turns(path: SweepPath, frames: int) -> list[tuple[Direction, float]]:
+    """All the way, then back in steps: two frames tell most, and the last is where the first was."""
+    back = frames - 2
+    return [(path.direction, path.turn_deg), *[(_opposite(path.direction), path.turn_deg / max(back, 1))] * back]
+
+
+def _far(found: Measurement) -> bool:
+    """Whether bolts are to be turned before more frames are of any use."""
+    return not found.spoilt and found.error.total_arcsec > FAR_SIGMAS * found.error.with_flexure.uncertainty_arcsec
 
 
 def optics_of(attitude: LocalAttitude) -> Optics:
@@ -268,13 +310,13 @@ def _from_pole_deg(first: LocalAttitude, settings: MeasureSettings) -> float:
     return float(np.degrees(angle_between(first.boresight, pole)))
 
 
-def _next_turn(path: SweepPath, step: float) -> str:
+def _next_turn(path: SweepPath, way: Direction, step: float) -> str:
     text = (
         tr("Next: {step:.0f}° {direction}.")
         if path.good
         else tr("Next: {step:.0f}° {direction}, down to {low:.0f}° altitude. Another part of the sky is better.")
     )
-    return text.format(step=step, direction=tr(path.direction), low=path.lowest_deg)
+    return text.format(step=step, direction=tr(way), low=path.lowest_deg)
 
 
 def _measured_so_far(
@@ -314,7 +356,7 @@ def back_at_start(
     if isinstance(result, NoAxis):
         return first
     slips = [f for f in first.findings if f.kind is PolarFindingKind.SLIPPING]
-    return Measured(result, replace(first.path, direction=way), (*slips, *result.findings))
+    return Measured(result, first.path, (*slips, *result.findings))
 
 
 # -- The second sweep: the same axis at another declination, which measures flexure ------------
@@ -385,3 +427,54 @@ def _second_sweep_ahead(plan: SecondSweep) -> str:
         declination=plan.declination_deg,
         angle=angle_in_words(plan.foreseen_arcsec),
     )
+
+
+# -- Nobody turns the axis: the mount tracks one place, and the drift shows it -----------------
+
+MOST_POINTS, LOOK_S = 240, 5.0
+"""Frames that are kept of a long drift, and seconds from one look at the axis to the next."""
+
+
+def measure_drifting(
+    source: SightingSource, settings: MeasureSettings, controls: PolarControls, guided: bool | None = None
+) -> Task[Drift]:
+    """Take frames of a mount that tracks until the axis is known to 30 arcsec, or somebody says that it is enough.
+
+    ``guided`` tells whether a guider holds the stars; None judges by how they wander.
+
+    Raises NotMeasuredError when frames stop coming or have no solution, and when nothing tracks.
+    """
+    watch, looked = RestWatch(source, settings, controls), -LOOK_S
+    seen: list[Sighting] = []
+    yield PolarUpdate("measure", 0.0, tr("Nobody turns the axis: the mount tracks one place."))
+    while True:
+        seen.append((yield from watch.sighting()))
+        if len(seen) > MOST_POINTS:
+            seen = [*seen[:-1:2], seen[-1]]
+        enough, span = controls.take(PolarButton.ENOUGH), (seen[-1].time_utc - seen[0].time_utc).total_seconds()
+        if not enough and span - looked < LOOK_S:
+            continue
+        looked = span
+        result = measure_drift(stretches_of(seen, settings, guided), settings)
+        if isinstance(result, Drift):
+            yield drifted(result)
+            if enough or result.minutes_more == 0.0:
+                return result
+        elif result.kind is PolarFindingKind.FIXED_TRIPOD:
+            raise NotMeasuredError(tr("The camera stands still while the sky turns: let the mount track."))
+        elif enough:
+            raise NotMeasuredError(result.sentence)
+        else:
+            yield PolarUpdate("measure", None, tr("{seconds:.0f} s: the axis shows after a minute.", seconds=span))
+
+
+def drifted(drift: Drift) -> PolarUpdate:
+    """What the drift shows so far, and how long more it takes."""
+    share = None if drift.minutes_more is None else drift.minutes / (drift.minutes + drift.minutes_more)
+    told = tr_n(
+        "{angle} after {n} minute of drift.",
+        "{angle} after {n} minutes of drift.",
+        round(drift.minutes),
+        angle=drift.words[:1].upper() + drift.words[1:],
+    )
+    return PolarUpdate("measure", share, f"{told} {drift.better}".strip(), drift=drift, findings=drift.findings)

@@ -345,6 +345,10 @@ class RestWatch:
         self._source = source
 
     def next(self, patient: bool = False) -> Task[LocalAttitude]:
+        """The attitude of the next solved frame, as :meth:`sighting` gives it."""
+        return to_local((yield from self.sighting(patient)), self.settings.site, self.settings.refraction)
+
+    def sighting(self, patient: bool = False) -> Task[Sighting]:
         """The next solved frame; ``patient`` waits for ever, as for a hand.
 
         Raises NotMeasuredError when too many frames in a row have no solution, or none come.
@@ -353,7 +357,7 @@ class RestWatch:
         while True:
             found = yield from self._source.sight()
             if found is not None and not isinstance(found, NoSolution):
-                return to_local(found, self.settings.site, self.settings.refraction)
+                return found
             empty += 1
             why = tr("The camera sends no frames.")
             if isinstance(found, NoSolution):
