@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import erfa
 import numpy as np
@@ -415,6 +416,33 @@ def test_a_guide_log_is_told_with_what_it_knows(capsys, tmp_path):
     code, out, err = polar(capsys, str(path), "--site", "47,8", "--report", str(tmp_path / "x.html"))
     assert (code, out) == (2, "")
     assert "no report of a drift" in err
+
+
+def test_a_guide_log_is_followed_until_somebody_ends_it(capsys, tmp_path, monkeypatch):
+    path, grown = tmp_path / "PHD2_GuideLog_2026-03-14.txt", iter([3.0, 10.0])
+    path.write_text(log_text(falling(2.0, minutes=0.5), hour=-0.1, dec=10.0))
+
+    def sleep(seconds):
+        minutes = next(grown, None)
+        if minutes is None:
+            raise KeyboardInterrupt
+        path.write_text(log_text(falling(2.0, minutes=minutes), hour=-0.1, dec=10.0))
+
+    monkeypatch.setattr("kochab.cli.polar.time", SimpleNamespace(sleep=sleep))
+    code, out, err = polar(capsys, str(path), "--site", "47,8", "--pressure", "0", "--follow", "--json")
+    assert code == 130, err
+    told = [json.loads(line) for line in out.splitlines()]
+    assert "no minute of guiding" in told[0]["error"]
+    assert [round(row["drift_minutes"]) for row in told[1:]] == [3, 10]
+    assert told[1]["minutes_more"] > told[2]["minutes_more"]
+
+
+def test_following_ends_when_the_axis_is_known(capsys, tmp_path):
+    """Thirty minutes of a recorded session leave 33 arcsec open, an hour 18."""
+    options = ["--site=40,10,300", "--utc-offset=0", "--guided=no", "--pole=true", "--json", "--follow"]
+    code, out, err = polar(capsys, stream(tmp_path, minutes=60), *options)
+    assert code == 0, err
+    assert json.loads(out)["minutes_more"] == 0.0
 
 
 def test_a_cloudy_frame_of_many_is_left_out_with_a_note_and_of_few_is_not(capsys, tmp_path):

@@ -137,17 +137,20 @@ def aligned(window, commands):
     view = commands.views.docks["polar"].view
     view.setup.exposure.setValue(1.0)
     hand.click(view.start)
-    obeyed, turns, limit, practice = [], 0, time.monotonic() + 400.0, None
+    obeyed, motions, limit, practice = [], [], time.monotonic() + 400.0, None
     while not view.start.isVisible() and time.monotonic() < limit:
         pause(30)
         practice = view.adjuster._practice if view.adjuster is not None else practice
         asked = view.state.turn_instruction or view.state.instruction
         if view.state.hand_needed and view.adjuster is not None and not any(asked is one for one in obeyed):
             obeyed.append(asked)
-            turns += 1
+            bolt = view.state.turn_instruction is None
+            motion = (asked.knob, asked.turns > 0.0) if bolt else (asked.direction, len(obeyed))
+            if motion not in motions[-1:]:  # a bolt that goes on the same way is one thing to do
+                motions.append(motion)
             view.turn_for_me.click()
     error = None if practice is None else round(practice.rig.truth().axis_error().total_arcsec, 1)
-    hand.told("polar alignment", instructions=turns, true_arcsec=error)
+    hand.told("polar alignment", instructions=len(motions), sentences=len(obeyed), true_arcsec=error)
 
 
 def main(folder=None, *only):

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -38,6 +39,7 @@ from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, 
 from kochab.workflows.polar.sources import SolvedFile, last_night
 
 MANY = 5
+LOOK_S = 5.0  # between two looks at files that grow
 SAID_BY = {
     PolarFindingKind.CLOCK: "--utc-offset",
     PolarFindingKind.LONGITUDE_SIGN: "--site",
@@ -96,6 +98,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--utc-offset", **valued("HOURS", ahead, between(-14.0, 14.0, "h")))
     guided = "whether a guider held frames of one place (default: as their drift in RA and Dec looks)"
     parser.add_argument("--guided", choices=["yes", "no"], help=guided)
+    growing = "measure again whenever a file has grown, as a guide log does, until the axis is known to 30 arcsec"
+    parser.add_argument("--follow", action="store_true", help=growing)
     add_options(parser, "--fov", help="width of the frames in degrees")
     parser.add_argument("--imaging", **valued("MM,UM,S", "good enough? for this focal length, pixel and exposure"))
     add_options(parser, "--timeout")
@@ -105,10 +109,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve the frames, measure the axis, say it."""
+    """Measure the axis; with ``--follow`` again whenever a file has grown, until both bolts are known."""
+    code, result = _measure(argparse.Namespace(**vars(args)))
+    growing = args.follow and bool(args.files)
+    while growing and not isinstance(result, Measurement) and (result is None or result.minutes_more != 0.0):
+        before = _changes(args.files)
+        while _changes(args.files) == before:
+            time.sleep(LOOK_S)
+        code, result = _measure(argparse.Namespace(**vars(args)))
+    return code
+
+
+def _changes(files: Sequence[str]) -> list[int]:
+    """When each was written; 0 while it is not there."""
+    paths = map(Path, named(files))
+    return [path.stat().st_mtime_ns if path.exists() else 0 for path in paths]
+
+
+def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]:
+    """Solve the frames, measure the axis, say it; the exit code, and the axis if there is one."""
     args.files, args.check = named(args.files), named(args.check)
     if not args.files and not args.check and args.site is not None:
-        return _last(args)
+        return _last(args), None
     paths = [*args.files, *args.check]
     logs = guide_logs_of(args.files)
     args.files = [path for path in args.files if path not in logs]
@@ -125,17 +147,18 @@ def run(args: argparse.Namespace) -> int:
     files = [f for f in tried if isinstance(f, SolvedFile)]
     unsolved = {id(file): _unusable(file) for file in unsolved_of(files)}
     if bad := [one for each in tried if isinstance(one := unsolved.get(id(each), each), UnusableFrame)]:
-        return _fail(" ".join(about(one.path, one.reason) for one in bad), args.json, max(one.code for one in bad), bad)
+        sentence = " ".join(about(one.path, one.reason) for one in bad)
+        return _fail(sentence, args.json, max(one.code for one in bad), bad), None
     guided = None if args.guided is None else args.guided == "yes"
     refraction = Refraction(args.pressure, args.temperature)
     told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.profile or "")
     try:
         axis = axis_of(files, [sweep for found, sweep in each for _ in found], logs, told)
     except (FrameError, UsageError) as error:
-        return _fail(str(error), args.json, 2)
+        return _fail(str(error), args.json, 2), None
     result = axis.result
     if isinstance(result, NoAxis):
-        return _fail(result.sentence, args.json, 1, kind=result.kind)
+        return _fail(result.sentence, args.json, 1, kind=result.kind), None
     if isinstance(result, Drift) and args.report is not None:
         raise UsageError("There is no report of a drift: leave --report out.")
     result = replace(result, findings=tuple(_with_option(finding) for finding in result.findings))
@@ -156,7 +179,7 @@ def run(args: argparse.Namespace) -> int:
         history = History()
         history.measured(result)
         write_report(args.report, history)
-    return int(result.spoilt)
+    return int(result.spoilt), result
 
 
 def _last(args: argparse.Namespace) -> int:

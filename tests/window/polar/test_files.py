@@ -308,3 +308,24 @@ def test_a_cloudy_frame_of_many_is_left_out_and_of_few_is_not(polar, tmp_path):
     view.setup.files.clear()
     assert measured(view, [tmp_path / "night.json"], "").stage == "ended"
     assert view.message.text() == "The frames have no site: fill in “Your site”."
+
+
+def test_a_guide_log_is_followed_while_it_grows(qtbot, polar, tmp_path):
+    _, view = polar()
+    log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
+    log.write_text(log_text(falling(2.0, minutes=0.5), hour=-0.1, dec=10.0))
+    choose_files(view, [log])
+    view.setup.site.setText(HERE)
+    view.setup.grows.setChecked(True)
+    view.begin()
+    qtbot.waitUntil(lambda: "no minute of guiding" in view.state.detail)
+    for least, minutes in ((2.0, 3.0), (9.0, 10.0)):
+        log.write_text(log_text(falling(2.0, minutes=minutes), hour=-0.1, dec=10.0))
+        qtbot.waitUntil(lambda least=least: view.state.drift is not None and view.state.drift.minutes > least)
+        assert view.state.running
+        assert "of drift" in view.page.detail.text()
+    assert view.done.isHidden()
+    view.use_frames.click()
+    drive(view)
+    assert view.state.stage == "done"
+    assert view.page.words.text().endswith("from 10 minutes of drift.")

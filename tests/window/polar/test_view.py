@@ -513,3 +513,76 @@ def test_an_empty_night_says_so(polar):
     assert "No alignment measured" in view.history.summary.text()
     assert view.page.target.reach_arcsec > 300.0
     assert np.isfinite(AlignmentState().fraction or 0.0)
+
+
+def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
+    nights = Nights(rate=30.0)
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(AxisTurnedBy.NOBODY)
+    assert "touch nothing" in view.setup.advice.text()
+    for hidden in (view.setup.turn, view.setup.second, view.setup.goal):
+        assert not view.setup.form.isRowVisible(hidden)
+    assert view.setup.form.isRowVisible(view.setup.guided)
+    view.begin()
+    qtbot.waitUntil(lambda: view.state.drift is not None and view.state.drift.minutes > 4.0)
+    assert view.state.running
+    assert view.done.isHidden()
+    assert view.second.isHidden()
+    assert view.turn_for_me.isHidden()
+    assert "of drift" in view.page.detail.text()
+    view.use_frames.click()
+    drive(view)
+    assert view.state.stage == "done", view.message.text()
+    error, true = view.state.error, nights.made[-1].rig.truth().axis_error()
+    for knob, really in ((Knob.ALTITUDE, true.altitude_arcsec), (Knob.AZIMUTH, true.azimuth_arcsec)):
+        assert abs(error.knob_arcsec(knob) - really) < 4.0 * error.with_flexure.knob_sigma_arcsec(knob) + 60.0
+
+
+def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, polar):
+    nights = Nights()
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.motors.setChecked(True)
+    assert not view.setup.form.isRowVisible(view.setup.motor_port)  # the practice telescope's own
+    asked, words = [], set()
+    view.begin()
+
+    def person():
+        state = view.state
+        words.add(state.words)
+        if state.hand_needed and not any(state.turn_instruction is one for one in asked):
+            asked.append(state.turn_instruction)
+            view.turn_for_me.click()
+
+    drive(view, person)
+    assert view.state.stage == "done", view.message.text()
+    assert None not in asked, "RA has no motor here, the bolts have"
+    assert any("motor moves" in told for told in words)
+    assert nights.true_arcsec < 30.0
+
+
+def test_escape_stops_motors_at_the_bolts_without_a_mount(qtbot, polar):
+    _, view = polar(Nights())
+    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.motors.setChecked(True)
+    view.begin()
+    qtbot.waitUntil(lambda: view.state.running and view.state.stage != "opening")
+    qtbot.keyClick(view.window(), Qt.Key.Key_Escape)
+    drive(view)
+    assert view.state.stage == "ended"
+    assert "Cancelled" in view.state.words
+
+
+def test_the_port_of_motors_is_asked_for(polar):
+    _, view = polar(Nights())
+    view.setup.source.setCurrentIndex(view.setup.source.findData(FrameSource.CAMERA))
+    view.setup.motors.setChecked(True)
+    assert view.setup.form.isRowVisible(view.setup.motor_port)
+    with pytest.raises(UsageError, match="port of the motorised adjusters"):
+        view.setup.request()
+    view.setup.motor_port.setText("tcp://127.0.0.1:9")
+    assert view.setup.request().adjusters == "tcp://127.0.0.1:9"
+    view.setup.motors.setChecked(False)
+    assert view.setup.request().adjusters == ""

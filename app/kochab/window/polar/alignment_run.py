@@ -65,7 +65,7 @@ class AlignmentRun(QObject):
         request = self._request
         if request.source is FrameSource.FILES:
             return self._services.jobs.run(alignment_task(request, self._tools), POLAR)
-        if request.hand is AxisTurnedBy.PERSON:
+        if request.hand is not AxisTurnedBy.MOUNT:
             return self._by_hand()
         started = self._connect()
         task = self._mount.order(POLAR, self._on_line, mount_is_still)
@@ -74,7 +74,7 @@ class AlignmentRun(QObject):
         return task
 
     def _by_hand(self) -> Job:
-        """A person turns the axis: meanwhile the mount may not slew."""
+        """A person turns the axis, or nobody: meanwhile the mount may not slew."""
         mount = self._mount
         if action(mount.known.busy).may_move:
             raise UsageError(tr(BUSY).format(mount.known.user))

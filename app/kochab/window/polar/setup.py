@@ -85,8 +85,16 @@ FILES_ADVICE = tr_noop(
     " while nobody turned it, 10 minutes or more: light frames, a recorded live session (solutions.jsonl), a PHD2 guide"
     " log. Solved files (.wcs, JSON) do too. Drop them here."
 )
+DRIFT_ADVICE = tr_noop(
+    "Let the mount track one place and touch nothing: its drift shows the axis in some minutes, azimuth soonest near"
+    " the meridian, altitude 6 h from it. Best with the guider off."
+)
 GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
 GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
+GROWS_TIP = tr_noop("A guide log or a recorded live session that is still written: until the axis is known to 30″")
+MOTORS_TIP = tr_noop(
+    "Motorised azimuth and altitude adjusters: OAPA, AAPA, Avalon. Kochab finds out by a small move which way each goes"
+)
 ZONE_TIP = tr_noop("How far the clock of the files is ahead of UTC")
 HALF_ZONES_H = (-9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
 POLES = {
@@ -124,6 +132,8 @@ class AlignmentSetupPanel(Page):
         self.zone = zone_box()
         self.guided = narrow_box(tr("Guided"), 8, {tr(text): guided for text, guided in GUIDED.items()})
         self.guided.setToolTip(tr(GUIDED_TIP))
+        self.grows = switch(tr("measure again as they grow"), tr(GROWS_TIP))
+        self.grows.setAccessibleName(tr("Follow files that grow"))
         self.advice = label("", "muted", wrap=True)
         self.last_night = label("", "", wrap=True)
         self.site = text_field(tr("Your site"), tr("{example} (empty: as the frames say)", example="48.14, 11.58"))
@@ -139,6 +149,9 @@ class AlignmentSetupPanel(Page):
         self.imaging = text_field(
             tr("Your frames"), tr("{example} (optional: is it good enough?)", example="600 mm, 3.76 µm, 300 s")
         )
+        self.motors = switch(tr("by motors"), tr(MOTORS_TIP))
+        self.motors.setAccessibleName(tr("Motors turn the adjusters"))
+        self.motor_port = text_field(tr("Port of the adjusters"), tr("/dev/ttyUSB1, COM5, tcp://192.168.4.1:4030"))
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountSelection | None = None
         self._kept = {
@@ -151,9 +164,13 @@ class AlignmentSetupPanel(Page):
             "fov": self.fov,
             "second": self.second,
             "imaging": self.imaging,
+            "motors": self.motors,
+            "motor_port": self.motor_port,
         }
         self._lay_out()
         self.source.currentIndexChanged.connect(self._enable)
+        self.hand.currentIndexChanged.connect(self._enable)
+        self.motors.toggled.connect(self._enable)
         self.pole.currentIndexChanged.connect(self._name_pole)
         self.site.textChanged.connect(self._name_pole)
         self._restore()
@@ -170,9 +187,12 @@ class AlignmentSetupPanel(Page):
             ("", self.file_row),
             (tr("Clock"), self.zone),
             (tr("Guided"), self.guided),
+            (tr("Follow"), self.grows),
             (tr("Exposure"), self.exposure),
             (tr("RA a&xis"), self.hand),
             ("", self.mount),
+            (tr("Ad&justers"), self.motors),
+            ("", self.motor_port),
             (tr("&Your site"), self.site),
             (tr("&Pole"), self.pole),
             ("", self.pole_name),
@@ -217,9 +237,21 @@ class AlignmentSetupPanel(Page):
             hint=current_profile(self._services.settings).hint_of(*camera.camera),
             utc_offset_h=self.zone.currentData(),
             guided=self.guided.currentData(),
+            follow=self.grows.isChecked(),
+            adjusters=self._adjusters,
             profile=self._profile_name,
             mount_doubt=self._mount_doubt,
         )
+
+    @property
+    def _adjusters(self) -> str:
+        """The port of motorised adjusters, or "" for hands; UsageError where none is named."""
+        port = self.motor_port.text().strip()
+        if self.motors.isHidden() or not self.motors.isChecked():
+            return ""
+        if self.chosen_source is FrameSource.CAMERA and not port:
+            raise UsageError("Fill in the port of the motorised adjusters.")
+        return port or "practice"
 
     @property
     def guess(self) -> str:
@@ -259,13 +291,20 @@ class AlignmentSetupPanel(Page):
     def _enable(self, _: int = 0) -> None:
         source = self.chosen_source
         files, camera = source is FrameSource.FILES, source is FrameSource.CAMERA
-        self.advice.setText(tr(FILES_ADVICE if files else ADVICE))
-        for widget in (self.files, self.file_row, self.zone, self.guided):
+        drifts = not files and AxisTurnedBy(self.hand.currentData()) is AxisTurnedBy.NOBODY
+        self.advice.setText(tr(FILES_ADVICE if files else DRIFT_ADVICE if drifts else ADVICE))
+        for widget in (self.files, self.file_row, self.zone):
             self.form.setRowVisible(widget, files)
-        for widget in (self.camera, self.mount):
-            self.form.setRowVisible(widget, camera)
-        for widget in (self.exposure, self.hand, self.turn, self.second):
+        self.form.setRowVisible(self.guided, files or drifts)
+        self.form.setRowVisible(self.camera, camera)
+        self.form.setRowVisible(self.mount, camera and not drifts)
+        for widget in (self.exposure, self.hand):
             self.form.setRowVisible(widget, not files)
+        self.form.setRowVisible(self.motor_port, camera and not drifts and self.motors.isChecked())
+        for widget in (self.turn, self.second, self.motors):
+            self.form.setRowVisible(widget, not (files or drifts))
+        self.form.setRowVisible(self.goal, not drifts)
+        self.form.setRowVisible(self.grows, files)
         for widget in (self.site, self.fov):
             self.form.setRowVisible(widget, source is not FrameSource.PRACTICE)
         self._name_pole()

@@ -15,6 +15,7 @@ from kochab.gear.session import Practice
 from kochab.polar.report import History
 from kochab.window.job import Job
 from kochab.window.mount.connection import MountTask
+from kochab.window.mount.status import StopKey
 from kochab.window.polar.alignment_run import AlignmentRun, PracticeAdjuster
 from kochab.window.polar.bolts_view import BoltsView
 from kochab.window.polar.error_display import AlignPage
@@ -27,7 +28,7 @@ from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 from kochab.workflows.polar.sources import SolvedFile
 from kochab.workflows.polar.update import PolarButton, PolarControls
-from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
+from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
 from kochab.workflows.session.alignment_state import AlignmentState, absorb
 
 READY = tr_noop("Choose the source of the frames, then begin.")
@@ -113,6 +114,7 @@ class PolarView(Page):
         services.jobs.closing.connect(self._close)
         services.mount.changed.connect(self.setup.refresh)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
+        self._key = StopKey(self.stop, self)  # motors at the bolts are no mount's, whose Esc this is
         self._clock = QTimer(self, interval=REFRESH_MS)
         self._clock.timeout.connect(self._show)
 
@@ -227,7 +229,7 @@ class PolarView(Page):
 
     def _use_practice(self, practice: Practice) -> None:
         self.adjuster = PracticeAdjuster(practice)
-        self.turn_for_me.setVisible(True)
+        self.turn_for_me.setVisible(not self._drifts)
 
     def _succeeded(self, history: History) -> None:
         if history.entries:
@@ -246,6 +248,12 @@ class PolarView(Page):
             self.job = None
             self._show_idle()
 
+    @property
+    def _drifts(self) -> bool:
+        """Whether nobody turns the axis of the alignment under way."""
+        request = self._request
+        return request is not None and (request.hand is AxisTurnedBy.NOBODY or request.source is FrameSource.FILES)
+
     def _show_idle(self) -> None:
         self._clock.stop()
         self.adjuster = None
@@ -255,10 +263,13 @@ class PolarView(Page):
     def _enable(self, running: bool) -> None:
         """What can be pressed while an alignment runs, and while none does."""
         had_focus = self._has_focus()
-        for made in (self.done, self.use_frames, self.second, self.cancel, self.bar):
+        for made in (self.use_frames, self.cancel, self.bar):
             made.setVisible(running)
+        for made in (self.done, self.second):
+            made.setVisible(running and not self._drifts)
         self.again.setVisible(False)
         self.back.setVisible(False)
+        self._key.listen(running and self._request is not None and bool(self._request.adjusters))
         self.start.setVisible(not running)
         self.setup.setEnabled(not running)
         self.turn_for_me.setVisible(False)

@@ -1,6 +1,8 @@
 """A polar alignment as one task: what was chosen, who turns the axis, from a camera or from files."""
 
 import logging
+import random
+import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -13,12 +15,13 @@ from typing import TypeVar
 
 from kochab.core import tr, tr_n, tr_noop
 from kochab.core.capture import CameraSource
-from kochab.core.errors import KochabError, RefusedError, UsageError
+from kochab.core.errors import FrameError, KochabError, RefusedError, UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.mount import Ability
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution
 from kochab.frames.hints import NO_ZONE
+from kochab.gear.adjusters import AdjusterAxis, Adjusters
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import (
     EXPOSURE_S,
@@ -36,11 +39,28 @@ from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFind
 from kochab.polar.plan import more_turn_deg
 from kochab.polar.report import History
 from kochab.solver import SolveOptions
-from kochab.workflows.polar.align import AlignOptions, align
-from kochab.workflows.polar.measure import RATE_DEG_S, HandTurner, MountTurner, Sweep, Turner, optics_of
-from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of, unsolved_of
+from kochab.workflows.polar.align import AlignOptions, Motors, align
+from kochab.workflows.polar.measure import (
+    RATE_DEG_S,
+    HandTurner,
+    MountTurner,
+    Sweep,
+    Turner,
+    drifted,
+    measure_drifting,
+    optics_of,
+)
+from kochab.workflows.polar.solutions import (
+    FilesAxis,
+    FilesTold,
+    axis_of,
+    guide_logs_of,
+    remember_axis,
+    solutions_of,
+    unsolved_of,
+)
 from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts
-from kochab.workflows.polar.update import PolarControls, PolarUpdate
+from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
 
 # What a person wants aligned, and with what; plain values that are remembered between starts.
@@ -59,6 +79,7 @@ class AxisTurnedBy(StrEnum):
 
     PERSON = tr_noop("I turn it by hand")
     MOUNT = tr_noop("The mount turns it, within its limits")
+    NOBODY = tr_noop("Nobody: it tracks, and drift tells")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +90,9 @@ class AlignmentRequest:
     frames. ``turn_deg`` None plans the turn. ``mount`` is asked only when ``hand`` is the mount and the frames come
     from a camera. With ``second_sweep`` nothing is called good before a sweep at another declination. ``hint`` is what
     is known of the camera's frames. ``utc_offset_h`` is how far the files' clock is ahead of UTC, ``guided`` whether a
-    guider held them; None: as they show. ``profile`` is the equipment's, "" for none. ``mount_doubt`` says what the
-    connected mount contradicts of clock and site.
+    guider held what tracked; None: as it shows. ``profile`` is the equipment's, "" for none. ``mount_doubt`` says what
+    the connected mount contradicts of clock and site. ``follow`` measures files again while they grow.
+    ``adjusters`` is the port of motorised ones, "" for hands; a practice telescope has its own.
     """
 
     source: FrameSource
@@ -91,6 +113,8 @@ class AlignmentRequest:
     guided: bool | None = None
     profile: str = ""
     mount_doubt: str = ""
+    follow: bool = False
+    adjusters: str = ""
 
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
@@ -165,7 +189,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
     """
     with ExitStack() as opened:
         yield Progress("opening", None, tr("Opening the camera…"))
-        selection, site, clock = _place(wish, tools, opened)
+        selection, site, clock, practice = _place(wish, tools, opened)
         camera = MountCamera(selection, tools.open_camera, insists=True)
         opened.callback(camera.close)
         if site is None:
@@ -180,37 +204,68 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         settings = MeasureSettings(site, wish.pole)
 
         def doubted(step: Progress) -> Progress:
-            if not isinstance(step, PolarUpdate) or step.measurement is None:
+            shown = None if not isinstance(step, PolarUpdate) else step.drift or step.measurement
+            if not isinstance(step, PolarUpdate) or shown is None:
                 return step
-            doubts = clock_doubts(source.ahead_s, wish.mount_doubt, step.measurement.error, settings.site)
+            doubts = clock_doubts(source.ahead_s, wish.mount_doubt, shown.error, settings.site)
             return replace(step, findings=(*doubts, *step.findings)) if doubts else step
 
-        task = align(source, turner, settings, options_of(wish), tools.controls, keep=tools.keep)
+        if wish.hand is AxisTurnedBy.NOBODY:
+            drifting = measure_drifting(source, settings, tools.controls, wish.guided)
+            drift = yield from _with_each_step(drifting, doubted)
+            yield doubted(_told(drift, wish, ""))
+            return _kept(drift, wish, tools)
+        motors = yield from _motors(wish, practice, opened)
+        task = align(source, turner, settings, options_of(wish), tools.controls, keep=tools.keep, motors=motors)
         done = yield from _with_each_step(task, doubted)
         _remember(done.last, wish)
         return done.history
 
 
+def _motors(wish: AlignmentRequest, practice: Practice | None, opened: ExitStack) -> Task[Motors | None]:
+    """What turns the bolts, if not a person."""
+    if not wish.adjusters:
+        return None
+    if practice is not None:
+        return PracticeMotors(practice)
+    yield Progress("opening", None, tr("Looking for the motorised adjusters…"))
+    adjusters = Adjusters(wish.adjusters)
+    opened.callback(adjusters.close)
+    return adjusters
+
+
+class PracticeMotors:
+    """Motors at the bolts of a practice telescope, of a pitch and sense that nobody knows."""
+
+    def __init__(self, practice: Practice) -> None:
+        self._practice = practice
+        self._arcmin = {axis: random.uniform(0.002, 0.02) * random.choice((-1.0, 1.0)) for axis in AdjusterAxis}
+
+    def move(self, axis: AdjusterAxis, amount: float) -> Task[None]:
+        """At once."""
+        yield Progress("turn", 0.0)
+        self._practice.do(f"{'az' if axis is AdjusterAxis.AZIMUTH else 'alt'} {amount * self._arcmin[axis]:.5f}")
+
+
 def options_of(wish: AlignmentRequest) -> AlignOptions:
-    """How it is measured, from what the person chose."""
-    sweep = Sweep(
-        wish.turn_deg, wish.frames, max(wish.frames, MOST_FRAMES), SHARE_OF_GOAL * wish.goal_arcsec, LEAST_TURN_DEG
-    )
+    """How it is measured, from what the person chose: by hand with as few turns as reach it."""
+    least = 2 if wish.hand is AxisTurnedBy.PERSON else wish.frames
+    sweep = Sweep(wish.turn_deg, least, max(least, MOST_FRAMES), SHARE_OF_GOAL * wish.goal_arcsec, LEAST_TURN_DEG)
     return AlignOptions(wish.goal_arcsec, sweep=sweep, second_sweep=wish.second_sweep)
 
 
 def _place(
     wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack
-) -> tuple[CameraSelection, Site | None, Callable[[], datetime]]:
-    """Which camera looks, from where, and what time it is there."""
+) -> tuple[CameraSelection, Site | None, Callable[[], datetime], Practice | None]:
+    """Which camera looks, from where, what time it is there, and whose telescope it is if a practice one's."""
     if wish.source is FrameSource.PRACTICE:
         practice = _practice(tools, opened)
         exposure_s = EXPOSURE_S if wish.camera is None else wish.camera.exposure_s
         camera = CameraSelection("simulated", practice.camera, exposure_s)
-        return camera, practice.rig.config.site, practice.rig.clock.now_utc
+        return camera, practice.rig.config.site, practice.rig.clock.now_utc, practice
     if wish.camera is None:
         raise UsageError("Choose a camera.")
-    return wish.camera, wish.site, partial(datetime.now, UTC)
+    return wish.camera, wish.site, partial(datetime.now, UTC), None
 
 
 def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
@@ -247,10 +302,46 @@ NOT_TURNED = {
 
 
 def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
-    """Solve every file, then measure, by drift where nobody turned the axis.
+    """Solve every file, then measure, by drift where nobody turned the axis; again while they grow, if so wished.
 
     Raises KochabError with one sentence on what to do.
     """
+    while wish.follow and not tools.controls.take(PolarButton.ENOUGH):
+        seen = {path: _changed(str(path)) for path in wish.files}
+        try:
+            axis = yield from _axis_of_files(wish, tools)
+        except FrameError as error:  # as of a log that has just begun
+            yield PolarUpdate("measure", None, str(error))
+        else:
+            if isinstance(axis.result, Measurement) or (
+                isinstance(axis.result, Drift) and axis.result.minutes_more == 0.0
+            ):
+                break
+            if isinstance(axis.result, NoAxis):
+                yield PolarUpdate("measure", None, axis.result.sentence)
+            else:
+                yield drifted(axis.result)
+        while all(_changed(str(path)) == then for path, then in seen.items()):
+            if tools.controls.pressed(PolarButton.ENOUGH):
+                break
+            yield Progress("wait for a frame")
+            time.sleep(SLICE_S)
+    axis = yield from _axis_of_files(wish, tools)
+    result = axis.result
+    if isinstance(result, NoAxis):
+        finding = PolarFinding(result.kind, result.sentence, spoils=True)
+        yield PolarUpdate("done", 1.0, tr(NOT_TURNED.get(result.kind, NO_AXIS)), findings=(finding,))
+        return History()
+    history = _kept(result, wish, tools)
+    warnings = Counter(warning for _, warning in axis.warnings if warning != NO_ZONE)  # of that there is a finding
+    notes = {tr_n("{n} frame: {warning}", "{n} frames: {warning}", n, warning=w): None for w, n in warnings.items()}
+    if axis.last is not None and wish.site is None:  # the set-up did not know the site
+        notes[tr("Last measured here, {night}.", night=axis.last)] = None
+    yield _told(result, wish, "\n".join(notes))
+    return history
+
+
+def _axis_of_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
     paths = [str(path) for path in wish.files]
     logs = guide_logs_of(paths)
     frames = [(path, 0) for path in paths if path not in logs] + [(str(path), 1) for path in wish.check]
@@ -264,25 +355,20 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
         profile=wish.profile,
         how=tr_noop("fill in “Your site”"),
     )
-    axis = axis_of(files, sweeps, logs, told)
-    history, result = History(), axis.result
-    if isinstance(result, NoAxis):
-        finding = PolarFinding(result.kind, result.sentence, spoils=True)
-        yield PolarUpdate("done", 1.0, tr(NOT_TURNED.get(result.kind, NO_AXIS)), findings=(finding,))
-        return history
+    return axis_of(files, sweeps, logs, told)
+
+
+NO_AXIS = tr_noop("No axis measured.")
+
+
+def _kept(result: Measurement | Drift, wish: AlignmentRequest, tools: AlignmentTools) -> History:
+    """The history of one measurement, unless it leaves a bolt open; kept for another night as well."""
+    history = History()
     if isinstance(result, Measurement) or result.known:
         history.measured(result)
         tools.keep(history)
     _remember(result, wish)
-    warnings = Counter(warning for _, warning in axis.warnings if warning != NO_ZONE)  # of that there is a finding
-    notes = {tr_n("{n} frame: {warning}", "{n} frames: {warning}", n, warning=w): None for w, n in warnings.items()}
-    if axis.last is not None and wish.site is None:  # the set-up did not know the site
-        notes[tr("Last measured here, {night}.", night=axis.last)] = None
-    yield _told(result, wish, "\n".join(notes))
     return history
-
-
-NO_AXIS = tr_noop("No axis measured.")
 
 
 def _remember(result: Measurement | Drift, wish: AlignmentRequest) -> None:
