@@ -1,4 +1,6 @@
 import gc
+import subprocess
+import sys
 import threading
 import traceback
 
@@ -163,3 +165,40 @@ def test_a_cancel_during_the_last_step_is_heeded(qtbot):
         release.set()
     assert heard.ends == [("cancelled", None), ("finished", None)]
     assert job.join(2.0)
+
+
+def test_a_job_outlives_the_widget_that_started_it():
+    """In a process of its own, which crashed: a plot's area went while its thread told of its progress."""
+    code = """
+import threading
+from PySide6.QtCore import QCoreApplication, QEvent, QEventLoop, QTimer
+from PySide6.QtWidgets import QApplication
+import shiboken6
+from kochab.core.progress import Progress
+from kochab.window.charts import plot_area
+go, told = threading.Event(), threading.Event()
+def loading():
+    yield Progress("plots")
+    go.wait(20)
+    for _ in range(2000):
+        yield Progress("plots")
+    told.set()
+plot_area._loading = loading
+app = QApplication([])
+area = plot_area.PlotArea("Noise")
+area.show()
+loop, timer = QEventLoop(), QTimer()
+timer.timeout.connect(lambda: loop.quit() if area._loading._thread.ident else None)
+timer.start(5)
+loop.exec()
+job = area._loading
+area.deleteLater()
+QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+assert not shiboken6.isValid(area)
+go.set()
+assert told.wait(20)
+assert shiboken6.isValid(job)
+print("THERE")
+"""
+    found = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=60)
+    assert found.stdout.strip() == "THERE", (found.returncode, found.stderr)

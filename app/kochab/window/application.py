@@ -39,7 +39,7 @@ class Background(QObject):
     def __init__(self, window: MainWindow, engine: WorkflowEngine, after_ms: int = AFTER_MS) -> None:
         super().__init__(window)
         self._status = window.status
-        self.job = Job(engine.prepare(), "background", self)
+        self.job = Job(engine.prepare(), "background")
         self.job.progressed.connect(self._progressed)
         self.job.failed.connect(self._failed)
         self.job.finished.connect(lambda: self._status.background.setText(""))

@@ -20,7 +20,8 @@ class Job(QObject):
     """Runs a :data:`Task` in a thread of its own.
 
     All signals arrive in the thread that made the job. Exactly one of ``succeeded``, ``failed``
-    or ``cancelled`` comes, and ``finished`` always comes last.
+    or ``cancelled`` comes, and ``finished`` always comes last. It has no parent: a thread whose job goes with a widget
+    crashes where it tells of its progress. Once started it stays until it has ended.
     """
 
     progressed = Signal(object)  # Progress
@@ -30,8 +31,8 @@ class Job(QObject):
     finished = Signal()
     _sent = Signal(str, tuple)  # the name of one of these, and what it carries
 
-    def __init__(self, task: Task[Any], name: str = "job", parent: QObject | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, task: Task[Any], name: str = "job") -> None:
+        super().__init__()
         self.name = name
         self._task = task
         self._stop = threading.Event()
@@ -40,6 +41,7 @@ class Job(QObject):
         self._sent.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
 
     def start(self) -> None:
+        _RUNNING[:] = [job for job in _RUNNING if job.waits] + [self]
         self._thread.start()
 
     def cancel(self) -> None:
@@ -109,6 +111,9 @@ class Job(QObject):
         self._delivered |= kind == "finished"
         if not self._muted and not (kind == "progressed" and self._stop.is_set()):
             getattr(self, kind).emit(*value)
+
+
+_RUNNING: list[Job] = []
 
 
 def fault_text(error: BaseException) -> str:

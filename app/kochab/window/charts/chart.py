@@ -149,7 +149,7 @@ class Chart(PlotArea):
         """Write the image, or the numbers when the name ends in csv, in a thread."""
         numbers = path.suffix.lower() == ".csv"
         task = write_text(csv_text(self.rows()), path) if numbers else write_image(image_of(self), path)
-        job = Job(task, "chart", self)
+        job = Job(task, "chart")
         job.failed.connect(lambda sentence: tell(self.window(), tr("Export"), sentence))
         job.start()
         return job

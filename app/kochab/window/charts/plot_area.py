@@ -75,7 +75,7 @@ class PlotArea(QWidget):
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
         if self._loading is None:
-            self._loading = Job(_loading(), "plots", self)
+            self._loading = Job(_loading(), "plots")
             self._loading.succeeded.connect(self._make)
             self._loading.failed.connect(log.warning)
             QTimer.singleShot(self.after_ms, self._make_types)
