@@ -79,7 +79,7 @@ class AxisTurnedBy(StrEnum):
 
     PERSON = tr_noop("I turn it by hand")
     MOUNT = tr_noop("The mount turns it, within its limits")
-    NOBODY = tr_noop("Nobody: it tracks, and drift tells")
+    NOBODY = tr_noop("Nobody: the mount tracks, drift shows it")
 
 
 @dataclass(frozen=True, slots=True)
