@@ -98,7 +98,7 @@ ADDED = {
     "a language chosen in the Preferences or by an option": 25,
     "a build of the small-field index that goes on where it stopped": 52,
     "the report, the phone page, the help pages and mounts' reasons in a person's language": 30,
-    "libraries loaded after the window's first paint": 12,
+    "libraries and views loaded after the window's first paint, half a small window for the image": 41,
     "a script that lays an image over Stellarium's sky": 53,
     "a sky atlas: a chart with the frame on it, framing, the panels of a mosaic": 425,
     "the Solar System in the atlas, satellites and elements of one's own found by name": 100,

@@ -124,3 +124,31 @@ def test_services_offer_the_sky_and_a_word(qtbot, opened):
     assert services.session.known.frame is not None
     services.say("Done.")
     assert window.status.currentMessage() == "Done."
+
+
+def test_the_image_keeps_half_of_a_window_that_is_made_smaller(qtbot, opened):
+    """A view that was shown on a large screen took two thirds of a small one."""
+    window, commands = opened
+    window.resize(2600, 1000)
+    commands.views.show("laboratory")
+    dock = commands.views.docks["laboratory"]
+    qtbot.waitUntil(lambda: dock.width() > 600)
+    window.resize(1100, 700)
+    qtbot.waitUntil(lambda: dock.width() <= 550)
+    assert window.workspace.view.width() > 400
+
+
+def test_views_are_loaded_a_module_a_turn_and_no_plot_with_them(qtbot, opened, monkeypatch):
+    names = list(views._modules())
+    assert [name for name in names if name.endswith(".view")] == [
+        v.partition(":")[0] for _, _, v in views.VIEWS.values()
+    ]
+    assert not any("plot" in name or "benchmark" in name for name in names)
+    loaded = []
+    monkeypatch.setattr(views, "import_module", loaded.append)
+    monkeypatch.setattr(views, "TURN_MS", 0)
+    commands = opened[1]
+    commands.views._modules = iter(names)
+    commands.views.load()
+    assert loaded == names[:1]
+    qtbot.waitUntil(lambda: loaded == names)

@@ -94,6 +94,7 @@ class MainWindow(QMainWindow):
 
     files_dropped = Signal(object)  # list[Path]
     closing = Signal()
+    resized = Signal()
     has_part = Signal(object)  # a QWidget that is about to be seen in the window
 
     def __init__(self, methods: list[str], detectors: list[str], samples: list[Sample]) -> None:
@@ -130,6 +131,7 @@ class MainWindow(QMainWindow):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
+        self.resized.emit()
         self.rail.suit(self.width())
 
     def childEvent(self, event: QChildEvent) -> None:
