@@ -469,7 +469,7 @@ def measure_drifting(
 
 
 def drifted(drift: Drift) -> PolarUpdate:
-    """What the drift shows so far, and how long more it takes."""
+    """What the drift shows so far."""
     share = None if drift.minutes_more is None else drift.minutes / (drift.minutes + drift.minutes_more)
     told = tr_n(
         "{angle} after {n} minute of drift.",
@@ -477,4 +477,4 @@ def drifted(drift: Drift) -> PolarUpdate:
         round(drift.minutes),
         angle=drift.words[:1].upper() + drift.words[1:],
     )
-    return PolarUpdate("measure", share, f"{told} {drift.better}".strip(), drift=drift, findings=drift.findings)
+    return PolarUpdate("measure", share, told, drift=drift, findings=drift.findings)
