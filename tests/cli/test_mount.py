@@ -72,7 +72,7 @@ def test_a_wrong_clock_is_told_refused_and_set(capsys) -> None:
     responder.settings.clock_error = timedelta(hours=2)
     with serve_pty(responder) as port:
         line = ("--port", port, "--driver", "onstep", "--site", "50,8")
-        there = ("--ra-deg", str(sidereal_deg(SITE, datetime.now(UTC)) + 60.0), "--dec-deg", "80")
+        there = ("--ra-deg", str((sidereal_deg(SITE, datetime.now(UTC)) + 60.0) % 360.0), "--dec-deg", "80")
         wrong = "its clock is 2.0 h fast (summer time or zone?)"
         code, told = run(capsys, "goto", *there, *line, "--yes")
         assert (code, wrong in told["error"], telescope.slewing) == (1, True, False)
