@@ -101,7 +101,6 @@ def main(*arguments):
         engine = whole_engine()
         window, commands = build(engine, settings)
         garbage, background = Garbage(), Background(window, engine)
-        background.job.finished.connect(commands.views.load)
         window.resize(1360, 860)
         window.show()
         wait(500)

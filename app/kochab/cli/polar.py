@@ -35,7 +35,16 @@ from kochab.polar.plan import creep_to_show_arcsec, more_turn_deg, plan_second
 from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
-from kochab.workflows.polar.solutions import FilesTold, axis_of, guide_logs_of, remember_axis, solutions_of, unsolved_of
+from kochab.workflows.polar.solutions import (
+    FilesTold,
+    axis_of,
+    changed_ns,
+    guide_logs_of,
+    is_complete,
+    remember_axis,
+    solutions_of,
+    unsolved_of,
+)
 from kochab.workflows.polar.sources import SolvedFile, last_night
 
 MANY = 5
@@ -111,8 +120,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure the axis; with ``--follow`` again whenever a file has grown, until both bolts are known."""
     code, result = _measure(argparse.Namespace(**vars(args)))
-    growing = args.follow and bool(args.files)
-    while growing and not isinstance(result, Measurement) and (result is None or result.minutes_more != 0.0):
+    while args.follow and args.files and not is_complete(result):
         before = _changes(args.files)
         while _changes(args.files) == before:
             time.sleep(LOOK_S)
@@ -121,9 +129,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _changes(files: Sequence[str]) -> list[int]:
-    """When each was written; 0 while it is not there."""
-    paths = map(Path, named(files))
-    return [path.stat().st_mtime_ns if path.exists() else 0 for path in paths]
+    return [changed_ns(path) for path in named(files)]
 
 
 def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]:

@@ -13,7 +13,7 @@ import time
 from contextlib import suppress
 from enum import StrEnum
 
-from kochab.core import tr, tr_noop
+from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts.serial_line import SerialLink
@@ -74,7 +74,7 @@ class Adjusters:
             if not resting:
                 self._see_stopped()
         if abs(gone - amount) > 0.02 * abs(amount) + 1.0:
-            raise RefusedError(tr(STANDS[axis], gone=gone, asked=amount))
+            raise RefusedError(STANDS[axis], gone=gone, asked=amount)
 
     def stop(self) -> None:
         """Stop both motors, from any thread; OAPA's firmware before 1.2.1 ends its move first."""

@@ -213,13 +213,14 @@ def body_called(text: str, time_utc: datetime, site: Site | None, more: Sequence
     observer, wanted = observer_at(time_utc, site), text.casefold().strip()
     bodies = major_bodies(observer)
     bodies += [moon for planet in bodies if planet.name in MOONS for moon in planet_moons(observer, planet)]
-    found = next((body for body in bodies if body.name.casefold() == wanted), None)
+    if found := next((body for body in bodies if body.name.casefold() == wanted), None):
+        return found
     for table in (*more, shipped_small_bodies()):
         names = [name.casefold() for name in table.names]
         row = next((k for called in CALLED for k, name in enumerate(names) if called(name) == wanted), None)
-        if found is None and row is not None:
-            found = yield from table.body(row, observer)
-    return found
+        if row is not None and (body := (yield from table.body(row, observer))) is not None:
+            return body
+    return None
 
 
 def _seen(table: SmallBodies, rows: Indices, observer: Observer) -> Task[list[Body]]:

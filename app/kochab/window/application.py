@@ -28,10 +28,7 @@ from kochab.workflows.session.wiring import Wiring
 INDEX_TIP = tr_noop(
     "The index for fields narrower than about 2° is built on this computer, once. Wider fields solve meanwhile."
 )
-LIBRARIES = (
-    *("scipy.spatial", "scipy.integrate", "kochab.simulate.rig", "serial.tools.list_ports"),
-    *("kochab.workflows.session.alignment", "kochab.workflows.live.solve", "kochab.workflows.recover_mount"),
-)
+LIBRARIES = ("scipy.spatial", "scipy.integrate", "kochab.simulate.camera_source", "serial.tools.list_ports")
 """What views and solved frames need a moment later."""
 AFTER_MS = 1500  # the person's first frame goes first
 
@@ -169,7 +166,6 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     window, commands = build(engine, settings, wiring=wiring)
     garbage = Garbage()
     background = Background(window, engine)
-    background.job.finished.connect(commands.views.load)
     window.show()
     if paths:
         commands.open_all([Path(path) for path in paths])

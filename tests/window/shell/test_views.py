@@ -136,19 +136,3 @@ def test_the_image_keeps_half_of_a_window_that_is_made_smaller(qtbot, opened):
     window.resize(1100, 700)
     qtbot.waitUntil(lambda: dock.width() <= 550)
     assert window.workspace.view.width() > 400
-
-
-def test_views_are_loaded_a_module_a_turn_and_no_plot_with_them(qtbot, opened, monkeypatch):
-    names = list(views._modules())
-    assert [name for name in names if name.endswith(".view")] == [
-        v.partition(":")[0] for _, _, v in views.VIEWS.values()
-    ]
-    assert not any("plot" in name or "benchmark" in name for name in names)
-    loaded = []
-    monkeypatch.setattr(views, "import_module", loaded.append)
-    monkeypatch.setattr(views, "TURN_MS", 0)
-    commands = opened[1]
-    commands.views._modules = iter(names)
-    commands.views.load()
-    assert loaded == names[:1]
-    qtbot.waitUntil(lambda: loaded == names)

@@ -62,6 +62,7 @@ STAR_PX, PX_A_MAG, LARGEST_PX = 1.1, 0.75, 7.0  # the faintest star's diameter, 
 SHOWN = ("objects", "names", "bodies", "figures", "boundaries", "ecliptic", "grid")
 BODIES_MAG = 10.0  # down to which asteroids and comets are drawn
 MOONS_DEG = 3.0  # wider, moons of planets are not
+REACH_PX = 14.0  # so near, the cursor is on a mark
 DRAG_STEPS = 8  # each leaves a part of the way: north up turns the chart meanwhile
 SIDE_POINTS = 17  # of a side of a frame: straight in the frame, it bends on the chart
 NO_STARS = np.empty((0, 2))
@@ -214,6 +215,10 @@ class StarChart(QWidget):
         """The ICRS unit vector (3,) at a place of the widget."""
         return np.asarray(self.sheet.sky_at(np.array([[at.x() - 0.5, at.y() - 0.5]]))[0])
 
+    def mark_at(self, at: QPointF) -> Mark | None:
+        """What is at a place of the widget."""
+        return self.overlay.mark_at(at.x() - 0.5, at.y() - 0.5, REACH_PX)
+
     def drag(self, before: QPointF, after: QPointF) -> None:
         """Turn the sky so that what was at one place comes to another, with north up."""
         held, camera, centre = self.sky_at(before), self.sheet.camera, self.centre
@@ -279,8 +284,7 @@ class StarChart(QWidget):
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         if self._pressed is not None and not self._dragged:
-            at = event.position()
-            self.overlay.picked = self.overlay.mark_at(at.x() - 0.5, at.y() - 0.5, 14.0)
+            self.overlay.picked = self.mark_at(event.position())
             self.clicked.emit(self.overlay.picked)
             self.update()
         self._pressed = None
@@ -429,7 +433,7 @@ class Atlas(QDialog):
         chart, tables = self.chart, self.chart.overlay.tables
         if tables is None:
             return None
-        mark = chart.overlay.mark_at(at.x() - 0.5, at.y() - 0.5, 14.0)
+        mark = chart.mark_at(at)
         vector = chart.sky_at(at) if mark is None else vector_of(tables, mark, chart.sheet)
         against = reasons_against(self._services.situation)
         pages = {} if mark is None else links(tables, mark, vector, 0.5)

@@ -1,13 +1,12 @@
 """The modes of the rail: each a dock beside the image, built when first shown, and what every view is given."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import import_module
-from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
@@ -95,7 +94,6 @@ SHORT = {"polar": tr_noop("Polar"), "laboratory": tr_noop("Lab")}
 WITH_MOUNT = ("live", "mount", "polar")  # these show the mount's state in the bar
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 LEAST_SHARE = 0.5  # of the image, in a window that was made smaller
-TURN_MS = 40  # from one module of a view to the next
 
 
 class ViewDock(QDockWidget):
@@ -123,15 +121,6 @@ class ViewDock(QDockWidget):
         super().showEvent(event)
 
 
-def _modules() -> Iterator[str]:
-    """The modules of all views, each view's own last, but for plots, whose library takes long."""
-    for _, _, place in VIEWS.values():
-        view = place.partition(":")[0]
-        package = import_module(view.rpartition(".")[0])
-        names = (module.name for module in iter_modules(package.__path__, f"{package.__name__}."))
-        yield from sorted((name for name in names if not name.endswith(("_plot", ".benchmark"))), key=view.__eq__)
-
-
 class Views(QObject):
     """The docks of all views, the frame's details among them, and the actions that show them: one at a time."""
 
@@ -152,7 +141,6 @@ class Views(QObject):
             self._add(name, services)
         self.docks["details"].hold(services.panes.tabs)
         window.resized.connect(self._keep_share)
-        self._modules = _modules()
         self._look()
 
     def _action(self, name: str, title: str, keys: str) -> QAction:
@@ -197,12 +185,6 @@ class Views(QObject):
     @property
     def _share_px(self) -> int:
         return min(round(self._window.width() * SHARE), MOST_PX)
-
-    def load(self) -> None:
-        """Load the views' modules, one in a turn, so that the first showing of a view has less to do."""
-        if (name := next(self._modules, None)) is not None:
-            import_module(name)
-            QTimer.singleShot(TURN_MS, self.load)
 
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""

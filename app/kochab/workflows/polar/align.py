@@ -87,12 +87,12 @@ class MotorisedBolts:
         self._motors, self._tutor = motors, tutor
         self._units: dict[Knob, float] = {}
 
-    def shown(self, asked: Instruction, left_arcsec: float) -> Instruction:
+    def shown(self, asked: Instruction, error: PolarError) -> Instruction:
         """The instruction as it is told to somebody who has nothing to turn."""
         if asked.knob is None:
             return asked
         text = (TRIED if asked.step is TutorStep.TEST else DRIVEN)[asked.knob]
-        return Instruction(asked.step, tr(text, left=angle_in_words(left_arcsec)))
+        return Instruction(asked.step, tr(text, left=angle_in_words(error.knob_arcsec(asked.knob))))
 
     def follow(self, asked: Instruction) -> Task[None]:
         """Do it; RefusedError when the axis is not seen to follow a motor."""
@@ -104,7 +104,7 @@ class MotorisedBolts:
             units *= GROWTH
             self._tutor.forget(knob)  # what it learned was of smaller units
             if units > MOST_UNITS:
-                raise RefusedError(tr(UNSEEN[knob]))
+                raise RefusedError(UNSEEN[knob])
         self._units[knob] = units or FIRST_UNITS
         yield from self._motors.move(AXES[knob], asked.turns * self._units[knob])
 
@@ -142,10 +142,7 @@ class AdjustmentGuide:
 
     def shown(self, error: PolarError) -> Instruction:
         """The instruction as it is told."""
-        asked = self.instruction
-        if self.bolts is None or asked.knob is None:
-            return asked
-        return self.bolts.shown(asked, error.knob_arcsec(asked.knob))
+        return self.instruction if self.bolts is None else self.bolts.shown(self.instruction, error)
 
     def _fresh_stop(self, steady: SteadyError) -> bool:
         """Whether a measurement said Stop and nothing was asked, turned or seen to move since.

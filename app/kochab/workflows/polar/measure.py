@@ -461,7 +461,7 @@ def measure_drifting(
             if enough or result.minutes_more == 0.0:
                 return result
         elif result.kind is PolarFindingKind.FIXED_TRIPOD:
-            raise NotMeasuredError(tr("The camera stands still while the sky turns: let the mount track."))
+            raise NotMeasuredError("The camera stands still while the sky turns: let the mount track.")
         elif enough:
             raise NotMeasuredError(result.sentence)
         else:

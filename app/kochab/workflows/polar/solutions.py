@@ -422,6 +422,19 @@ def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[s
     return FilesAxis(result, named, last_night(site, told.profile, result.time_utc))
 
 
+def is_complete(result: Measurement | Drift | NoAxis | None) -> bool:
+    """Whether files that grow need no more: their axis turned, or its drift is known to 30 arcsec."""
+    return isinstance(result, Measurement) or (isinstance(result, Drift) and result.minutes_more == 0.0)
+
+
+def changed_ns(path: str | Path) -> int:
+    """When a file was last written; 0 when it can't be asked, which whoever reads it says."""
+    try:
+        return Path(path).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
 def remember_axis(result: Measurement | Drift, profile: str) -> None:
     """Keep an axis for another night, unless it is spoilt or half known; raises OSError when that can't be."""
     if not result.spoilt and (isinstance(result, Measurement) or result.known):

@@ -54,7 +54,9 @@ from kochab.workflows.polar.solutions import (
     FilesAxis,
     FilesTold,
     axis_of,
+    changed_ns,
     guide_logs_of,
+    is_complete,
     remember_axis,
     solutions_of,
     unsolved_of,
@@ -306,27 +308,7 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
 
     Raises KochabError with one sentence on what to do.
     """
-    while wish.follow and not tools.controls.take(PolarButton.ENOUGH):
-        seen = {path: _changed(str(path)) for path in wish.files}
-        try:
-            axis = yield from _axis_of_files(wish, tools)
-        except FrameError as error:  # as of a log that has just begun
-            yield PolarUpdate("measure", None, str(error))
-        else:
-            if isinstance(axis.result, Measurement) or (
-                isinstance(axis.result, Drift) and axis.result.minutes_more == 0.0
-            ):
-                break
-            if isinstance(axis.result, NoAxis):
-                yield PolarUpdate("measure", None, axis.result.sentence)
-            else:
-                yield drifted(axis.result)
-        while all(_changed(str(path)) == then for path, then in seen.items()):
-            if tools.controls.pressed(PolarButton.ENOUGH):
-                break
-            yield Progress("wait for a frame")
-            time.sleep(SLICE_S)
-    axis = yield from _axis_of_files(wish, tools)
+    axis = yield from (_followed(wish, tools) if wish.follow else _axis_of_files(wish, tools))
     result = axis.result
     if isinstance(result, NoAxis):
         finding = PolarFinding(result.kind, result.sentence, spoils=True)
@@ -339,6 +321,28 @@ def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History
         notes[tr("Last measured here, {night}.", night=axis.last)] = None
     yield _told(result, wish, "\n".join(notes))
     return history
+
+
+def _followed(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
+    """The axis of files that grow, once it is known or somebody says that it is enough."""
+    while True:
+        enough, seen = tools.controls.take(PolarButton.ENOUGH), [changed_ns(path) for path in wish.files]
+        try:
+            axis = yield from _axis_of_files(wish, tools)
+        except FrameError as error:  # as of a log that has just begun
+            if enough:
+                raise
+            yield PolarUpdate("measure", None, str(error))
+        else:
+            if enough or is_complete(axis.result):
+                return axis
+            if isinstance(axis.result, Drift):
+                yield drifted(axis.result)
+            elif isinstance(axis.result, NoAxis):
+                yield PolarUpdate("measure", None, axis.result.sentence)
+        while not tools.controls.pressed(PolarButton.ENOUGH) and [changed_ns(path) for path in wish.files] == seen:
+            yield Progress("wait for a frame")
+            time.sleep(SLICE_S)
 
 
 def _axis_of_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
@@ -388,7 +392,7 @@ def _solved(
     for number, (path, sweep) in enumerate(frames):
         name = Path(path).name
         yield PolarUpdate("measure", number / len(frames), f"{name}, {number + 1} of {len(frames)}")
-        key = (path, _changed(path), wish.fov_deg)
+        key = (path, changed_ns(path), wish.fov_deg)
         if key not in tools.solved:
             # Its steps are cancel points only: what they say is of one frame, not of the alignment.
             found = yield from _with_each_step(solutions_of(path, options), lambda _: Progress("solve"))
@@ -403,13 +407,6 @@ def _solved(
                 advice=one.result.advice,
             )
     return solved
-
-
-def _changed(path: str) -> int:
-    try:
-        return Path(path).stat().st_mtime_ns
-    except OSError:  # whoever reads it says so
-        return 0
 
 
 def _told(result: Measurement | Drift, wish: AlignmentRequest, notes: str) -> PolarUpdate:
