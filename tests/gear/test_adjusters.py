@@ -67,7 +67,7 @@ def test_a_motor_that_stands_still_is_told_and_stopped():
     board.stalled = {"Y"}
     with BoardOnPty(board) as served:
         adjusters = Adjusters(served.port)
-        with pytest.raises(RefusedError, match="altitude motor went 0 of 500"):
+        with pytest.raises(RefusedError, match="altitude motor moved 0 of 500 units"):
             run(adjusters.move(Y, 500))
         assert b"!" in served.received
         adjusters.close()

@@ -591,7 +591,7 @@ def test_a_drift_is_enough_when_a_person_says_so():
 
 def test_a_mount_that_does_not_track_is_told():
     sky = tracking(on=False)
-    with pytest.raises(NotMeasuredError, match="let the mount track"):
+    with pytest.raises(NotMeasuredError, match="Turn the mount’s tracking on"):
         run(measure_drifting(sky, sky.settings, PolarControls()))
 
 

@@ -34,8 +34,8 @@ class AdjusterAxis(StrEnum):
 
 
 STANDS = {
-    AdjusterAxis.AZIMUTH: tr_noop("The azimuth motor went {gone:g} of {asked:g}. Is it jammed, or at its end?"),
-    AdjusterAxis.ALTITUDE: tr_noop("The altitude motor went {gone:g} of {asked:g}. Is it jammed, or at its end?"),
+    AdjusterAxis.AZIMUTH: tr_noop("The azimuth motor moved {gone:g} of {asked:g} units. Is it jammed, or at a stop?"),
+    AdjusterAxis.ALTITUDE: tr_noop("The altitude motor moved {gone:g} of {asked:g} units. Is it jammed, or at a stop?"),
 }
 
 
@@ -110,7 +110,7 @@ class Adjusters:
                 azimuth, altitude = (float(text) for text in found.groups()[1:])
                 self._grbl = b"|F" in found[0]
                 return found[1], {AdjusterAxis.AZIMUTH: azimuth, AdjusterAxis.ALTITUDE: altitude}
-        raise NoAnswerError("The adjusters don't say where they are.")
+        raise NoAnswerError("The adjusters don't report their position.")
 
     def _order(self, line: bytes) -> None:
         self._link.discard()

@@ -85,7 +85,7 @@ class Satellites:
         return found
 
     def body(self, row: int, observer: Observer) -> Task[Body | None]:
-        """One wherever it is at mid-exposure; None in the Earth's shadow, with old elements and without a site."""
+        """A satellite at mid-exposure, anywhere; None in the Earth's shadow, with old elements or no site."""
         yield Progress("Looking for satellites")
         if observer.site is None:
             return None

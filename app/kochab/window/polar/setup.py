@@ -91,9 +91,9 @@ DRIFT_ADVICE = tr_noop(
 )
 GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
 GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
-GROWS_TIP = tr_noop("A guide log or a recorded live session that is still written: until the axis is known to 30″")
+GROWS_TIP = tr_noop("For a guide log or a live session still being recorded, until the axis is known to 30″")
 MOTORS_TIP = tr_noop(
-    "Motorised azimuth and altitude adjusters: OAPA, AAPA, Avalon. Kochab finds out by a small move which way each goes"
+    "Motorised azimuth and altitude adjusters: OAPA, AAPA, Avalon. A small move shows Kochab which way each one goes"
 )
 ZONE_TIP = tr_noop("How far the clock of the files is ahead of UTC")
 HALF_ZONES_H = (-9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
@@ -149,7 +149,7 @@ class AlignmentSetupPanel(Page):
         self.imaging = text_field(
             tr("Your frames"), tr("{example} (optional: is it good enough?)", example="600 mm, 3.76 µm, 300 s")
         )
-        self.motors = switch(tr("by motors"), tr(MOTORS_TIP))
+        self.motors = switch(tr("motorised"), tr(MOTORS_TIP))
         self.motors.setAccessibleName(tr("Motors turn the adjusters"))
         self.motor_port = text_field(tr("Port of the adjusters"), tr("/dev/ttyUSB1, COM5, tcp://192.168.4.1:4030"))
         self.mount = label("", "muted", wrap=True)

@@ -143,7 +143,7 @@ class StarChart(QWidget):
         self.setMinimumSize(320, 260)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName(tr("Sky chart"))
-        self.setAccessibleDescription(tr("Plus and minus zoom, arrow keys turn the sky, 0 shows the open frame."))
+        self.setAccessibleDescription(tr("Plus and minus zoom, arrow keys pan, 0 shows the open frame."))
         self.overlay = Overlay(Layers(on={name: name in SHOWN for name in MARKS}))
         self.frame: Solution | None = None
         self.mosaic: Mosaic | None = None
@@ -315,7 +315,7 @@ class Atlas(QDialog):
         self.setWindowTitle(tr("Sky atlas"))
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.chart = StarChart()
-        self.sought = text_field(tr("Find"), tr(EXAMPLE), tr("A star, an object or coordinates"))
+        self.sought = text_field(tr("Find"), tr(EXAMPLE), tr("A star, an object, a planet or coordinates"))
         self.told = label("", "muted", wrap=True)
         self.dated = label("", "muted", wrap=True)
         self.framing = switch(tr("&Framing"), tr("What one frame, or a mosaic, holds around the middle of the chart"))

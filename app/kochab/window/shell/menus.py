@@ -107,7 +107,7 @@ SPECS = (
     Spec("undo", tr_noop("&Undo"), "Ctrl+Z", tr_noop("Take the last change back")),
     Spec("redo", tr_noop("Re&do"), "Ctrl+Shift+Z Ctrl+Y", tr_noop("Make the change again")),
     Spec("search", tr_noop("Fi&nd…"), "Ctrl+K", tr_noop("Find a star, an object, coordinates or a command")),
-    Spec("atlas", tr_noop("S&ky atlas"), "Ctrl+M", tr_noop("A chart with the frame on it, framing and mosaics")),
+    Spec("atlas", tr_noop("S&ky atlas"), "Ctrl+M", tr_noop("Star chart with the frame’s outline, framing and mosaics")),
     Spec("copy", tr_noop("Copy &RA/Dec"), "Ctrl+Shift+C", tr_noop("Copy the coordinates of the frame's centre")),
     Spec("copy_all", tr_noop("Copy &everything")),
     Spec("tab_solution", tr_noop("Solutio&n"), "Alt+1"),

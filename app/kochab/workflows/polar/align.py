@@ -63,8 +63,8 @@ class Motors(Protocol):
 
 AXES = {Knob.AZIMUTH: AdjusterAxis.AZIMUTH, Knob.ALTITUDE: AdjusterAxis.ALTITUDE}
 TRIED = {
-    Knob.ALTITUDE: tr_noop("The altitude motor makes a small move, to see what it does."),
-    Knob.AZIMUTH: tr_noop("The azimuth motor makes a small move, to see what it does."),
+    Knob.ALTITUDE: tr_noop("The altitude motor makes a small move to see which way it goes."),
+    Knob.AZIMUTH: tr_noop("The azimuth motor makes a small move to see which way it goes."),
 }
 DRIVEN = {
     Knob.ALTITUDE: tr_noop("The altitude motor moves. {left} to go. Keep clear."),

@@ -461,11 +461,11 @@ def measure_drifting(
             if enough or result.minutes_more == 0.0:
                 return result
         elif result.kind is PolarFindingKind.FIXED_TRIPOD:
-            raise NotMeasuredError("The camera stands still while the sky turns: let the mount track.")
+            raise NotMeasuredError("The camera stands still while the sky turns. Turn the mount’s tracking on.")
         elif enough:
             raise NotMeasuredError(result.sentence)
         else:
-            yield PolarUpdate("measure", None, tr("{seconds:.0f} s: the axis shows after a minute.", seconds=span))
+            yield PolarUpdate("measure", None, tr("{seconds:.0f} s: a first result after a minute.", seconds=span))
 
 
 def drifted(drift: Drift) -> PolarUpdate:

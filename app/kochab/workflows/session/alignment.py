@@ -81,7 +81,7 @@ class AxisTurnedBy(StrEnum):
 
     PERSON = tr_noop("I turn it by hand")
     MOUNT = tr_noop("The mount turns it, within its limits")
-    NOBODY = tr_noop("Nobody: the mount tracks, drift shows it")
+    NOBODY = tr_noop("Nobody: measure drift while tracking")
 
 
 @dataclass(frozen=True, slots=True)
