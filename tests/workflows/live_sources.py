@@ -20,7 +20,7 @@ CAMERA = Camera.centred(600, 400, 3000.0)
 
 
 class Clockwork(CameraSource):
-    """Gives a numbered frame every ``every_s``; unplugged after ``frames``, if that is given."""
+    """Gives a numbered frame every ``every_s``; unplugged after ``frames``, which may be set while it runs."""
 
     name = "clockwork"
 
@@ -45,7 +45,7 @@ class Clockwork(CameraSource):
 
     def next_frame(self, timeout_s):
         self.threads.add(threading.get_ident())
-        if self.given == self.frames:
+        if self.frames is not None and self.given >= self.frames:
             raise LineLostError("The camera was unplugged.")
         time.sleep(min(self.every_s, timeout_s))
         self.given += 1

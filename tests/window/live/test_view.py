@@ -1,6 +1,7 @@
 """The Live view in the window, over the simulated sky and over cameras that misbehave."""
 
 import json
+import threading
 import time
 from dataclasses import replace
 
@@ -150,13 +151,20 @@ def test_a_fast_camera_is_drawn_thirty_times_a_second_and_not_more(qtbot, live):
 def test_a_camera_faster_than_the_drawing_leaves_the_window_answering(qtbot, live, monkeypatch):
     """No timer ticked, no key was heard, while frames came faster than they were drawn."""
     view, commands = live
-    picture, ticks = commands.presenter.panes.view, []
+    picture, ticks, source = commands.presenter.panes.view, [], Stars(0.002)
     draw = picture.repaint
-    monkeypatch.setattr(picture, "repaint", lambda: (draw(), time.sleep(0.04)))
+
+    def draw_slowly():
+        draw()
+        time.sleep(0.04)
+        if len(view.display.moments) >= 10:
+            source.frames = 0  # else a window that cannot answer would never hear of its end
+
+    monkeypatch.setattr(picture, "repaint", draw_slowly)
     timer = QTimer()
     timer.timeout.connect(lambda: ticks.append(time.monotonic()))
     timer.start(10)
-    run(view, Stars(0.002, frames=400))
+    run(view, source)
     wait_drawn(qtbot, view, 10)
     first, last = view.display.moments[0], view.display.moments[9]
     assert sum(first < tick < last for tick in ticks) >= 8
@@ -269,9 +277,11 @@ def test_closing_the_window_gives_the_camera_back(qtbot, live):
 # what goes wrong -----------------------------------------------------------------------------------
 def test_an_unplugged_camera_is_one_sentence_and_its_pointing_old(qtbot, live):
     view, _ = live
-    run(view, Stars(0.05, frames=12))
+    source = Stars(0.05)
+    run(view, source)
     wait_drawn(qtbot, view)
     qtbot.waitUntil(lambda: view.pointing.ra.text() != NOTHING, timeout=10_000)
+    source.frames = 0
     wait_idle(qtbot, view)
     assert view.message.text() == "The camera was unplugged."
     assert view.message.property("role") == "wrong"
@@ -294,9 +304,16 @@ def test_a_camera_that_cannot_be_opened_is_one_sentence(qtbot, live):
 def test_a_lost_camera_is_waited_for_when_that_is_wished(qtbot, live, monkeypatch):
     monkeypatch.setattr("kochab.workflows.live.capture.RETRY_S", 0.2)
     view, _ = live
-    cameras = [Stars(0.03, frames=5), Stars(0.03)]
-    view.run(StreamRequest(lambda: cameras.pop(0), "a camera", again=True), lambda: Told(answer))
+    cameras, said = [Stars(0.03, frames=5), Stars(0.03)], threading.Event()
+
+    def open_camera():
+        if len(cameras) == 1:
+            said.wait(15)
+        return cameras.pop(0)
+
+    view.run(StreamRequest(open_camera, "a camera", again=True), lambda: Told(answer))
     qtbot.waitUntil(lambda: "reconnects" in view.message.text(), timeout=10_000)
+    said.set()
     qtbot.waitUntil(lambda: not cameras and view.title.text() == "Tracking", timeout=10_000)
 
 
