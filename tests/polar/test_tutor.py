@@ -249,6 +249,16 @@ def test_how_far_the_hand_really_turned_counts_when_it_is_known():
     assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(-800.0)
 
 
+def test_a_bolt_known_from_another_night_is_turned_at_once_and_learned_anew():
+    known = replace(ALTITUDE_BOLT, arcsec_a_turn=1000.0)
+    tutor = BoltTutor(bolts=(known, AZIMUTH_BOLT))
+    told = tutor.advise(error_at(-2800.0, 0.0))
+    assert (told.step, told.turns) == (TutorStep.TURN, 1.0)  # not further before it is seen to move
+    told = tutor.advise(error_at(-4800.0, 0.0))  # another mount: it goes the other way, and twice as far
+    assert told.turns < -1.0
+    assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(-2000.0)
+
+
 def test_a_new_measurement_teaches_nothing_of_the_bolt():
     tutor = BoltTutor()
     tutor.advise(error_at(2000.0, 0.0))

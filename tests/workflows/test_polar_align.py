@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
-from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, adjust, align
+from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, _agree, adjust, align
 from kochab.workflows.polar.measure import (
     MOST_POINTS,
     HandTurner,
@@ -35,6 +36,8 @@ from kochab.workflows.polar.measure import (
 )
 from kochab.workflows.polar.sources import NotMeasuredError
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
+from kochab.workflows.session.alignment import AlignmentRequest, FrameSource, options_of
+from tests.polar.test_tutor import error_at
 from tests.workflows.rig_mount import Bench
 
 
@@ -54,6 +57,36 @@ def test_measure_adjust_measure_again_ends_at_the_pole(latitude):
     kinds = [entry.kind for entry in done.history.entries]
     assert kinds[0] == kinds[-1] == "measured"
     assert {"live", "instruction"} <= set(kinds)
+
+
+@pytest.mark.parametrize("slipped_deg", [0.0, 0.05])
+def test_by_hand_one_turn_confirms_what_was_read_at_the_bolts(monkeypatch, slipped_deg):
+    """Two frames alone can't show that declination slipped: where they disagree, more are asked for."""
+    turns, turn = [], RigSky.turn
+
+    def counted(sky, direction, degrees):
+        turns.append(degrees)
+        if len(turns) == 2:
+            sky.rig.mount.turn_by_hand(0.0, slipped_deg)
+        return turn(sky, direction, degrees)
+
+    monkeypatch.setattr(RigSky, "turn", counted)
+    sky = rig()
+    sky.by_hand = True
+    done = follow(sky, options_of(AlignmentRequest(FrameSource.CAMERA)))
+    assert done.good
+    assert sky.true_total_arcsec() < 30.0
+    assert (len(turns) == 2) is (slipped_deg == 0.0)
+
+
+def test_what_was_read_and_what_is_measured_agree_within_their_sigmas():
+    def read(error, *findings):
+        return SimpleNamespace(error=error, findings=findings)
+
+    assert _agree(read(error_at(6.0, 0.0)), error_at(-2.0, 0.0))  # of 2.8
+    assert not _agree(read(error_at(6.0, 0.0)), error_at(-6.0, 0.0))
+    slipped = PolarFinding(PolarFindingKind.DEC_MOVED, "", spoils=True)
+    assert not _agree(read(error_at(6.0, 0.0), slipped), error_at(6.0, 0.0))
 
 
 def test_what_is_likely_good_is_measured_again_before_a_bolt_is_touched():

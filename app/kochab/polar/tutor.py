@@ -108,7 +108,7 @@ NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
 ENOUGH = 1.45  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
-MOST_TURNS = 6.0  # at a time; then measure again
+MOST_TURNS, MOST_UNSEEN = 6.0, 1.0  # at a time; and of a bolt known from another night before it was seen to move
 
 
 TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 10.0, 4.0, 120.0
@@ -265,7 +265,8 @@ class BoltTutor:
         share = (1.0 if near else CONFIDENT) if bolt.sure else CAUTIOUS
         wanted = bolt.needed(value) * share
         finest = FINEST_DEG / 360.0
-        turns = sayable(float(np.clip(wanted, -MOST_TURNS, MOST_TURNS)))
+        most = MOST_TURNS if bolt.direction else MOST_UNSEEN
+        turns = sayable(float(np.clip(wanted, -most, most)))
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
         reverses = bolt.direction == -np.sign(turns) and bolt.backlash_turns >= finest

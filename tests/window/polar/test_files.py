@@ -22,14 +22,23 @@ from kochab.polar.error import Knob, PolarError
 from kochab.polar.horizon import Pole, pole_direction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
+from kochab.polar.tutor import TutorStep
 from kochab.simulate.camera_source import SimulatedCamera
 from kochab.simulate.rig import PracticeRig, RigConfig, through
 from kochab.workflows.polar.sources import last_night, remember_night
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction
-from kochab.workflows.session.alignment import AlignmentRequest, AlignmentTools, FrameSource, _remember, alignment_task
+from kochab.workflows.session.alignment import (
+    AlignmentRequest,
+    AlignmentTools,
+    FrameSource,
+    _remember,
+    _tutor,
+    alignment_task,
+)
 from kochab.workflows.session.alignment_state import AlignmentState
 from tests.cli.test_polar import stream
 from tests.polar.test_drift import falling, log_text
+from tests.polar.test_tutor import error_at
 from tests.window.polar.test_view import SITE as RIG_SITE
 from tests.window.polar.test_view import choose_files, drive
 from tests.workflows.test_polar_solutions import BEGUN, SITE, picture, solution
@@ -235,6 +244,21 @@ def test_practice_is_not_remembered():
     for source in (FrameSource.PRACTICE, FrameSource.CAMERA):
         _remember(found, AlignmentRequest(source))
         assert (last_night(SITE) is not None) == (source is FrameSource.CAMERA)
+
+
+def test_the_bolts_are_known_another_night(nights):
+    """What stands in for a bolt in practice, and motors, are others every time."""
+    off, camera = error_at(300.0, -2800.0), AlignmentRequest(FrameSource.CAMERA)
+    assert _tutor(camera, SITE).advise(off).step is TutorStep.TEST
+    remember_night(SITE, "", BEGUN, off, (1800.0, -2400.0))
+    remember_night(SITE, "", BEGUN + timedelta(days=1), off)  # from files: no bolt was turned
+    assert _tutor(camera, SITE).advise(off).step is TutorStep.TURN
+    for other in (AlignmentRequest(FrameSource.PRACTICE), replace(camera, adjusters="/dev/ttyUSB0")):
+        assert _tutor(other, SITE).advise(off).step is TutorStep.TEST
+    kept = nights.read_text()
+    for spoilt in ("[NaN, 1.0]", '["a", 1.0]', "[1.0]", "7"):
+        nights.write_text(kept.replace("[1800.0, -2400.0]", spoilt))
+        assert _tutor(camera, SITE).advise(off).step is TutorStep.TEST
 
 
 # -- With a camera: clocks that disagree, and a frame back at the start ----------------------------

@@ -47,11 +47,12 @@ SPOILT = {PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE, PolarFindingKind.
 
 @dataclass(frozen=True, slots=True)
 class Adjusted:
-    """Why it ended, whether a bolt was asked to turn, and the last reading, no measurement."""
+    """Why it ended, whether a bolt was asked to turn, the last reading, no measurement, and what reads on."""
 
     end: AdjustingEnd
     turned: bool
     last: SteadyError | None
+    live: LivePhase
 
 
 class Motors(Protocol):
@@ -186,9 +187,9 @@ def adjust(
             or controls.take(PolarButton.ENOUGH)
             or controls.pressed(PolarButton.BACK)
         ):
-            return Adjusted(AdjustingEnd.REQUESTED, guide.turn_requested, steady)
+            return Adjusted(AdjustingEnd.REQUESTED, guide.turn_requested, steady, guide.live)
         if controls.pressed(PolarButton.SECOND_SWEEP):
-            return Adjusted(AdjustingEnd.SECOND_SWEEP, guide.turn_requested, steady)
+            return Adjusted(AdjustingEnd.SECOND_SWEEP, guide.turn_requested, steady, guide.live)
         if found is None or isinstance(found, NoSolution):
             why = tr("Waiting for a frame") if found is None else f"{tr(found.reason)}: {found.advice}"
             yield _update(None, steady, guide, measurement, why)
@@ -202,10 +203,10 @@ def adjust(
             history.instruction(found.time_utc, steady.error, guide.shown(steady.error).words)
         yield _update(live, steady, guide, measurement)
         if instruction.step is TutorStep.STOP and steady.settled and steady.frames >= SURE_FRAMES:
-            return Adjusted(AdjustingEnd.THERE, guide.turn_requested, steady)
+            return Adjusted(AdjustingEnd.THERE, guide.turn_requested, steady, guide.live)
         spoilt = {f.kind for f in live.findings} & set(SPOILT)
         if steady.settled and spoilt:
-            return Adjusted(SPOILT[spoilt.pop()], guide.turn_requested, steady)
+            return Adjusted(SPOILT[spoilt.pop()], guide.turn_requested, steady, guide.live)
 
 
 def _moved(measured: PolarError, steady: SteadyError) -> bool:
@@ -278,9 +279,14 @@ def align(
     sweep, rounds, droop = options.sweep, 0, UNKNOWN
     wanted = options.second_sweep
     before: Measurement | None = None
+    live: LivePhase | None = None
+
+    def confirmed(found: Measurement) -> bool:
+        return live is not None and _within(found, options) and _agree(live.update(found.attitudes[0]), found.error)
+
     while True:
         rounds += 1
-        measured = yield from measure_axis(source, turner, settings, sweep, controls, droop)
+        measured = yield from measure_axis(source, turner, settings, sweep, controls, droop, confirmed)
         if controls.take(PolarButton.BACK):
             measured = yield from back_at_start(source, turner, measured, controls)
         if before is not None:
@@ -316,15 +322,29 @@ def align(
         adjusted = yield from adjust(source, measured.measurement, tutor, controls, history, bolts)
         quiet = adjusted.end is AdjustingEnd.THERE and not adjusted.turned
         before = measured.measurement if quiet else None  # no bolt was turned: both count
+        live = adjusted.live if adjusted.end is AdjustingEnd.THERE else None
+
+
+def _within(found: Measurement, options: AlignOptions) -> bool:
+    """Whether the total and some of its sigmas are within the goal."""
+    reach = found.error.total_arcsec + options.sure * found.error.sigma_total_arcsec
+    return not found.spoilt and reach <= options.goal_arcsec
 
 
 def _good(measured: Measured, options: AlignOptions) -> bool:
-    """Whether the total and some of its sigmas are within the goal, or it is within its uncertainty."""
-    error = measured.measurement.error
-    if measured.measurement.spoilt:
-        return False
-    reach = error.total_arcsec + options.sure * error.sigma_total_arcsec
-    return reach <= options.goal_arcsec or error.below_uncertainty
+    """Whether it is within the goal for sure, or within its uncertainty."""
+    found = measured.measurement
+    return _within(found, options) or (not found.spoilt and found.error.below_uncertainty)
+
+
+AGREE2 = 9.0  # squared distance in sigmas, two dimensions: one in 90 that agree are taken for others
+
+
+def _agree(read: LiveError, found: PolarError) -> bool:
+    """Whether two frames find the axis where an earlier measurement reads it: alone they could not show a slip."""
+    gap = np.stack(tangents(found.axis)) @ (read.error.axis - found.axis)
+    chi2 = float(gap @ np.linalg.solve(read.error.covariance + found.covariance, gap))
+    return chi2 <= AGREE2 and not any(finding.spoils for finding in read.findings)
 
 
 def _spoilt(measured: Measured, moves: int) -> PolarUpdate:

@@ -196,10 +196,12 @@ def measure_axis(
     sweep: Sweep | None = None,
     controls: PolarControls | None = None,
     before: Droop = UNKNOWN,
+    confirmed: Callable[[Measurement], bool] = lambda found: False,
 ) -> Task[Measured]:
     """Take frames while ``turner`` turns the axis, and measure it.
 
-    ``before`` is what is known of the tube's droop.
+    ``before`` is what is known of the tube's droop. A hand is asked for no more once ``confirmed`` tells of what two
+    frames say that it is known already.
 
     Raises NotMeasuredError when frames stop coming or have no solution, or they give no axis.
     """
@@ -211,7 +213,8 @@ def measure_axis(
         sweep = replace(sweep, least_deg=max(sweep.least_deg, HAND_DEG))
     path = plan_path(seen[0], settings, sweep)
     sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
-    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before, rough=turner.by_hand))
+    enough = (lambda found: _far(found) or confirmed(found)) if turner.by_hand else None
+    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before, enough))
 
 
 def sweep_from(
@@ -221,12 +224,11 @@ def sweep_from(
     turner: Turner,
     sweep: Sweep,
     before: Droop = UNKNOWN,
-    rough: bool = False,
+    enough: Callable[[Measurement], bool] | None = None,
 ) -> Task[Measured]:
     """The rest of a sweep of ``sweep.frames``, whose first frame is taken already.
 
-    A hand makes the whole turn at once, and goes back in steps where more frames are needed; ``rough`` needs none
-    while the axis is so far off that the bolts have to be turned anyway.
+    A hand makes the whole turn at once, and goes back in steps where more frames are needed, which ``enough`` tells.
     """
     seen, settings, controls = [first], watch.settings, watch.controls
     steps = _hand_turns(path, sweep.frames) if turner.by_hand else _even_turns(path, sweep.frames)
@@ -242,7 +244,7 @@ def sweep_from(
         seen.append(now)
         result = measure_local(seen, settings, before)
         yield _measured_so_far(result, seen, slips, sweep)
-        if isinstance(result, Measurement) and (controls.take(PolarButton.ENOUGH) or (rough and _far(result))):
+        if isinstance(result, Measurement) and (controls.take(PolarButton.ENOUGH) or (enough and enough(result))):
             break
     if isinstance(result, NoAxis):
         raise NotMeasuredError(result.sentence)

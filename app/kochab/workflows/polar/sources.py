@@ -266,7 +266,10 @@ SAME_PLACE_DEG = 0.01
 
 @dataclass(frozen=True, slots=True)
 class PolarNight:
-    """What was last measured at a place with an equipment profile ("" for none); arcsec, as a measurement says them."""
+    """What was last measured at a place with an equipment profile ("" for none); arcsec, as a measurement says them.
+
+    ``bolts_arcsec`` is what a clockwise turn of the altitude bolt and of the left azimuth bolt added, None not known.
+    """
 
     latitude_deg: float
     longitude_deg: float
@@ -274,6 +277,7 @@ class PolarNight:
     time_utc: str
     altitude_arcsec: float
     azimuth_arcsec: float
+    bolts_arcsec: tuple[float | None, float | None] = (None, None)
 
     def __str__(self) -> str:
         text = tr("{angle} too high") if self.altitude_arcsec > 0 else tr("{angle} too low")
@@ -302,11 +306,17 @@ def last_night(site: Site, profile: str = "", before: datetime | None = None) ->
     return None
 
 
-def remember_night(site: Site, profile: str, time_utc: datetime, error: PolarError) -> None:
+def remember_night(
+    site: Site,
+    profile: str,
+    time_utc: datetime,
+    error: PolarError,
+    bolts: tuple[float | None, float | None] | None = None,
+) -> None:
     """Keep a measurement for another night, instead of an earlier one there; raises OSError when that can't be."""
-    place = (site.latitude_deg, site.longitude_deg)
-    now = PolarNight(*place, profile, time_utc.isoformat(), error.altitude_arcsec, error.azimuth_arcsec)
-    last = last_night(site, profile)
+    last, place = last_night(site, profile), (site.latitude_deg, site.longitude_deg)
+    bolts = bolts or (last.bolts_arcsec if last is not None else (None, None))
+    now = PolarNight(*place, profile, time_utc.isoformat(), error.altitude_arcsec, error.azimuth_arcsec, bolts)
     if last is None or last.time_utc <= now.time_utc:
         kept = [now, *(night for night in _nights() if night != last)][:MOST_NIGHTS]
         config_folder().mkdir(parents=True, exist_ok=True)
@@ -319,7 +329,10 @@ def _nights() -> list[PolarNight]:
         nights = [PolarNight(**night) for night in told]
         for night in nights:
             datetime.fromisoformat(night.time_utc).astimezone(UTC)
-            float(night.latitude_deg + night.longitude_deg + night.altitude_arcsec + night.azimuth_arcsec)
+            altitude, azimuth = (bolt or 0.0 for bolt in night.bolts_arcsec)
+            error = (night.altitude_arcsec, night.azimuth_arcsec, altitude, azimuth)
+            if not np.isfinite([night.latitude_deg, night.longitude_deg, *error]).all():
+                return []
     except (OSError, ValueError, TypeError, RecursionError):
         return []
     return nights

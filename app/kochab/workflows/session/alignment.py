@@ -33,11 +33,12 @@ from kochab.gear.session import (
     StartPractice,
 )
 from kochab.polar.drift import Drift
-from kochab.polar.error import total_in_words
+from kochab.polar.error import Knob, total_in_words
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import more_turn_deg
 from kochab.polar.report import History
+from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, BoltTutor
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, Motors, align
 from kochab.workflows.polar.measure import (
@@ -61,7 +62,7 @@ from kochab.workflows.polar.solutions import (
     solutions_of,
     unsolved_of,
 )
-from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts, last_night
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
 
@@ -217,11 +218,21 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
             drift = yield from _with_each_step(drifting, doubted)
             yield doubted(_told(drift, wish, ""))
             return _kept(drift, wish, tools)
-        motors = yield from _motors(wish, practice, opened)
-        task = align(source, turner, settings, options_of(wish), tools.controls, keep=tools.keep, motors=motors)
+        motors, tutor = (yield from _motors(wish, practice, opened)), _tutor(wish, site)
+        task = align(source, turner, settings, options_of(wish), tools.controls, tutor, tools.keep, motors)
         done = yield from _with_each_step(task, doubted)
-        _remember(done.last, wish)
+        known = (tutor.bolts[Knob.ALTITUDE].arcsec_a_turn, tutor.bolts[Knob.AZIMUTH].arcsec_a_turn)
+        _remember(done.last, wish, known if motors is None else None)
         return done.history
+
+
+def _tutor(wish: AlignmentRequest, site: Site) -> BoltTutor:
+    """It knows the bolts from another night here, but neither a simulated telescope's nor what motors turn."""
+    unknown = wish.source is FrameSource.PRACTICE or wish.adjusters
+    night = None if unknown else last_night(site, wish.profile)
+    altitude, azimuth = (None, None) if night is None else night.bolts_arcsec
+    known = (replace(ALTITUDE_BOLT, arcsec_a_turn=altitude), replace(AZIMUTH_BOLT, arcsec_a_turn=azimuth))
+    return BoltTutor(bolts=known)
 
 
 def _motors(wish: AlignmentRequest, practice: Practice | None, opened: ExitStack) -> Task[Motors | None]:
@@ -375,11 +386,13 @@ def _kept(result: Measurement | Drift, wish: AlignmentRequest, tools: AlignmentT
     return history
 
 
-def _remember(result: Measurement | Drift, wish: AlignmentRequest) -> None:
+def _remember(
+    result: Measurement | Drift, wish: AlignmentRequest, bolts: tuple[float | None, float | None] | None = None
+) -> None:
     """For another night, but not of a simulated telescope."""
     if wish.source is not FrameSource.PRACTICE:
         try:
-            remember_axis(result, wish.profile)
+            remember_axis(result, wish.profile, bolts)
         except OSError as error:
             logging.getLogger(__name__).warning("The polar error can't be kept for another night: %s", error)
 
