@@ -145,6 +145,11 @@ SATURN = [  # the same, from the same series: the BDL's, which are made from the
 ]
 
 
+THEIRS = {"Iapetus": 0.5, "Hyperion": 1.1}
+"""What PyEphem's own series are off by, arcsec. In May 2018 it has Hyperion 3 from here, where an orbit under Saturn, its
+moons and the Sun, fitted from 2014 to 2018, follows the theory to 0.26 all the way (Iapetus, 2017 to 2022, to 0.19)."""
+
+
 @pytest.mark.parametrize(
     ("planet", "when", "offsets"),
     [(name, *row) for name, rows in (("Jupiter", JUPITER), ("Saturn", SATURN)) for row in rows],
@@ -160,7 +165,7 @@ def test_the_moons_of_a_planet_are_where_another_theory_has_them(planet, when, o
             assert np.hypot(x, y) < body.diameter_arcsec / 2.0 + 1.0  # behind it
             continue
         ours = np.degrees([seen[name].vector @ east, seen[name].vector @ north]) * 3600
-        assert np.hypot(*(ours - [x, y])) < 0.2 + 3.0 * sigma, name
+        assert np.hypot(*(ours - [x, y])) < 0.2 + 3.0 * max(sigma, THEIRS.get(name, 0.0)), name
         assert (4.3, 8.0)[planet == "Saturn"] < seen[name].magnitude < (6.8, 14.9)[planet == "Saturn"]
 
 
@@ -174,7 +179,7 @@ def test_hyperion_is_where_jpl_has_it():
         saturn = next(body for body in major_bodies(observer) if body.name == "Saturn")
         moon = next(moon for moon in planet_moons(observer, saturn) if moon.name == "Hyperion")
         ra, dec = ((a + b / 60 + c / 3600) for a, b, c in (hours, degrees))
-        assert apart_deg((moon.ra_deg, moon.dec_deg), (15 * ra, -dec)) * 3600 < 1.5
+        assert apart_deg((moon.ra_deg, moon.dec_deg), (15 * ra, -dec)) * 3600 < 0.4
 
 
 @pytest.mark.parametrize(
