@@ -120,7 +120,7 @@ def main(*arguments):
             wait(300)
             pulse.report(f"theme {name}")
         for name in commands.views.docks:
-            commands.views.show(name)
+            commands.actions[name].trigger()
             wait(1500)
             pulse.report(f"opening {name}")
         commands.looks.use_theme("dark")

@@ -16,9 +16,10 @@ def test_a_view_is_built_when_it_is_first_seen_and_once(qtbot, opened, monkeypat
     assert dock.isHidden()
     assert dock.view is None
     qtbot.keyClick(window, Qt.Key.Key_F6)
-    assert dock.isVisible()
     built = dock.view
     assert built is not None
+    assert dock.isHidden()  # shown in a turn of its own
+    qtbot.waitUntil(dock.isVisible)
     assert commands.views.actions["laboratory"].isChecked()
     qtbot.keyClick(window, Qt.Key.Key_F6)
     assert dock.isHidden()
@@ -70,10 +71,27 @@ def test_the_image_has_the_focus_when_a_view_goes(opened):
 def test_a_click_on_the_rail_changes_the_mode(qtbot, opened):
     window, commands = opened
     buttons = {a.objectName(): window.rail.widgetForAction(a) for a in window.rail.actions()}
+
+    def checked():
+        return [name for name, made in buttons.items() if name.startswith("view_") and made.isChecked()]
+
     for name in ("view_polar", "view_laboratory", "view_image"):
         qtbot.mouseClick(buttons[name], Qt.MouseButton.LeftButton)
-        assert [n for n, made in buttons.items() if n.startswith("view_") and made.isChecked()] == [name]
+        qtbot.waitUntil(lambda name=name: checked() == [name])
     assert commands.views.docked == []
+
+
+def test_the_mode_chosen_last_stays_while_another_is_made(qtbot, opened):
+    _, commands = opened
+    commands.views.show("live")
+    commands.views.toggle("laboratory")
+    commands.views.toggle("live")
+    qtbot.wait(50)
+    assert commands.views.docked == []
+    commands.views.toggle("polar")
+    commands.views.toggle("polar")  # a second click before it is there
+    qtbot.wait(50)
+    assert commands.views.docked == ["polar"]
 
 
 def test_a_view_fits_a_small_screen(qtbot, make_window, engine):

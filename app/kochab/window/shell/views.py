@@ -6,7 +6,7 @@ from functools import cache, cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
@@ -110,14 +110,21 @@ class ViewDock(QDockWidget):
         self.view = view
         self.setWidget(view)
 
-    def showEvent(self, event: QShowEvent) -> None:
+    def make(self) -> QWidget:
+        """The view, made now if it was not."""
         if self.view is None:
             if self._name in WITH_MOUNT:
                 self._services.mount  # noqa: B018  (puts itself in the bar)
             module, _, kind = VIEWS[self._name][2].partition(":")
             self.view = getattr(import_module(module), kind)(self._services)
-            self.setWidget(scrolled(self.view))  # a view may be taller than a small screen
-            self._services.looks.redden_carets(self.view)
+        assert self.view is not None
+        return self.view
+
+    def showEvent(self, event: QShowEvent) -> None:
+        view = self.make()
+        if self.widget() is None:
+            self.setWidget(scrolled(view))  # a view may be taller than a small screen
+            self._services.looks.redden_carets(view)
         super().showEvent(event)
 
 
@@ -130,6 +137,7 @@ class Views(QObject):
         super().__init__(window)
         self._window = window
         self.docks: dict[str, ViewDock] = {}
+        self._coming = ""  # the view that is made and shown in the next turn
         self.image = self._action("image", tr("Ima&ge"), "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
         self.actions = {name: self._action(name, tr(title), keys) for name, (title, keys, _) in VIEWS.items()}
@@ -188,10 +196,21 @@ class Views(QObject):
 
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""
-        self.show(name if self.docks[name].isHidden() else "image")
+        dock = self.docks[name]
+        if dock.view is None:  # to make and to show it in one turn would hold up the window for 50 ms
+            dock.make()
+            self._coming = name
+            QTimer.singleShot(0, self, self._show_coming)
+        else:
+            self.show(name if dock.isHidden() else "image")
+
+    def _show_coming(self) -> None:
+        if self._coming:
+            self.show(self._coming)
 
     def show(self, name: str) -> None:
         """Put a view beside the image, in place of the one there, and give it the focus; "image" puts none there."""
+        self._coming = ""
         dock, before = self.docks.get(name), self.docked
         if dock is not None:
             dock.show()
