@@ -20,7 +20,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.horizon import pole_direction
 from kochab.polar.rotations import ARCSEC, alt_az, direction
-from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Bolt, BoltTutor, TutorStep
+from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Base, Bolt, BoltTutor, TutorStep, bolts_of
 
 
 def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):
@@ -247,6 +247,36 @@ def test_how_far_the_hand_really_turned_counts_when_it_is_known():
     tutor.advise(error_at(2000.0, 0.0))
     tutor.advise(error_at(1600.0, 0.0), turned=0.5)
     assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(-800.0)
+
+
+@pytest.mark.parametrize(
+    ("base", "off", "words"),
+    [
+        (Base.HEAD, (2820.0, 0.0), "Tilt the head down and watch the number: 47.0′ to go. Then lock it."),
+        (Base.HEAD, (-2820.0, 0.0), "Tilt the head up and watch the number: 47.0′ to go. Then lock it."),
+        (Base.HEAD, (0.0, 2820.0), "Pan the head anticlockwise, seen from above, and watch the number: 47.0′ to go."),
+        (Base.PLATFORM, (0.0, -2820.0), "Swing the platform clockwise, seen from above, and watch the number: 47.0′"),
+        (Base.PLATFORM, (2820.0, 0.0), "Test: turn the foot on the pole’s side a quarter turn clockwise, then let go."),
+        (Base.WEDGE, (2820.0, 0.0), "Test: turn the wedge’s altitude screw a quarter turn clockwise, then let go."),
+        (Base.WEDGE, (0.0, 2820.0), "Test: turn the wedge’s azimuth screw a quarter turn clockwise, then let go."),
+    ],
+)
+def test_each_base_is_asked_for_in_its_own_words(base, off, words):
+    told = BoltTutor(bolts=bolts_of(base)).advise(error_at(*off))
+    assert told.words.startswith(words)
+    assert told.by_hand is not words.startswith("Test")
+
+
+def test_what_a_hand_moves_needs_no_test_and_is_no_witness():
+    tutor = BoltTutor(120.0, bolts_of(Base.HEAD, (1000.0, None)))  # what bolts did there once is of no use
+    told = tutor.advise(error_at(2820.0, -1500.0))
+    assert told.turns * 1_296_000.0 == pytest.approx(-2820.0)
+    told = tutor.advise(error_at(250.0, -4500.0))  # the head went sideways too
+    assert not tutor.witness
+    assert "Tilt the head down" in told.words
+    told = tutor.advise(error_at(60.0, -4500.0))
+    assert told.words.startswith("Altitude is good (60″). Now azimuth. Pan the head clockwise")
+    assert tutor.advise(error_at(60.0, -70.0)).step is TutorStep.STOP
 
 
 def test_a_bolt_known_from_another_night_is_turned_at_once_and_learned_anew():

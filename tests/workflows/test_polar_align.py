@@ -18,7 +18,7 @@ from kochab.polar.horizon import Refraction
 from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, measure_local
 from kochab.polar.plan import Optics, best_path, sweep_path
 from kochab.polar.sighting import Sighting, to_local
-from kochab.polar.tutor import BoltTutor, TutorStep
+from kochab.polar.tutor import Base, BoltTutor, TutorStep
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
@@ -36,7 +36,7 @@ from kochab.workflows.polar.measure import (
 )
 from kochab.workflows.polar.sources import NotMeasuredError
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
-from kochab.workflows.session.alignment import AlignmentRequest, FrameSource, options_of
+from kochab.workflows.session.alignment import AlignmentRequest, FrameSource, _tutor, options_of
 from tests.polar.test_tutor import error_at
 from tests.workflows.rig_mount import Bench
 
@@ -87,6 +87,21 @@ def test_what_was_read_and_what_is_measured_agree_within_their_sigmas():
     assert not _agree(read(error_at(6.0, 0.0)), error_at(-6.0, 0.0))
     slipped = PolarFinding(PolarFindingKind.DEC_MOVED, "", spoils=True)
     assert not _agree(read(error_at(6.0, 0.0), slipped), error_at(6.0, 0.0))
+
+
+def test_without_a_thread_nobody_is_asked_for_half_an_arcminute():
+    wish = AlignmentRequest(FrameSource.CAMERA)
+    for base, adjusters, wished, goal in (
+        (Base.BOLTS, "", 30.0, 30.0),
+        (Base.WEDGE, "", 30.0, 30.0),
+        (Base.HEAD, "", 30.0, 240.0),
+        (Base.PLATFORM, "", 30.0, 240.0),
+        (Base.HEAD, "", 600.0, 600.0),
+        (Base.HEAD, "/dev/ttyUSB0", 30.0, 30.0),
+    ):
+        asked = replace(wish, base=base, adjusters=adjusters, goal_arcsec=wished)
+        assert options_of(asked).goal_arcsec == goal
+        assert _tutor(asked, Site(47.0, 8.0)).goal_arcsec == goal / 2.0
 
 
 def test_what_is_likely_good_is_measured_again_before_a_bolt_is_touched():

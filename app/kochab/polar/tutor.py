@@ -13,6 +13,55 @@ import numpy as np
 from kochab.core import tr, tr_noop
 from kochab.polar.error import FINEST_DEG, Knob, PolarError, angle_in_words, rotation_in_words, sayable, turns_in_words
 
+# -- What carries the mount, and how its two adjustments are asked for --------------------------
+
+
+class Base(StrEnum):
+    """What carries the mount; the texts are on the screen."""
+
+    BOLTS = tr_noop("Tripod or pier with bolts")
+    WEDGE = tr_noop("Wedge")
+    HEAD = tr_noop("Tripod head, by hand")
+    PLATFORM = tr_noop("Equatorial platform")
+
+
+TEXTS: dict[tuple[Base, Knob], tuple[str, ...]] = {
+    (Base.BOLTS, Knob.ALTITUDE): (
+        tr_noop("Turn the altitude bolt {turns} {way}. {left} to go."),
+        tr_noop("Turn the altitude bolt {turns} {way} (backlash included). {left} to go."),
+        tr_noop("Test: turn the altitude bolt {turns} {way}, then let go."),
+    ),
+    (Base.BOLTS, Knob.AZIMUTH): (
+        tr_noop("Turn the left azimuth bolt {turns} {way}. {left} to go."),
+        tr_noop("Turn the left azimuth bolt {turns} {way} (backlash included). {left} to go."),
+        tr_noop("Test: turn the left azimuth bolt {turns} {way}, then let go."),
+    ),
+    (Base.WEDGE, Knob.ALTITUDE): (
+        tr_noop("Turn the wedge’s altitude screw {turns} {way}. {left} to go."),
+        tr_noop("Turn the wedge’s altitude screw {turns} {way} (backlash included). {left} to go."),
+        tr_noop("Test: turn the wedge’s altitude screw {turns} {way}, then let go."),
+    ),
+    (Base.WEDGE, Knob.AZIMUTH): (
+        tr_noop("Turn the wedge’s azimuth screw {turns} {way}. {left} to go."),
+        tr_noop("Turn the wedge’s azimuth screw {turns} {way} (backlash included). {left} to go."),
+        tr_noop("Test: turn the wedge’s azimuth screw {turns} {way}, then let go."),
+    ),
+    (Base.PLATFORM, Knob.ALTITUDE): (
+        tr_noop("Turn the foot on the pole’s side {turns} {way}. {left} to go."),
+        tr_noop("Turn the foot on the pole’s side {turns} {way} (backlash included). {left} to go."),
+        tr_noop("Test: turn the foot on the pole’s side {turns} {way}, then let go."),
+    ),
+    (Base.PLATFORM, Knob.AZIMUTH): (
+        tr_noop("Swing the platform {way}, seen from above, and watch the number: {left} to go."),
+    ),
+    (Base.HEAD, Knob.ALTITUDE): (tr_noop("Tilt the head {way} and watch the number: {left} to go. Then lock it."),),
+    (Base.HEAD, Knob.AZIMUTH): (
+        tr_noop("Pan the head {way}, seen from above, and watch the number: {left} to go. Then lock it."),
+    ),
+}
+"""To go on, to go back through its backlash and to test it, of what has a thread; one text of what a hand moves."""
+WHOLE_TURN_ARCSEC, HAND_ARCSEC = 1_296_000.0, 240.0  # of what has no thread; and a goal that a hand reaches without one
+
 # -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
 
 SEEN, WORTH = 4.0, 15.0  # a change of so many sigmas is real; one of so many corrects what was known
@@ -30,7 +79,8 @@ class Bolt:
     ``arcsec_a_turn`` is what a full clockwise turn adds to its own error, None before the first
     test; ``sure`` once it was seen without backlash. ``backlash_turns`` are lost at a reversal.
     ``direction`` is the sign of the last turn that was seen to move the axis, 0 before the first;
-    ``taken_turns`` is how much of the backlash has been taken up the other way since.
+    ``taken_turns`` is how much of the backlash has been taken up the other way since. What a hand moves without a
+    thread goes by whole turns of its own, up and clockwise from above.
     """
 
     knob: Knob
@@ -40,6 +90,12 @@ class Bolt:
     backlash_turns: float = 0.0
     direction: int = 0
     taken_turns: float = 0.0
+    base: Base = Base.BOLTS
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether a hand moves it, and no thread."""
+        return len(TEXTS[self.base, self.knob]) == 1
 
     def needed(self, error_arcsec: float) -> float:
         """Turns that would bring its error to zero; most of its backlash included when it reverses."""
@@ -85,20 +141,21 @@ class Bolt:
         return replace(after, backlash_turns=float(np.clip(lost_turns, 0.0, MOST_BACKLASH_TURNS)))
 
 
-TESTS = {
-    Knob.ALTITUDE: tr_noop("Test: turn the altitude bolt {turns} {way}, then let go."),
-    Knob.AZIMUTH: tr_noop("Test: turn the left azimuth bolt {turns} {way}, then let go."),
-}
-TURNS = {
-    Knob.ALTITUDE: tr_noop("Turn the altitude bolt {turns} {way}. {left} to go."),
-    Knob.AZIMUTH: tr_noop("Turn the left azimuth bolt {turns} {way}. {left} to go."),
-}
-BACKWARDS = {
-    Knob.ALTITUDE: tr_noop("Turn the altitude bolt {turns} {way} (backlash included). {left} to go."),
-    Knob.AZIMUTH: tr_noop("Turn the left azimuth bolt {turns} {way} (backlash included). {left} to go."),
-}
 ALTITUDE_BOLT = Bolt(Knob.ALTITUDE, "altitude bolt")
 AZIMUTH_BOLT = Bolt(Knob.AZIMUTH, "left azimuth bolt")
+
+
+def bolts_of(base: Base, known: tuple[float | None, float | None] = (None, None)) -> tuple[Bolt, Bolt]:
+    """Both of a base; ``known`` is what a turn of each did another night."""
+    altitude, azimuth = (replace(bolt, base=base) for bolt in (ALTITUDE_BOLT, AZIMUTH_BOLT))
+    return _with_pitch(altitude, known[0]), _with_pitch(azimuth, known[1])
+
+
+def _with_pitch(bolt: Bolt, known: float | None) -> Bolt:
+    if bolt.by_hand:
+        return replace(bolt, arcsec_a_turn=WHOLE_TURN_ARCSEC, sure=True)
+    return replace(bolt, arcsec_a_turn=known or None)
+
 
 TEST_TURNS = (0.25, 0.125)
 SMALL_ERROR_ARCSEC = 900.0  # for such an error the smaller test is enough
@@ -115,12 +172,12 @@ TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 10.0, 4.0, 120.0
 """A bolt that moves the axis so far beside its own direction, for certain and in so large a move, is a witness."""
 TWISTED = {
     Knob.ALTITUDE: tr_noop(
-        "The altitude bolt moved the axis {angle:.0f}° off the vertical. A clock or time zone wrong by {hours:.1f} h"
-        " does that, or a base that is not level."
+        "The altitude adjustment moved the axis {angle:.0f}° off the vertical. A clock or time zone wrong by"
+        " {hours:.1f} h does that, or a base that is not level."
     ),
     Knob.AZIMUTH: tr_noop(
-        "The azimuth bolt moved the axis {angle:.0f}° off the horizontal. A clock or time zone wrong by {hours:.1f} h"
-        " does that, or a base that is not level."
+        "The azimuth adjustment moved the axis {angle:.0f}° off the horizontal. A clock or time zone wrong by"
+        " {hours:.1f} h does that, or a base that is not level."
     ),
 }
 
@@ -135,13 +192,13 @@ class TutorStep(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Instruction:
-    """One thing to do: ``turns`` of ``bolt``, clockwise positive; ``words`` say it."""
+    """One thing to do: ``turns`` of ``knob``'s bolt, clockwise positive, or of what has none; ``words`` say it."""
 
     step: TutorStep
     words: str
-    bolt: str = ""
     knob: Knob | None = None
     turns: float = 0.0
+    by_hand: bool = False
 
 
 class BoltTutor:
@@ -175,7 +232,7 @@ class BoltTutor:
 
     def forget(self, knob: Knob) -> None:
         """Nothing is known of this bolt any more."""
-        self.bolts[knob] = Bolt(knob, self.bolts[knob].name)
+        self.bolts[knob] = Bolt(knob, self.bolts[knob].name, base=self.bolts[knob].base)
 
     def measured_again(self) -> None:
         """A new measurement stands in for the last reading: nothing is to be learned from it."""
@@ -197,8 +254,8 @@ class BoltTutor:
 
     def _learn(self, error: PolarError, turned: float | None, noise_arcsec: tuple[float, float]) -> None:
         done, before = self._pending, self._before
-        if done is None or done.knob is None or before is None:
-            return
+        if done is None or done.knob is None or before is None or done.by_hand:
+            return  # a hand moves both at once, and what it moves has no thread
         change = error.knob_arcsec(done.knob) - before.knob_arcsec(done.knob)
         self.witness = self._twist(done.knob, before, error, noise_arcsec) or self.witness
         noise = noise_arcsec[done.knob is Knob.AZIMUTH] / _sky_share(error, done.knob)
@@ -257,10 +314,17 @@ class BoltTutor:
 
     def _instruction(self, knob: Knob, off_arcsec: float, error: PolarError) -> Instruction:
         bolt, value = self.bolts[knob], error.knob_arcsec(knob)
+        texts = TEXTS[bolt.base, knob]
+        if bolt.by_hand:
+            turns = bolt.needed(value)
+            tilt = tr("up") if turns > 0.0 else tr("down")
+            way = tilt if knob is Knob.ALTITUDE else rotation_in_words(turns)
+            words = tr(texts[0], way=way, left=angle_in_words(value))
+            return Instruction(TutorStep.TURN, words, knob, turns, by_hand=True)
         if bolt.arcsec_a_turn is None:
             turns = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC] * (bolt.direction or 1)
-            words = tr(TESTS[bolt.knob], turns=turns_in_words(turns), way=rotation_in_words(turns))
-            return Instruction(TutorStep.TEST, words, bolt.name, knob, turns)
+            words = tr(texts[2], turns=turns_in_words(turns), way=rotation_in_words(turns))
+            return Instruction(TutorStep.TEST, words, knob, turns)
         near = abs(value) < NEAR * self.tolerance_arcsec(error, knob)
         share = (1.0 if near else CONFIDENT) if bolt.sure else CAUTIOUS
         wanted = bolt.needed(value) * share
@@ -270,9 +334,8 @@ class BoltTutor:
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
         reverses = bolt.direction == -np.sign(turns) and bolt.backlash_turns >= finest
-        text = (BACKWARDS if reverses else TURNS)[bolt.knob]
-        words = tr(text, turns=turns_in_words(turns), way=rotation_in_words(turns), left=angle_in_words(value))
-        return Instruction(TutorStep.TURN, words, bolt.name, knob, turns)
+        told = {"turns": turns_in_words(turns), "way": rotation_in_words(turns), "left": angle_in_words(value)}
+        return Instruction(TutorStep.TURN, tr(texts[int(reverses)], **told), knob, turns)
 
 
 def _sky_share(error: PolarError, knob: Knob) -> float:
@@ -285,8 +348,8 @@ def _sky_share(error: PolarError, knob: Knob) -> float:
 def _stop(error: PolarError, goal_arcsec: float) -> Instruction:
     total, sigma = error.total_arcsec, error.uncertainty_arcsec
     if error.below_uncertainty and total > goal_arcsec:
-        text = tr("Stop: the error is within its uncertainty ({sigma}). Tighten the bolts, then measure again.")
+        text = tr("Stop: the error is within its uncertainty ({sigma}). Tighten everything, then measure again.")
     else:
-        text = tr("Stop: {total} ± {sigma} from the pole. Tighten the bolts, then measure again.")
+        text = tr("Stop: {total} ± {sigma} from the pole. Tighten everything, then measure again.")
     words = text.format(total=angle_in_words(total), sigma=angle_in_words(sigma))
     return Instruction(TutorStep.STOP, words)

@@ -19,6 +19,7 @@ from kochab.polar.error import Knob
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.report import History
+from kochab.polar.tutor import HAND_ARCSEC, Base, Instruction
 from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, through, tonight
 from kochab.window.polar.history import writing
@@ -537,6 +538,30 @@ def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
     error, true = view.state.error, nights.made[-1].rig.truth().axis_error()
     for knob, really in ((Knob.ALTITUDE, true.altitude_arcsec), (Knob.AZIMUTH, true.azimuth_arcsec)):
         assert abs(error.knob_arcsec(knob) - really) < 4.0 * error.with_flexure.knob_sigma_arcsec(knob) + 60.0
+
+
+@pytest.mark.parametrize(("base", "words"), [(Base.HEAD, "Pan the head"), (Base.PLATFORM, "Turn the foot")])
+def test_what_has_no_bolts_is_asked_for_as_hands_move_it(qtbot, polar, base, words):
+    nights = Nights()
+    _, view = polar(nights)
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.base.setCurrentText(base)
+    obeyed = []
+    view.begin()
+
+    def person():
+        asked = view.state.turn_instruction or view.state.instruction
+        if view.state.hand_needed and not any(asked is one for one in obeyed):
+            obeyed.append(asked)
+            view.turn_for_me.click()
+
+    drive(view, person)
+    assert view.state.stage == "done", view.message.text()
+    told = [one.words for one in obeyed if isinstance(one, Instruction)]
+    assert any(words in one for one in told)
+    assert not any("bolt" in one for one in told)
+    assert nights.true_arcsec < HAND_ARCSEC
 
 
 def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, polar):

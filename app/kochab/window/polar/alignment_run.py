@@ -13,7 +13,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import Practice
 from kochab.polar.error import Knob
 from kochab.polar.report import History
-from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, Instruction
+from kochab.polar.tutor import WHOLE_TURN_ARCSEC, Instruction
 from kochab.window.job import Job
 from kochab.window.mount.connection import PRACTISE_LATER, MountTask
 from kochab.window.shell.views import Services
@@ -114,10 +114,7 @@ TURN_SIGMA = 0.05  # of every turn: a person does not turn exactly
 SLACK_TURNS = 1.0 / 360.0
 
 
-TURNED = {
-    ALTITUDE_BOLT.name: tr_noop("Turned the altitude bolt."),
-    AZIMUTH_BOLT.name: tr_noop("Turned the left azimuth bolt."),
-}
+TURNED = {Knob.ALTITUDE: tr_noop("Adjusted altitude."), Knob.AZIMUTH: tr_noop("Adjusted azimuth.")}
 
 
 class PracticeAdjuster:
@@ -151,7 +148,9 @@ class PracticeAdjuster:
         return tr("Turned RA by {degrees:.0f}°.", degrees=abs(degrees))
 
     def _turn_bolt(self, instruction: Instruction, knob: Knob) -> str:
-        turns = instruction.turns * self._random.gauss(1.0, TURN_SIGMA) + self._random.gauss(0.0, SLACK_TURNS)
+        slack = 0.0 if instruction.by_hand else self._random.gauss(0.0, SLACK_TURNS)
+        turns = instruction.turns * self._random.gauss(1.0, TURN_SIGMA) + slack
         name = "alt" if knob is Knob.ALTITUDE else "az"
-        self._practice.do(f"{name} {turns * self._arcmin[knob]:.5f}")
-        return tr(TURNED[instruction.bolt])
+        arcmin = WHOLE_TURN_ARCSEC / 60.0 if instruction.by_hand else self._arcmin[knob]
+        self._practice.do(f"{name} {turns * arcmin:.5f}")
+        return tr(TURNED[knob])

@@ -17,6 +17,7 @@ from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection
 from kochab.polar.error import Imaging
 from kochab.polar.horizon import Pole, name_of
+from kochab.polar.tutor import Base
 from kochab.window.cameras import CameraBox
 from kochab.window.polar.alignment_run import NO_MOUNT
 from kochab.window.shell.dialogs import ask_frames
@@ -149,6 +150,7 @@ class AlignmentSetupPanel(Page):
         self.imaging = text_field(
             tr("Your frames"), tr("{example} (optional: is it good enough?)", example="600 mm, 3.76 µm, 300 s")
         )
+        self.base = narrow_box(tr("What carries the mount"), 8, {tr(base): base for base in Base})
         self.motors = switch(tr("motorised"), tr(MOTORS_TIP))
         self.motors.setAccessibleName(tr("Motors turn the adjusters"))
         self.motor_port = text_field(tr("Port of the adjusters"), tr("/dev/ttyUSB1, COM5, tcp://192.168.4.1:4030"))
@@ -164,6 +166,7 @@ class AlignmentSetupPanel(Page):
             "fov": self.fov,
             "second": self.second,
             "imaging": self.imaging,
+            "base": self.base,
             "motors": self.motors,
             "motor_port": self.motor_port,
         }
@@ -191,6 +194,7 @@ class AlignmentSetupPanel(Page):
             (tr("Exposure"), self.exposure),
             (tr("RA a&xis"), self.hand),
             ("", self.mount),
+            (tr("Stands on"), self.base),
             (tr("Ad&justers"), self.motors),
             ("", self.motor_port),
             (tr("&Your site"), self.site),
@@ -239,6 +243,7 @@ class AlignmentSetupPanel(Page):
             guided=self.guided.currentData(),
             follow=self.grows.isChecked(),
             adjusters=self._adjusters,
+            base=Base(self.base.currentData()),
             profile=self._profile_name,
             mount_doubt=self._mount_doubt,
         )
@@ -301,7 +306,7 @@ class AlignmentSetupPanel(Page):
         for widget in (self.exposure, self.hand):
             self.form.setRowVisible(widget, not files)
         self.form.setRowVisible(self.motor_port, camera and not drifts and self.motors.isChecked())
-        for widget in (self.turn, self.second, self.motors):
+        for widget in (self.turn, self.second, self.motors, self.base):
             self.form.setRowVisible(widget, not (files or drifts))
         self.form.setRowVisible(self.goal, not drifts)
         self.form.setRowVisible(self.grows, files)

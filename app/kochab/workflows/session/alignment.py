@@ -38,7 +38,7 @@ from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import more_turn_deg
 from kochab.polar.report import History
-from kochab.polar.tutor import ALTITUDE_BOLT, AZIMUTH_BOLT, BoltTutor
+from kochab.polar.tutor import HAND_ARCSEC, Base, BoltTutor, bolts_of
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, Motors, align
 from kochab.workflows.polar.measure import (
@@ -95,7 +95,8 @@ class AlignmentRequest:
     is known of the camera's frames. ``utc_offset_h`` is how far the files' clock is ahead of UTC, ``guided`` whether a
     guider held what tracked; None: as it shows. ``profile`` is the equipment's, "" for none. ``mount_doubt`` says what
     the connected mount contradicts of clock and site. ``follow`` measures files again while they grow.
-    ``adjusters`` is the port of motorised ones, "" for hands; a practice telescope has its own.
+    ``adjusters`` is the port of motorised ones, "" for hands; a practice telescope has its own. ``base`` is what the
+    hands turn.
     """
 
     source: FrameSource
@@ -118,6 +119,7 @@ class AlignmentRequest:
     mount_doubt: str = ""
     follow: bool = False
     adjusters: str = ""
+    base: Base = Base.BOLTS
 
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
@@ -181,7 +183,7 @@ def mount_turner(guard: Guard, camera: CameraSource) -> MountTurner:
 FIRST_FRAME_S = 60.0
 SOLVE_S = 5.0  # a frame that was exposed while a hand turned the axis must not hold up the next
 LEAST_TURN_DEG = 30.0
-SHARE_OF_GOAL = 0.25  # of the uncertainty that a measurement aims at
+SHARE_OF_GOAL, SHARE_AT_BOLTS = 0.25, 0.5  # for the uncertainty that a measurement aims at, and at the bolts
 MOST_FRAMES = 9
 
 
@@ -221,8 +223,9 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         motors, tutor = (yield from _motors(wish, practice, opened)), _tutor(wish, site)
         task = align(source, turner, settings, options_of(wish), tools.controls, tutor, tools.keep, motors)
         done = yield from _with_each_step(task, doubted)
-        known = (tutor.bolts[Knob.ALTITUDE].arcsec_a_turn, tutor.bolts[Knob.AZIMUTH].arcsec_a_turn)
-        _remember(done.last, wish, known if motors is None else None)
+        bolts = (tutor.bolts[Knob.ALTITUDE], tutor.bolts[Knob.AZIMUTH])
+        known = [None if bolt.by_hand else bolt.arcsec_a_turn for bolt in bolts]
+        _remember(done.last, wish, (known[0], known[1]) if motors is None else None)
         return done.history
 
 
@@ -230,9 +233,8 @@ def _tutor(wish: AlignmentRequest, site: Site) -> BoltTutor:
     """It knows the bolts from another night here, but neither a simulated telescope's nor what motors turn."""
     unknown = wish.source is FrameSource.PRACTICE or wish.adjusters
     night = None if unknown else last_night(site, wish.profile)
-    altitude, azimuth = (None, None) if night is None else night.bolts_arcsec
-    known = (replace(ALTITUDE_BOLT, arcsec_a_turn=altitude), replace(AZIMUTH_BOLT, arcsec_a_turn=azimuth))
-    return BoltTutor(bolts=known)
+    bolts = bolts_of(Base.BOLTS if wish.adjusters else wish.base, (None, None) if night is None else night.bolts_arcsec)
+    return BoltTutor(SHARE_AT_BOLTS * options_of(wish).goal_arcsec, bolts)
 
 
 def _motors(wish: AlignmentRequest, practice: Practice | None, opened: ExitStack) -> Task[Motors | None]:
@@ -262,9 +264,11 @@ class PracticeMotors:
 
 def options_of(wish: AlignmentRequest) -> AlignOptions:
     """How it is measured, from what the person chose: by hand with as few turns as reach it."""
-    least = 2 if wish.hand is AxisTurnedBy.PERSON else wish.frames
-    sweep = Sweep(wish.turn_deg, least, max(least, MOST_FRAMES), SHARE_OF_GOAL * wish.goal_arcsec, LEAST_TURN_DEG)
-    return AlignOptions(wish.goal_arcsec, sweep=sweep, second_sweep=wish.second_sweep)
+    least, goal = 2 if wish.hand is AxisTurnedBy.PERSON else wish.frames, wish.goal_arcsec
+    if not wish.adjusters and any(bolt.by_hand for bolt in bolts_of(wish.base)):
+        goal = max(goal, HAND_ARCSEC)
+    sweep = Sweep(wish.turn_deg, least, max(least, MOST_FRAMES), SHARE_OF_GOAL * goal, LEAST_TURN_DEG)
+    return AlignOptions(goal, sweep=sweep, second_sweep=wish.second_sweep)
 
 
 def _place(

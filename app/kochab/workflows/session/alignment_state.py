@@ -13,7 +13,7 @@ from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
 
 OLD_S = 6.0
 HANDS_OFF = tr_noop("Measuring. Hands off the mount.")
-LOCKED = tr_noop("Both axes locked? From here on touch only the bolts.")
+LOCKED = tr_noop("Both axes locked? From here on adjust only altitude and azimuth.")
 PAST = 400  # points of the trail that are kept
 
 Point = tuple[float, float]  # azimuth on the sky, altitude; arcsec
