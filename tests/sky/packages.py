@@ -89,7 +89,7 @@ def ephemeris_file(path):
     path.write_bytes(raw)
 
 
-FIELDS = ("full_name", "epoch_mjd", "e", "a", "q", "i", "om", "w", "ma", "tp", "H", "G", "M1")
+FIELDS = ("full_name", "epoch_mjd", "e", "a", "q", "i", "om", "w", "ma", "tp", "H", "G", "K1", "M1")
 CERES = (
     "     1 Ceres (A801 AA)",
     "59800",
@@ -103,6 +103,7 @@ CERES = (
     None,
     "3.33",
     "0.12",
+    None,
     None,
 )
 COMET = (
@@ -118,6 +119,7 @@ COMET = (
     "2459520.56",
     None,
     None,
+    "11.9",
     "13.1",
 )
 

@@ -13,7 +13,16 @@ from kochab.core.progress import run
 from kochab.sky.elements import bodies_of, read_elements, short_name
 from kochab.sky.ephemeris import GM, shipped_ephemeris
 from kochab.sky.orbits import carried, two_body
-from kochab.sky.small_bodies import FRAGMENT, LOST, SOLVED_JD, bodies_near, read_small_bodies, shipped_small_bodies
+from kochab.sky.small_bodies import (
+    FRAGMENT,
+    LOST,
+    SOLVED_JD,
+    SmallBodies,
+    bodies_near,
+    magnitudes,
+    read_small_bodies,
+    shipped_small_bodies,
+)
 from kochab.sky.solar_system import BodyKind
 from kochab.sky.solar_system_build import write_small_bodies
 from tests.sky.packages import CERES, COMET, FIELDS, ephemeris_file, small_body_file
@@ -194,6 +203,7 @@ def test_the_minor_planet_centers_comets_are_read(tmp_path):
     comet = read_elements(tmp_path / "comets.txt")
     assert list(comet.names) == ["C/2020 F3 (NEOWISE)"]
     assert comet.comet.tolist() == [True]
+    assert comet.slope.tolist() == [-10.0]  # 2.5 times 4
     shipped = shipped_small_bodies()
     row = next(k for k, name in enumerate(shipped.names) if "2020 F3" in name)
     assert comet.epoch_jd[0] == 2459039.5
@@ -208,6 +218,22 @@ def test_the_small_body_databases_tables_are_read_as_json_and_csv(tmp_path):
     one, other = read_elements(tmp_path / "a.json"), read_elements(tmp_path / "a.csv")
     assert list(one.names) == list(other.names) == ["1 Ceres", "67P/Churyumov-Gerasimenko"]
     np.testing.assert_array_equal(one.state, other.state)
+    assert one.slope.tolist() == other.slope.tolist() == [0.12, -11.9]
+
+
+def test_a_comet_brightens_by_its_own_law_and_by_the_usual_one_where_none_is_known():
+    slopes = np.array([-25.0, np.nan, 0.15])
+    bodies = SmallBodies(["A", "B", "1 C"], np.zeros((3, 6)), np.zeros(3), np.full(3, 8.0), slopes)
+    assert bodies.comet.tolist() == [True, True, False]
+    far = np.array([[2.0, 0.0, 0.0]] * 3)
+    near = magnitudes(bodies, far / 2.0, far)[0]
+    assert near[:2] == pytest.approx(8.0 + np.array([25.0, 10.0]) * np.log10(2.0))
+    assert near[2] == pytest.approx(8.0 + 5.0 * np.log10(2.0))
+
+
+def test_a_weak_or_missing_slope_still_makes_a_comet(tmp_path):
+    (tmp_path / "comets.txt").write_text(COM.replace(" 4.0 ", " 0.1 ") + "\n" + COM.replace(" 4.0 ", "     ") + "\n")
+    assert read_elements(tmp_path / "comets.txt").slope.tolist() == [-2.0, -10.0]
 
 
 @pytest.mark.parametrize(

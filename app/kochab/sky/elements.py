@@ -15,7 +15,7 @@ from kochab.core.errors import CatalogueError
 from kochab.sky.catalogue_file import write_whole
 from kochab.sky.ephemeris import GM
 from kochab.sky.orbits import state_at_perihelion, two_body
-from kochab.sky.small_bodies import SmallBodies
+from kochab.sky.small_bodies import LEAST_K1, USUAL_K1, SmallBodies
 
 if TYPE_CHECKING:
     from kochab.sky.satellites import Satellites
@@ -127,7 +127,7 @@ def sbdb_row(given: Mapping[str, Any]) -> Row:
     epoch = float(cells["epoch_mjd"]) + MJD if cells["epoch_mjd"] else float(cells["epoch"])
     tp = float(cells["tp"]) if cells["tp"] else perihelion_jd(epoch, float(cells["ma"]), q, e)
     comet = bool(cells.get("M1"))
-    slope = math.nan if comet else float(cells.get("G") or USUAL_SLOPE)
+    slope = comet_slope(cells.get("K1")) if comet else float(cells.get("G") or USUAL_SLOPE)
     angles = {key: float(cells[key]) for key in ("i", "node", "peri")}
     magnitude = float(cells["M1"] if comet else cells["H"])
     return _row(name=short_name(cells["name"]), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=slope, **angles)
@@ -154,7 +154,13 @@ def mpc_comet(line: str) -> Row:
     epoch = julian_date(int(line[81:85]), int(line[85:87]), int(line[87:89])) if line[81:89].strip() else tp
     angles = {"peri": float(line[51:59]), "node": float(line[61:69]), "i": float(line[71:79])}
     q, e, magnitude = float(line[30:39]), float(line[41:49]), float(line[91:95])
-    return _row(name=line[102:158].strip(), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=math.nan, **angles)
+    slope = comet_slope(2.5 * float(line[96:100].strip() or USUAL_K1 / 2.5))
+    return _row(name=line[102:158].strip(), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=slope, **angles)
+
+
+def comet_slope(k1: object) -> float:
+    """How a table has a comet's K1, given as a number, its text or None."""
+    return -max(float(str(k1)), LEAST_K1) if k1 else math.nan
 
 
 def _packed(letter: str) -> int:

@@ -64,12 +64,16 @@ CALLED: tuple[Callable[[str], str], ...] = (
 """By what of its name a body may be called: all, what follows a comet's type or a number, or precedes brackets."""
 
 
+USUAL_K1, LEAST_K1 = 10.0, 2.0  # of comets: magnitudes a factor of ten in the distance from the Sun
+
+
 @dataclass(slots=True, eq=False)
 class SmallBodies:
     """Asteroids and comets (N,), each with its state at a date of its own.
 
     ``state`` (N, 6) heliocentric au and au/day on ICRS axes at ``epoch_jd`` (N,) TDB; ``magnitude`` (N,) is H, or M1 of
-    a comet; ``slope`` (N,) is G, NaN for a comet. ``solved_jd`` is when the orbits were fitted, 0 at those dates.
+    a comet; ``slope`` (N,) is G, or -K1 of a comet, NaN where that is not known. ``solved_jd`` is when the orbits were
+    fitted, 0 at those dates.
     """
 
     names: Sequence[str]
@@ -84,7 +88,7 @@ class SmallBodies:
     @property
     def comet(self) -> Bools:
         """Which are comets, (N,)."""
-        return np.isnan(self.slope)
+        return np.isnan(self.slope) | (self.slope <= -LEAST_K1)
 
     def sigma_arcsec(self, jd_tdb: float) -> Floats:
         """1 sigma (N,) of places at a date, seen from 1 au or farther."""
@@ -247,7 +251,7 @@ def _body(
 
 
 def magnitudes(table: SmallBodies, from_observer: Floats, from_sun: Floats) -> tuple[Floats, Floats]:
-    """V (N,) and phase angles (N,) in degrees: the IAU's H, G system; M1 + 5 log D + 10 log r of a comet.
+    """V (N,) and phase angles (N,) in degrees: the IAU's H, G system; M1 + 5 log D + K1 log r of a comet.
 
     Bowell et al. 1989, *Asteroids II*, 524.
     """
@@ -257,5 +261,6 @@ def magnitudes(table: SmallBodies, from_observer: Floats, from_sun: Floats) -> t
     slope = np.where(table.comet, 0.15, table.slope)
     dimmed = (1.0 - slope) * np.exp(-3.33 * bend**0.63) + slope * np.exp(-1.87 * bend**1.22)
     asteroid = 5.0 * np.log10(solar) - 2.5 * np.log10(dimmed)
-    beyond = np.where(table.comet, 10.0 * np.log10(solar), asteroid)
+    brightens = np.where(np.isnan(table.slope), USUAL_K1, -table.slope)
+    beyond = np.where(table.comet, brightens * np.log10(solar), asteroid)
     return table.magnitude + 5.0 * np.log10(distance) + beyond, np.degrees(angle)
