@@ -21,7 +21,7 @@ MOONS = {  # radius in km; V at 1 au from Sun and observer, full (Astronomical A
         "Io": (1821.6, -1.68, 0.2),
         "Europa": (1560.8, -1.41, 0.2),
         "Ganymede": (2631.2, -2.09, 0.2),
-        "Callisto": (2410.3, -1.05, 0.5),
+        "Callisto": (2410.3, -1.05, 0.2),
     },
     "Saturn": {
         "Mimas": (198.2, 3.3, 0.1),
