@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from kochab.core.attitude import angle_between
-from kochab.polar.axis_fit import axis_of_two, chance_of, find_movement, fit_axis
-from kochab.polar.rotations import alt_az, tangents
+from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.polar.axis_fit import axis_of_two, by_place, chance_of, find_movement, fit_axis
+from kochab.polar.rotations import alt_az, rotation_vector, tangents
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
 
@@ -53,6 +54,39 @@ def test_the_plane_needs_no_roll():
     boresights = np.stack([mount.attitude(t)[:, 2] for t in (0, 25, 60)])
     axis = axis_of_plane(boresights)
     assert abs(axis @ mount.axis) == pytest.approx(1.0, abs=1e-12)
+
+
+def at_one_place(mount, rng=None, tracked=True, after=None):
+    """Four frames, half a minute apart, and the clock of a mount that tracks."""
+    clock = -np.sign(mount.latitude_deg) * SIDEREAL_RAD_S
+    turns = [np.degrees(clock) * 30.0 * k * tracked for k in range(4)]
+    return [replace(one, place=0) for one in mount.see(turns, rng, after, seconds=30.0)], clock
+
+
+@pytest.mark.parametrize("latitude", [-40.0, 40.0])
+@pytest.mark.parametrize("tracked", [True, False])
+def test_frames_of_one_place_tell_one_attitude_more_surely(latitude, tracked):
+    mount, rng, squares = Mount(latitude), np.random.default_rng(5), []
+    for _ in range(300):
+        frames, clock = at_one_place(mount, rng, tracked)
+        (one,) = by_place(frames, mount.pole, clock)
+        true = at_one_place(mount, None, tracked)[0][-1]
+        off = rotation_vector(true.matrix.T @ one.matrix)
+        squares.append(off @ np.linalg.solve(one.covariance, off))
+        assert one.time_utc == frames[-1].time_utc
+        assert np.trace(one.covariance) < 0.31 * np.trace(frames[-1].covariance)
+    assert np.mean(squares) == pytest.approx(3.0 * 0.25 / 0.3, abs=0.4)
+
+
+def test_frames_that_moved_or_are_of_no_place_stay_as_they_are():
+    mount, rng = Mount(), np.random.default_rng(5)
+    bumped = Rotation.from_rotvec([120.0 * ARCSEC, 0.0, 0.0]).as_matrix()
+    frames, clock = at_one_place(mount, rng, after=(3, bumped))
+    assert by_place(frames, mount.pole, clock) == frames[-1:]
+    apart = mount.see((0, 30, 60), rng)
+    assert by_place(apart, mount.pole, clock) == apart
+    two = [*frames[:2], *(replace(one, place=1) for one in apart)]
+    assert len(by_place(two, mount.pole, clock)) == 2
 
 
 angles = st.floats(-180.0, 180.0)

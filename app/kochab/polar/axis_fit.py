@@ -41,6 +41,41 @@ def chance_of(chi2: float, freedom: float) -> float:
     return float(chdtrc(freedom, chi2))
 
 
+# -- Several frames of one place count as one, which is surer ------------------------------------
+
+SHARED = 0.05  # of the variance of a frame, which others of the same stars have as well
+
+
+def by_place(attitudes: Sequence[LocalAttitude], pole: Floats, clock: float) -> list[LocalAttitude]:
+    """Of each place one attitude at its last frame's time, as all its frames tell it.
+
+    Between them the mount either tracked, ``clock`` radians a second about ``pole`` (3,), or stood; where neither
+    explains them, the last is taken alone.
+    """
+    places: dict[tuple[int, int], list[LocalAttitude]] = {}
+    for number, one in enumerate(attitudes):
+        places.setdefault((one.sweep, -1 - number if one.place is None else one.place), []).append(one)
+    return [_as_one(frames, pole, clock) for frames in places.values()]
+
+
+def _as_one(frames: Sequence[LocalAttitude], pole: Floats, clock: float) -> LocalAttitude:
+    last, count, found = frames[-1], len(frames), []
+    if count == 1:
+        return last
+    inverse = np.linalg.inv(last.covariance)
+    for rate in (clock, 0.0):
+        turns = [rate * (last.time_utc - f.time_utc).total_seconds() for f in frames]
+        carried = np.stack([about(pole, turn) @ f.matrix for turn, f in zip(turns, frames, strict=True)])
+        gaps = rotation_vectors(last.matrix.T @ carried)
+        mean = gaps.mean(axis=0)
+        found.append((float(np.einsum("ki,ij,kj->", gaps - mean, inverse, gaps - mean)), mean))
+    chi2, mean = min(found, key=lambda one: one[0])
+    if chance_of(chi2, 3.0 * (count - 1)) < UNLIKELY:
+        return last
+    covariance = last.covariance * (1.0 / count + SHARED)
+    return replace(last, matrix=last.matrix @ small_rotation(mean), covariance=covariance)
+
+
 STEPS = 20
 SMALLEST_STEP_RAD = 1e-10
 

@@ -64,7 +64,8 @@ class LocalAttitude:
 
     ``matrix`` (3, 3) takes camera axes to E, N, U; ``covariance`` (3, 3), rad^2, is of a small
     rotation about the camera's axes. ``matches`` are its stars, their directions in E, N, U as observed, and
-    ``camera`` is what they were fitted with.
+    ``camera`` is what they were fitted with. Frames with the same number for a ``place`` were taken without a turn
+    of RA between them.
     """
 
     matrix: Floats
@@ -74,6 +75,7 @@ class LocalAttitude:
     sweep: int = 0
     camera: Camera | None = None
     matches: Matches | None = None
+    place: int | None = None
 
     @property
     def boresight(self) -> Floats:

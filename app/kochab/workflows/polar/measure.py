@@ -208,13 +208,13 @@ def measure_axis(
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     watch = RestWatch(source, settings, controls)
     yield PolarUpdate("measure", 0.0, tr("Taking the first frame."))
-    seen = [(yield from watch.still())]
+    first = yield from watch.still()
     if turner.by_hand:  # to whom a long turn is no more work than a short one
         sweep = replace(sweep, least_deg=max(sweep.least_deg, HAND_DEG))
-    path = plan_path(seen[0], settings, sweep)
-    sweep = replace(sweep, frames=frames_needed(seen[0], settings, sweep, path))
+    path = plan_path(first, settings, sweep)
+    sweep = replace(sweep, frames=frames_needed(first, settings, sweep, path, HAND_FRAMES if turner.by_hand else 1))
     enough = (lambda found: _far(found) or confirmed(found)) if turner.by_hand else None
-    return (yield from sweep_from(seen[0], path, watch, turner, sweep, before, enough))
+    return (yield from sweep_from(first, path, watch, turner, sweep, before, enough))
 
 
 def sweep_from(
@@ -226,33 +226,36 @@ def sweep_from(
     before: Droop = UNKNOWN,
     enough: Callable[[Measurement], bool] | None = None,
 ) -> Task[Measured]:
-    """The rest of a sweep of ``sweep.frames``, whose first frame is taken already.
+    """The rest of a sweep over ``sweep.frames`` places, at whose first a frame is taken already.
 
-    A hand makes the whole turn at once, and goes back in steps where more frames are needed, which ``enough`` tells.
+    A hand makes the whole turn at once, and goes back in steps where more places are needed, which ``enough`` tells;
+    several frames of each cost it nothing.
     """
-    seen, settings, controls = [first], watch.settings, watch.controls
+    settings, controls, each = watch.settings, watch.controls, HAND_FRAMES if turner.by_hand else 1
+    seen, places = (yield from watch.rest(first, 0, each)), 1
     steps = _hand_turns(path, sweep.frames) if turner.by_hand else _even_turns(path, sweep.frames)
     slips: list[PolarFinding] = []
     result: Measurement | NoAxis = NoAxis(tr("no axis yet"), tr("Rotate RA."))
-    while len(seen) < sweep.frames:
-        way, step = steps[len(seen) - 1]
-        yield PolarUpdate("turn", len(seen) / sweep.frames, _next_turn(path, way, step))
+    while places < sweep.frames:
+        way, step = steps[places - 1]
+        yield PolarUpdate("turn", places / sweep.frames, _next_turn(path, way, step))
         reported = yield from turner.turn(way, step)
         now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
         if reported is not None and (slip := slipping(reported, turned_deg(seen[-1], now))):
             slips.append(slip)
-        seen.append(now)
+        seen += yield from watch.rest(now, places, each)
+        places += 1
         result = measure_local(seen, settings, before)
-        yield _measured_so_far(result, seen, slips, sweep)
+        yield _measured_so_far(result, seen[0], slips, sweep, places)
         if isinstance(result, Measurement) and (controls.take(PolarButton.ENOUGH) or (enough and enough(result))):
             break
     if isinstance(result, NoAxis):
         raise NotMeasuredError(result.sentence)
-    went = sum(step if way is path.direction else -step for way, step in steps[: len(seen) - 1])
+    went = sum(step if way is path.direction else -step for way, step in steps[: places - 1])
     return Measured(result, path, (*slips[:1], *result.findings), went)
 
 
-HAND_DEG, FAR_SIGMAS = 60.0, 12.0
+HAND_DEG, HAND_FRAMES, FAR_SIGMAS = 60.0, 4, 12.0
 
 
 def _even_turns(path: SweepPath, frames: int) -> list[tuple[Direction, float]]:
@@ -271,9 +274,9 @@ def _far(found: Measurement) -> bool:
     return not found.spoilt and found.error.total_arcsec > FAR_SIGMAS * found.error.with_flexure.uncertainty_arcsec
 
 
-def optics_of(attitude: LocalAttitude) -> Optics:
-    """What a frame's own covariance says of the optics."""
-    x, y, roll = np.sqrt(np.diag(attitude.covariance)) / ARCSEC
+def optics_of(attitude: LocalAttitude, frames: int = 1) -> Optics:
+    """What a frame's own covariance says of the optics, or of so many frames of a place."""
+    x, y, roll = np.sqrt(np.diag(attitude.covariance) / frames) / ARCSEC
     return Optics(float(np.sqrt((x * x + y * y) / 2.0)), float(roll))
 
 
@@ -298,9 +301,9 @@ def foreseen_arcsec(first: LocalAttitude, settings: MeasureSettings, sweep: Swee
     return weighted_arcsec(optics_of(first), _from_pole_deg(first, settings), path.turn_deg, frames)
 
 
-def frames_needed(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep, path: SweepPath) -> int:
-    """As few frames, of those allowed, as reach the goal; the most allowed when none do."""
-    optics, rho = optics_of(first), _from_pole_deg(first, settings)
+def frames_needed(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep, path: SweepPath, each: int = 1) -> int:
+    """At as few places, of those allowed, as reach the goal with ``each`` frames; the most allowed when none do."""
+    optics, rho = optics_of(first, each), _from_pole_deg(first, settings)
     for count in range(sweep.frames, sweep.most_frames):
         if weighted_arcsec(optics, rho, path.turn_deg, count) <= sweep.goal_arcsec:
             return count
@@ -322,12 +325,12 @@ def _next_turn(path: SweepPath, way: Direction, step: float) -> str:
 
 
 def _measured_so_far(
-    result: Measurement | NoAxis, seen: list[LocalAttitude], slips: list[PolarFinding], sweep: Sweep
+    result: Measurement | NoAxis, first: LocalAttitude, slips: list[PolarFinding], sweep: Sweep, places: int
 ) -> PolarUpdate:
-    fraction = len(seen) / sweep.frames
+    fraction = places / sweep.frames
     if isinstance(result, NoAxis):
         return PolarUpdate("measure", fraction, result.reason)
-    more = more_turn_deg(optics_of(seen[0]), result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
+    more = more_turn_deg(optics_of(first), result.rho_deg, result.fit.turns_rad, sweep.goal_arcsec)
     words = tr("Uncertainty {angle}.", angle=angle_in_words(result.error.uncertainty_arcsec))
     if more:
         more_words = tr("Rotate {more:.0f}° more for {goal:.0f}″.", more=more, goal=sweep.goal_arcsec)

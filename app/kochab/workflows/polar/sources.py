@@ -396,6 +396,17 @@ class RestWatch:
                 yield PolarUpdate("turn", min(1.0, turned / turn_deg), f"{turned:.0f}° of {turn_deg:.0f}°")
             last = now
 
+    def rest(self, first: LocalAttitude, place: int, frames: int) -> Task[list[LocalAttitude]]:
+        """``first`` and more frames of the same place, ``frames`` in all, as long as nothing moves."""
+        seen = [replace(first, place=place)]
+        while len(seen) < frames and not self.controls.pressed(PolarButton.ENOUGH):
+            yield PolarUpdate("measure", None, tr("Frame {n} of {frames} here.", n=len(seen) + 1, frames=frames))
+            now = yield from self.next()
+            if not at_rest(seen[-1], now):
+                break
+            seen.append(replace(now, place=place))
+        return seen
+
 
 def turned_deg(first: LocalAttitude, second: LocalAttitude) -> float:
     """The angle of the rotation between two attitudes."""
