@@ -6,9 +6,10 @@ import socket
 import stat
 import threading
 import tty
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import pytest
+from serial import SerialTimeoutException
 
 from kochab.core.errors import LineLostError, NoAnswerError, PortError
 from kochab.gear.mounts import serial_line
@@ -76,6 +77,27 @@ def test_a_pulled_cable_is_said_at_once(ends, action) -> None:
         does[action]()
     with pytest.raises(LineLostError):
         link.write(b":Q#")
+    link.close()
+
+
+@pytest.mark.parametrize(("passed_s", "lost"), [(2.1, True), (30.0, False)])
+def test_a_computer_that_slept_while_it_wrote_has_not_lost_its_line(ends, monkeypatch, passed_s, lost) -> None:
+    """pyserial looks at its clock once the bytes are handed over."""
+    state, port = ends
+    link = SerialLink(port)
+    write, clock = link._serial.write, [0.0]
+
+    def slept(data):
+        write(data)
+        clock[0] = passed_s
+        raise SerialTimeoutException("Write timeout")
+
+    monkeypatch.setattr(link._serial, "write", slept)
+    monkeypatch.setattr(serial_line, "monotonic", lambda: clock[0])
+    with pytest.raises(LineLostError) if lost else nullcontext():
+        link.write(b":Q#")
+    assert os.read(state["master"], 10) == b":Q#"
+    assert link._lost is lost
     link.close()
 
 

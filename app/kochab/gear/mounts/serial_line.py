@@ -158,7 +158,18 @@ class SerialLink:
     def write(self, data: bytes) -> None:
         """Send all of ``data`` in one piece; the lock is held for this write alone."""
         with self._writing:
-            self._guarded(lambda: self._serial.write(data))
+            self._guarded(lambda: self._hand_over(data))
+
+    def _hand_over(self, data: bytes) -> None:
+        """Write; a computer that slept meanwhile has written, though its port finds the time for that gone."""
+        from serial import SerialTimeoutException
+
+        begun = monotonic()
+        try:
+            self._serial.write(data)
+        except SerialTimeoutException:
+            if monotonic() - begun < 2.0 * WRITE_S:
+                raise
 
     def read_exact(self, count: int, timeout_s: float) -> bytes:
         """``count`` bytes within ``timeout_s``, or `NoAnswerError`."""
