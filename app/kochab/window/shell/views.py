@@ -120,11 +120,16 @@ class ViewDock(QDockWidget):
         assert self.view is not None
         return self.view
 
-    def showEvent(self, event: QShowEvent) -> None:
+    def dress(self) -> None:
+        """Hold the view, in the window's style."""
         view = self.make()
         if self.widget() is None:
-            self.setWidget(scrolled(view))  # a view may be taller than a small screen
+            self.setWidget(holder := scrolled(view))  # a view may be taller than a small screen
             self._services.looks.redden_carets(view)
+            holder.ensurePolished()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        self.dress()
         super().showEvent(event)
 
 
@@ -197,12 +202,17 @@ class Views(QObject):
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""
         dock = self.docks[name]
-        if dock.view is None:  # to make and to show it in one turn would hold up the window for 50 ms
-            dock.make()
+        if dock.view is None:  # all in one turn would hold up the window for 60 ms
             self._coming = name
-            QTimer.singleShot(0, self, self._show_coming)
+            dock.make()
+            QTimer.singleShot(0, self, self._dress_coming)
         else:
             self.show(name if dock.isHidden() else "image")
+
+    def _dress_coming(self) -> None:
+        if self._coming:
+            self.docks[self._coming].dress()
+            QTimer.singleShot(0, self, self._show_coming)
 
     def _show_coming(self) -> None:
         if self._coming:
