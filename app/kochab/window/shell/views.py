@@ -205,17 +205,16 @@ class Views(QObject):
         if dock.view is None:  # all in one turn would hold up the window for 60 ms
             self._coming = name
             dock.make()
-            QTimer.singleShot(0, self, self._dress_coming)
+            QTimer.singleShot(0, self, self._go_on)
         else:
             self.show(name if dock.isHidden() else "image")
 
-    def _dress_coming(self) -> None:
-        if self._coming:
+    def _go_on(self) -> None:
+        """Do the next step with the view that was asked for last."""
+        if self._coming and self.docks[self._coming].widget() is None:
             self.docks[self._coming].dress()
-            QTimer.singleShot(0, self, self._show_coming)
-
-    def _show_coming(self) -> None:
-        if self._coming:
+            QTimer.singleShot(0, self, self._go_on)
+        elif self._coming:
             self.show(self._coming)
 
     def show(self, name: str) -> None:
