@@ -107,7 +107,7 @@ ADDED = {
     "a bolt's own move as a witness against clock and zone": 40,
     "motorised adjusters: their protocol, found out by small moves, stopped by Esc": 245,
     "four frames at each stop of a hand, wedges, platforms and tripod heads": 30,
-    "a mode made, styled and shown in three turns, a line that outlives a sleep": 12,
+    "a mode made, styled and shown in three turns, a line that outlives a sleep": 32,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 

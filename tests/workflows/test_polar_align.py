@@ -98,6 +98,9 @@ def test_by_hand_one_turn_confirms_what_was_read_at_the_bolts(monkeypatch, slipp
     assert done.good
     assert sky.true_total_arcsec() < 30.0
     assert (len(turns) == 2) is (slipped_deg == 0.0)
+    if not slipped_deg:  # two sweeps, opposite ways, that agree show what two frames can't
+        assert PolarFindingKind.UNCHECKED not in {f.kind for f in done.last.findings}
+        assert done.last.error.creep_total_arcsec < 10.0
 
 
 def test_what_was_read_and_what_is_measured_agree_within_their_sigmas():

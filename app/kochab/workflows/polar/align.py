@@ -284,9 +284,14 @@ def align(
     def confirmed(found: Measurement) -> bool:
         return live is not None and _within(found, options) and _agree(live.update(found.attitudes[0]), found.error)
 
+    def seconded(measured: Measured) -> Measured:
+        if live is None or not turner.by_hand or not confirmed(measured.measurement):
+            return measured
+        return _seconded(live.update(measured.measurement.attitudes[0]).error, measured)
+
     while True:
         rounds += 1
-        measured = yield from measure_axis(source, turner, settings, sweep, controls, droop, confirmed)
+        measured = seconded((yield from measure_axis(source, turner, settings, sweep, controls, droop, confirmed)))
         if controls.take(PolarButton.BACK):
             measured = yield from back_at_start(source, turner, measured, controls)
         if before is not None:
@@ -345,6 +350,18 @@ def _agree(read: LiveError, found: PolarError) -> bool:
     gap = np.stack(tangents(found.axis)) @ (read.error.axis - found.axis)
     chi2 = float(gap @ np.linalg.solve(read.error.covariance + found.covariance, gap))
     return chi2 <= AGREE2 and not any(finding.spoils for finding in read.findings)
+
+
+def _seconded(read: PolarError, measured: Measured) -> Measured:
+    """What both tell of creep and slips: half of how far they are apart, for the sweeps went opposite ways."""
+    found, error = measured.measurement, measured.measurement.error
+    gap = np.stack(tangents(error.axis)) @ (read.axis - error.axis)
+    creep = (np.outer(gap, gap) + read.covariance + error.covariance) / 4.0
+    if np.trace(creep) < np.trace(error.creep):
+        error = replace(error, creep=creep)
+    kept = tuple(finding for finding in found.findings if finding.kind is not PolarFindingKind.UNCHECKED)
+    told = tuple(finding for finding in measured.findings if finding.kind is not PolarFindingKind.UNCHECKED)
+    return replace(measured, measurement=replace(found, error=error, findings=kept), findings=told)
 
 
 def _spoilt(measured: Measured, moves: int) -> PolarUpdate:
