@@ -93,6 +93,7 @@ DRIFT_ADVICE = tr_noop(
 GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
 GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
 GROWS_TIP = tr_noop("For a guide log or a live session still being recorded, until the axis is known to 30″")
+BASE_TIP = tr_noop("What carries the mount. What a hand moves without a thread is aligned to 4′, whatever the goal")
 MOTORS_TIP = tr_noop(
     "Motorised azimuth and altitude adjusters: OAPA, AAPA, Avalon. A small move shows Kochab which way each one goes"
 )
@@ -151,6 +152,7 @@ class AlignmentSetupPanel(Page):
             tr("Your frames"), tr("{example} (optional: is it good enough?)", example="600 mm, 3.76 µm, 300 s")
         )
         self.base = narrow_box(tr("What carries the mount"), 8, {tr(base): base for base in Base})
+        self.base.setToolTip(tr(BASE_TIP))
         self.motors = switch(tr("motorised"), tr(MOTORS_TIP))
         self.motors.setAccessibleName(tr("Motors turn the adjusters"))
         self.motor_port = text_field(tr("Port of the adjusters"), tr("/dev/ttyUSB1, COM5, tcp://192.168.4.1:4030"))
