@@ -16,6 +16,7 @@ import numpy as np
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame, Site
+from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.rotations import alt_az, direction
 from kochab.sky.apparent import JD_UNIX, julian_date_tt
 
@@ -123,6 +124,11 @@ class Pole(StrEnum):
 def northern(site: Site) -> bool:
     """Whether the axis points to the north celestial pole there; the equator counts as north."""
     return site.latitude_deg >= 0.0
+
+
+def tracking_rad_s(site: Site) -> float:
+    """How fast, right-handed about the elevated pole, a camera turns that tracks the sky."""
+    return -SIDEREAL_RAD_S if northern(site) else SIDEREAL_RAD_S
 
 
 def pole_direction(site: Site, pole: Pole = Pole.REFRACTED, refraction: Refraction = STANDARD_REFRACTION) -> Floats:

@@ -20,7 +20,7 @@ from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import PolarError, angle_in_words
-from kochab.polar.horizon import northern
+from kochab.polar.horizon import tracking_rad_s
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
 from kochab.polar.rotations import ARCSEC, about, alt_az, cross_matrix, rotation_vector, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, seen_by
@@ -172,8 +172,7 @@ class LivePhase:
 
     def _clocks(self, elapsed_s: float) -> dict[str, float]:
         """How far RA turns in a time, radians, when the mount tracks and when it stands."""
-        sign = -1.0 if northern(self._settings.site) else 1.0
-        return {"tracking": sign * SIDEREAL_RAD_S * elapsed_s, "standing": 0.0}
+        return {"tracking": tracking_rad_s(self._settings.site) * elapsed_s, "standing": 0.0}
 
     def _theta(self, matrix: Floats) -> tuple[float, Floats]:
         """The turn about the axis since the reference, and its slope (3,) over camera rotations.

@@ -17,7 +17,7 @@ from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, by_place, doubted, find_movement, fit_axis, unseen_creep
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
-from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, northern, pole_direction
+from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction, tracking_rad_s
 from kochab.polar.rotations import ARCSEC, about, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics, to_local, with_one_camera
 
@@ -389,8 +389,7 @@ def measure_local(
     """
     towards = pole_direction(settings.site, settings.pole, settings.refraction)
     attitudes, camera = with_one_camera(attitudes)
-    clock = -SIDEREAL_RAD_S if northern(settings.site) else SIDEREAL_RAD_S
-    attitudes = by_place(attitudes, towards, clock)
+    attitudes = by_place(attitudes, towards, tracking_rad_s(settings.site))
     sweeps = _sweeps(attitudes)
     if not sweeps:
         return NoAxis(tr("an axis needs at least two frames of one sweep"), tr("Rotate RA and take another frame."))

@@ -145,7 +145,11 @@ ALTITUDE_BOLT = Bolt(Knob.ALTITUDE, "altitude bolt")
 AZIMUTH_BOLT = Bolt(Knob.AZIMUTH, "left azimuth bolt")
 
 
-def bolts_of(base: Base, known: tuple[float | None, float | None] = (None, None)) -> tuple[Bolt, Bolt]:
+Pitches = tuple[float | None, float | None]
+"""What a clockwise turn of the altitude and of the left azimuth bolt adds, arcsec; None not known."""
+
+
+def bolts_of(base: Base, known: Pitches = (None, None)) -> tuple[Bolt, Bolt]:
     """Both of a base; ``known`` is what a turn of each did another night."""
     altitude, azimuth = (replace(bolt, base=base) for bolt in (ALTITUDE_BOLT, AZIMUTH_BOLT))
     return _with_pitch(altitude, known[0]), _with_pitch(azimuth, known[1])

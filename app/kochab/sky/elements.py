@@ -158,9 +158,9 @@ def mpc_comet(line: str) -> Row:
     return _row(name=line[102:158].strip(), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=slope, **angles)
 
 
-def comet_slope(k1: object) -> float:
-    """How a table has a comet's K1, given as a number, its text or None."""
-    return -max(float(str(k1)), LEAST_K1) if k1 else math.nan
+def comet_slope(k1: float | str | None) -> float:
+    """A comet's K1 as :class:`SmallBodies` has it."""
+    return -max(float(k1), LEAST_K1) if k1 else math.nan
 
 
 def _packed(letter: str) -> int:

@@ -145,7 +145,7 @@ def test_services_offer_the_sky_and_a_word(qtbot, opened):
 
 
 def test_the_image_keeps_half_of_a_window_that_is_made_smaller(qtbot, opened):
-    """A view that was shown on a large screen took two thirds of a small one."""
+    """A view shown on a large screen used to take two thirds of a small one."""
     window, commands = opened
     window.resize(2600, 1000)
     commands.views.show("laboratory")

@@ -142,7 +142,7 @@ class Views(QObject):
         super().__init__(window)
         self._window = window
         self.docks: dict[str, ViewDock] = {}
-        self._coming = ""  # the view that is made and shown in the next turn
+        self._coming = ""  # the view that is being made, styled and shown, each in a turn of the event loop
         self.image = self._action("image", tr("Ima&ge"), "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
         self.actions = {name: self._action(name, tr(title), keys) for name, (title, keys, _) in VIEWS.items()}
@@ -210,7 +210,7 @@ class Views(QObject):
             self.show(name if dock.isHidden() else "image")
 
     def _go_on(self) -> None:
-        """Do the next step with the view that was asked for last."""
+        """Style, and in the next turn show, the view that was asked for last."""
         if self._coming and self.docks[self._coming].widget() is None:
             self.docks[self._coming].dress()
             QTimer.singleShot(0, self, self._go_on)

@@ -47,7 +47,7 @@ SPOILT = {PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE, PolarFindingKind.
 
 @dataclass(frozen=True, slots=True)
 class Adjusted:
-    """Why it ended, whether a bolt was asked to turn, the last reading, no measurement, and what reads on."""
+    """Why it ended, whether a bolt was asked to turn, the last reading (not a measurement), and what took it."""
 
     end: AdjustingEnd
     turned: bool
@@ -267,8 +267,7 @@ def align(
     """Measure, adjust and measure again until the error is small or within its uncertainty.
 
     ``source`` gives solved frames, and ``turner`` turns the RA axis between them; ``motors``, where there are any, the
-    bolts. ``keep`` is called with the history
-    after every measurement, so that nothing is lost.
+    bolts. ``keep`` is called with the history after every measurement, so that nothing is lost.
 
     Raises `NotMeasuredError` when a measurement failed, and `DeviceError` when the camera or the mount did, or the
     guard refused.
@@ -276,22 +275,22 @@ def align(
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()
     bolts = None if motors is None else MotorisedBolts(motors, tutor)
-    sweep, rounds, droop = options.sweep, 0, UNKNOWN
-    wanted = options.second_sweep
+    sweep, rounds, droop, wanted = options.sweep, 0, UNKNOWN, options.second_sweep
     before: Measurement | None = None
     live: LivePhase | None = None
 
-    def confirmed(found: Measurement) -> bool:
-        return live is not None and _within(found, options) and _agree(live.update(found.attitudes[0]), found.error)
-
-    def seconded(measured: Measured) -> Measured:
-        if live is None or not turner.by_hand or not confirmed(measured.measurement):
-            return measured
-        return _seconded(live.update(measured.measurement.attitudes[0]).error, measured)
+    def agreeing(found: Measurement) -> LiveError | None:
+        """What the measurement before reads in the first frame of one within the goal, where both agree."""
+        if live is None or not _within(found, options):
+            return None
+        read = live.update(found.attitudes[0])
+        return read if _agree(read, found.error) else None
 
     while True:
         rounds += 1
-        measured = seconded((yield from measure_axis(source, turner, settings, sweep, controls, droop, confirmed)))
+        measured = yield from measure_axis(source, turner, settings, sweep, controls, droop, agreeing)
+        if turner.by_hand and (read := agreeing(measured.measurement)) is not None:
+            measured = _seconded(read.error, measured)
         if controls.take(PolarButton.BACK):
             measured = yield from back_at_start(source, turner, measured, controls)
         if before is not None:
@@ -300,10 +299,9 @@ def align(
         history.measured(measured.measurement)
         keep(history)
         if controls.take(PolarButton.SECOND_SWEEP) or wanted:
-            both_sweeps = yield from second_sweep(source, turner, measured, sweep, controls)
-            wanted, droop = False, both_sweeps.measurement.droop
-            if both_sweeps is not measured:
-                measured = both_sweeps
+            first, measured = measured, (yield from second_sweep(source, turner, measured, sweep, controls))
+            wanted, droop = False, measured.measurement.droop
+            if measured is not first:
                 history.measured(measured.measurement)
                 keep(history)
         error = measured.measurement.error
@@ -353,14 +351,16 @@ def _agree(read: LiveError, found: PolarError) -> bool:
 
 
 def _seconded(read: PolarError, measured: Measured) -> Measured:
-    """What both tell of creep and slips: half of how far they are apart, for the sweeps went opposite ways."""
+    """The measurement with no more creep than two sweeps allow that went opposite ways: half of what they differ by."""
     found, error = measured.measurement, measured.measurement.error
     gap = np.stack(tangents(error.axis)) @ (read.axis - error.axis)
     creep = (np.outer(gap, gap) + read.covariance + error.covariance) / 4.0
     if np.trace(creep) < np.trace(error.creep):
         error = replace(error, creep=creep)
-    kept = tuple(finding for finding in found.findings if finding.kind is not PolarFindingKind.UNCHECKED)
-    told = tuple(finding for finding in measured.findings if finding.kind is not PolarFindingKind.UNCHECKED)
+    kept, told = (
+        tuple(one for one in findings if one.kind is not PolarFindingKind.UNCHECKED)
+        for findings in (found.findings, measured.findings)
+    )
     return replace(measured, measurement=replace(found, error=error, findings=kept), findings=told)
 
 

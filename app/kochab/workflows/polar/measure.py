@@ -196,12 +196,12 @@ def measure_axis(
     sweep: Sweep | None = None,
     controls: PolarControls | None = None,
     before: Droop = UNKNOWN,
-    confirmed: Callable[[Measurement], bool] = lambda found: False,
+    confirmed: Callable[[Measurement], object] = lambda found: None,
 ) -> Task[Measured]:
     """Take frames while ``turner`` turns the axis, and measure it.
 
-    ``before`` is what is known of the tube's droop. A hand is asked for no more once ``confirmed`` tells of what two
-    frames say that it is known already.
+    ``before`` is what is known of the tube's droop. A hand is asked for no more frames once
+    ``confirmed`` gives anything for a measurement: an earlier one agrees with it.
 
     Raises NotMeasuredError when frames stop coming or have no solution, or they give no axis.
     """
@@ -213,7 +213,7 @@ def measure_axis(
         sweep = replace(sweep, least_deg=max(sweep.least_deg, HAND_DEG))
     path = plan_path(first, settings, sweep)
     sweep = replace(sweep, frames=frames_needed(first, settings, sweep, path, HAND_FRAMES if turner.by_hand else 1))
-    enough = (lambda found: _far(found) or confirmed(found)) if turner.by_hand else None
+    enough = (lambda found: _far(found) or bool(confirmed(found))) if turner.by_hand else None
     return (yield from sweep_from(first, path, watch, turner, sweep, before, enough))
 
 
@@ -275,7 +275,7 @@ def _far(found: Measurement) -> bool:
 
 
 def optics_of(attitude: LocalAttitude, frames: int = 1) -> Optics:
-    """What a frame's own covariance says of the optics, or of so many frames of a place."""
+    """The errors of a frame by its own covariance, or of the mean of so many ``frames`` taken at one place."""
     x, y, roll = np.sqrt(np.diag(attitude.covariance) / frames) / ARCSEC
     return Optics(float(np.sqrt((x * x + y * y) / 2.0)), float(roll))
 
@@ -302,7 +302,7 @@ def foreseen_arcsec(first: LocalAttitude, settings: MeasureSettings, sweep: Swee
 
 
 def frames_needed(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep, path: SweepPath, each: int = 1) -> int:
-    """At as few places, of those allowed, as reach the goal with ``each`` frames; the most allowed when none do."""
+    """The fewest places that reach the goal with ``each`` frames at every one; the most allowed when none do."""
     optics, rho = optics_of(first, each), _from_pole_deg(first, settings)
     for count in range(sweep.frames, sweep.most_frames):
         if weighted_arcsec(optics, rho, path.turn_deg, count) <= sweep.goal_arcsec:

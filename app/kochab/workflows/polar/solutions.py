@@ -25,6 +25,7 @@ from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, observed
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.rotations import ARCSEC, best_rotation
 from kochab.polar.sighting import LocalAttitude
+from kochab.polar.tutor import Pitches
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.sources import (
     GIVE_SITE,
@@ -428,16 +429,14 @@ def is_complete(result: Measurement | Drift | NoAxis | None) -> bool:
 
 
 def changed_ns(path: str | Path) -> int:
-    """When a file was last written; 0 when it can't be asked, which whoever reads it says."""
+    """When a file was last written, in ns; 0 when that cannot be read: opening the file says why."""
     try:
         return Path(path).stat().st_mtime_ns
     except OSError:
         return 0
 
 
-def remember_axis(
-    result: Measurement | Drift, profile: str, bolts: tuple[float | None, float | None] | None = None
-) -> None:
+def remember_axis(result: Measurement | Drift, profile: str, bolts: Pitches | None = None) -> None:
     """Keep an axis for another night, unless it is spoilt or half known; raises OSError when that can't be."""
     if not result.spoilt and (isinstance(result, Measurement) or result.known):
         remember_night(result.settings.site, profile, result.time_utc, result.error, bolts)

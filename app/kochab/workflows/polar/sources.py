@@ -26,6 +26,7 @@ from kochab.polar.horizon import Horizon
 from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+from kochab.polar.tutor import Pitches
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.solve_frame import solve_file, solve_open_frame
@@ -266,10 +267,7 @@ SAME_PLACE_DEG = 0.01
 
 @dataclass(frozen=True, slots=True)
 class PolarNight:
-    """What was last measured at a place with an equipment profile ("" for none); arcsec, as a measurement says them.
-
-    ``bolts_arcsec`` is what a clockwise turn of the altitude bolt and of the left azimuth bolt added, None not known.
-    """
+    """What was last measured at a place with an equipment profile ("" for none); arcsec, as a measurement says them."""
 
     latitude_deg: float
     longitude_deg: float
@@ -277,7 +275,7 @@ class PolarNight:
     time_utc: str
     altitude_arcsec: float
     azimuth_arcsec: float
-    bolts_arcsec: tuple[float | None, float | None] = (None, None)
+    bolts_arcsec: Pitches = (None, None)
 
     def __str__(self) -> str:
         text = tr("{angle} too high") if self.altitude_arcsec > 0 else tr("{angle} too low")
@@ -307,11 +305,7 @@ def last_night(site: Site, profile: str = "", before: datetime | None = None) ->
 
 
 def remember_night(
-    site: Site,
-    profile: str,
-    time_utc: datetime,
-    error: PolarError,
-    bolts: tuple[float | None, float | None] | None = None,
+    site: Site, profile: str, time_utc: datetime, error: PolarError, bolts: Pitches | None = None
 ) -> None:
     """Keep a measurement for another night, instead of an earlier one there; raises OSError when that can't be."""
     last, place = last_night(site, profile), (site.latitude_deg, site.longitude_deg)

@@ -38,7 +38,7 @@ from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import more_turn_deg
 from kochab.polar.report import History
-from kochab.polar.tutor import HAND_ARCSEC, Base, BoltTutor, bolts_of
+from kochab.polar.tutor import HAND_ARCSEC, Base, BoltTutor, Pitches, bolts_of
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.align import AlignOptions, Motors, align
 from kochab.workflows.polar.measure import (
@@ -390,9 +390,7 @@ def _kept(result: Measurement | Drift, wish: AlignmentRequest, tools: AlignmentT
     return history
 
 
-def _remember(
-    result: Measurement | Drift, wish: AlignmentRequest, bolts: tuple[float | None, float | None] | None = None
-) -> None:
+def _remember(result: Measurement | Drift, wish: AlignmentRequest, bolts: Pitches | None = None) -> None:
     """For another night, but not of a simulated telescope."""
     if wish.source is not FrameSource.PRACTICE:
         try:
