@@ -1,10 +1,13 @@
 """The numbers of the house, read from the code: ``make house`` prints them and fails past a limit."""
 
 import ast
+import io
 import json
 import os
+import re
 import subprocess
 import sys
+import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -111,6 +114,8 @@ ADDED = {
     "the planets from a spline while comets are carried": 9,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
+COMMENTS = 551
+"""The comments that stood in lines of their own under the limit above: they are told apart, for more are wanted."""
 
 
 @dataclass(frozen=True)
@@ -376,19 +381,27 @@ def walked(code: str) -> list[str]:
     return [str(file.relative_to(SOURCE)) for file in files if file.is_relative_to(SOURCE)]
 
 
+def commented(text: str) -> int:
+    """The lines of a module that carry a comment for its readers, not for a tool."""
+    read = tokenize.generate_tokens(io.StringIO(text).readline)
+    comments = [token for token in read if token.type == tokenize.COMMENT]
+    return sum(not re.match(r"#\s*(noqa|type:|pragma|fmt:)", token.string) for token in comments)
+
+
 def numbers() -> list[Number]:
     """All of them, the dearest last."""
     texts = list(sources().values())
     lengths = [len(text.splitlines()) for text in texts]
-    comments = sum(line.lstrip().startswith("#") for text in texts for line in text.splitlines())
+    alone = sum(line.lstrip().startswith("#") for text in texts for line in text.splitlines())
     loops, twice, arrays = circles(), classes_twice(), list(array_types_elsewhere())
     solve, sync, live, axis = executed_by_solve(), walked(SYNCS), walked(LIVE), walked(AXIS)
     return [
         Number("modules", len(texts), 350),
-        Number("lines", sum(lengths), LINES + sum(ADDED.values())),
+        Number("lines", sum(lengths)),
+        Number("lines but for comments", sum(lengths) - alone, LINES + sum(ADDED.values()) - COMMENTS),
         Number("lines of a module, median", median(lengths)),
         Number("lines of the longest module", max(lengths), 500),
-        Number("comment lines in a hundred", round(100 * comments / sum(lengths), 1)),
+        Number("lines with a comment in a hundred", round(100 * sum(map(commented, texts)) / sum(lengths), 1)),
         Number("circles of imports", len(loops), 0, "\n".join(loops)),
         Number("floors of gear.mounts", floors("kochab.gear.mounts"), 5),
         Number("names of classes that stand twice", len(twice), 8, " ".join(twice)),
