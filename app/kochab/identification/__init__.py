@@ -45,5 +45,6 @@ def with_places(detections: Detections, work: Callable[[Detections], Task[Answer
     found = yield from work(detections.take(finite))
     if isinstance(found, NoSolution):
         return replace(found, detections=len(detections))
+    # whoever asked counts the detections that were set aside, too
     numbered = finite[found.matches.detection].astype(np.int64)
     return replace(found, matches=replace(found.matches, detection=numbered))

@@ -31,6 +31,7 @@ RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above 
 
 def zones_of(field_deg: float) -> int:
     """How many declination zones serve fields of this size best, at most 4095."""
+    # a zone is a third of a field high; with 4096 the upper edge of the last one would overflow 32 bits
     return int(min(4095, max(8, round(540.0 / field_deg))))
 
 
@@ -53,13 +54,16 @@ def cone_rows(keys: NDArray[np.uint32], zones: int, centre: Floats, radius: floa
     height = np.pi / zones
     first = max(0, int((dec - radius + np.pi / 2) / height))
     last = min(zones - 1, int((dec + radius + np.pi / 2) / height))
+    # a cone that holds a pole holds every right ascension
     parts = [(0, RA_STEPS)]
     if abs(dec) + radius < np.pi / 2 - 1e-6:
+        # where meridians touch the cone: sin(half) = sin(radius) / cos(dec), more than at its centre
         half = math.asin(min(1.0, math.sin(min(radius, np.pi / 2)) / math.cos(dec)))
         ra = math.atan2(centre[1], centre[0]) % (2 * np.pi)
         a = math.floor((ra - half) * (RA_STEPS / (2 * np.pi))) - 1
         b = math.ceil((ra + half) * (RA_STEPS / (2 * np.pi))) + 1
         if b - a < RA_STEPS:
+            # across 0 h it is two ranges; elsewhere the second is empty
             across = (a + RA_STEPS, RA_STEPS) if a < 0 else (0, max(b - RA_STEPS, 0))
             parts = [(max(a, 0), min(b, RA_STEPS)), across]
     edges = np.array(parts).T[:, :, None] + np.arange(first, last + 1) * RA_STEPS
@@ -72,6 +76,7 @@ def ranges(start: NDArray[np.integer], count: NDArray[np.integer]) -> Ints:
     total = int(count.sum())
     if total == 0:
         return np.zeros(0, dtype=np.int64)
+    # one count through all ranges, plus for each how far its start is from its place in the row
     offset = np.cumsum(count) - count
     first = np.repeat(start.astype(np.int64) - offset.astype(np.int64), count)
     return np.asarray(np.arange(total, dtype=np.int64) + first)
@@ -92,6 +97,7 @@ HEADER_BYTES = 128  # of an ``.npy`` file; what it tells is known from the volum
 UNIT = 1e-5  # how far from one the square of a stored unit vector may be
 MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds
 ALL_FOUR = np.uint32(0x01010101)  # four true bytes
+# corners of a box in code space: along which of the four axes it is the upper of two cells
 CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
 CORNER_BITS = CORNERS.T.astype(np.int64)
 BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
@@ -150,6 +156,7 @@ class Grid:
         differs = high > low
         strides = self.strides
         number = (low @ strides)[:, None] + (differs * strides) @ CORNER_BITS
+        # a corner that steps along an axis on which the box stays in one cell would be counted twice
         query, corner = np.nonzero((~differs).astype(np.int64) @ CORNER_BITS == 0)
         return query, corner, number[query, corner], low
 
@@ -166,7 +173,7 @@ class ReadAhead:
         self._mapped = mapped
         self._row_bytes = row_bytes
         self._told = np.zeros((len(mapped) >> AHEAD_BITS) + 1, dtype=bool)
-        if sys.platform != "win32":
+        if sys.platform != "win32":  # its own read-ahead brings the whole volume, 575 MB; a refusal needs 180
             mapped.madvise(mmap.MADV_RANDOM)
 
     def tell(self, rows: Ints) -> None:
@@ -180,6 +187,7 @@ class ReadAhead:
         self._told[part] = True
         new = np.zeros_like(self._told)
         new[part] = True
+        # madvise wants beginnings of pages, which have 4 kB, or 16: a part is 16
         edges = np.diff(new, prepend=False, append=False).nonzero()[0] << AHEAD_BITS
         edges = np.minimum(edges, len(self._mapped)).reshape(-1, 2)
         for begin, end in edges.tolist():  # neighbours in one call
@@ -225,11 +233,13 @@ class Volume:
         ``size`` (Q, 2) limits the base's length in rad. Returns (query, quad) row pairs.
         """
         place = self.grid.scaled(code)
+        # a box wider than a cell could touch three cells along an axis
         reach = np.minimum(tolerance * self.grid.steps, 0.499)[:, None]
         query, corner, number, low = self.grid.around(place, reach)
         self.tell("cells", number)
         start, end = (self.cells[n].astype(np.int64) for n in (number, number + 1))
         count = end - start
+        # a flipped bit here would have `ranges` fill the memory
         if max(count.max(initial=0) - MOST_IN_CELL, end.max(initial=0) - len(self.codes)) > 0:
             raise DamagedPatternsError(self.folder)
         kept = count > 0
@@ -255,6 +265,7 @@ class Volume:
         self.tell("quads", quad)
         raw = self.quads[quad].reshape(-1, 4, 3).astype(np.int64)
         members = np.asarray(raw @ BYTES24)
+        # A and B are the base, whose length codes are divided by
         if members.max(initial=0) >= len(self.stars) or (members[:, 0] == members[:, 1]).any():
             raise DamagedPatternsError(self.folder)
         return members
@@ -284,6 +295,7 @@ def _window(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Lowest byte and width (N, 4) of what may match, for the lower and the upper cells (N, 4)."""
     lows, spans = [], []
+    # seen from the upper of two cells, a place lies one cell, 256 units, lower
     for shift in (0.0, 256.0):
         low = np.minimum(np.maximum(target - (margin + shift), 0.0), 255.0).astype(np.uint8)
         high = np.minimum(np.maximum(target + (margin - shift), 0.0), 255.0).astype(np.uint8)

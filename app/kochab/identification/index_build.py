@@ -65,10 +65,12 @@ def select(ra: Floats, dec: Floats, candidates: Ints, field_deg: float) -> Ints:
     which every level is a subset: a bigger box holds no fewer brighter stars.
     """
     a, d = ra[candidates], dec[candidates]
+    # cells of a third of the field's side: the nine about a star are its box
     step = np.radians(field_deg) / 3.0
     zones = max(3, round(np.pi / step))
     zone = np.clip(((d / np.pi + 0.5) * zones).astype(np.int64), 0, zones - 1)
     middle = (np.arange(zones) + 0.5) / zones * np.pi - np.pi / 2
+    # at least three, or near a pole both neighbours of a cell would be the same one
     columns = np.maximum(3, np.round(2 * np.pi * np.cos(middle) / step)).astype(np.int64)
     first = np.concatenate([[0], np.cumsum(columns)])
     n = len(candidates)
@@ -76,6 +78,7 @@ def select(ra: Floats, dec: Floats, candidates: Ints, field_deg: float) -> Ints:
     turn = a / (2 * np.pi)
     cell = first[zone] + np.minimum((turn * columns[zone]).astype(np.int64), columns[zone] - 1)
     order = np.argsort(cell, kind="stable")
+    # by cell and then by brightness: one search finds how many stars of a cell are brighter
     keys = cell[order] * n + rank[order]
     start = np.searchsorted(cell[order], np.arange(first[-1] + 1))
     brighter = np.zeros(n, dtype=np.int64)
@@ -156,6 +159,7 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
         here = vectors[at : at + STARS_AT_ONCE]
         distance, number = (np.asarray(found) for found in tree.query(here, k=k + 1, workers=-1))
         near[at : at + len(here), : k + 1] = number
+        # k stars lie in the disc out to the k-th, whose chord is its angle nearly enough
         stars_per_field = k / (np.pi * np.maximum(distance[:, k] / np.radians(field_deg), 1e-9) ** 2)
         share = np.clip((RICH - stars_per_field) / (RICH - POOR), 0.0, 1.0)
         count = np.minimum(neighbours + np.round(share * (poorest - neighbours)).astype(int), n - 1)
@@ -286,12 +290,14 @@ def build_volume(
                 found.add(*_encode(grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])))
                 done += len(part)
                 yield Progress("patterns", begin + width * (1.0 + 1.5 * done / wanted))
+            # `kept` has the scratch files on the disk before their sizes are; replaced whole, it is never half a file
             whole = {"plan": plan, "levels": i + 1, "sizes": found.kept(), "quads": found.quads}
             (folder / "begun.new").write_text(json.dumps(whole), "utf-8")
             (folder / "begun.new").replace(folder / BEGUN)
         yield Progress("patterns", 0.85, "sorting the patterns by shape")
         (folder / BEGUN).unlink()  # the scratch files are used up from here on
         yield from found.write(folder)
+    # last: a folder without it is no volume
     about = {
         "steps": steps,
         "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],

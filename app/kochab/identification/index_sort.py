@@ -53,6 +53,7 @@ class QuadSort:
     ) -> None:
         for file, path in zip(self._files, self._paths, strict=True):
             file.close()
+            # a cancelled task ends by GeneratorExit, which is no Exception: its files stay for the next build
             if kind is None or issubclass(kind, Exception):
                 path.unlink(missing_ok=True)
 
@@ -88,7 +89,9 @@ class QuadSort:
                 record = np.fromfile(path, dtype=RECORD)
                 path.unlink()
                 low = k << LOW_BITS
+                # the last file has fewer cells than the others
                 here = np.bincount(record["cell"], minlength=1 << LOW_BITS)[: self.cells - low]
+                # counts, one place on: their running sum is where each cell begins
                 start[1 + low : 1 + low + len(here)] = here
                 order = np.argsort(record["cell"], kind="stable")
                 for name in STORED:

@@ -71,12 +71,14 @@ class PairTable:
 
         Whole rings: some are nearer than ``low_rad`` or farther than ``high_rad``.
         """
+        # rings of equal area: their number goes with the square of the angle
         first = int(max(low_rad / self.reach_rad, 0.0) ** 2 * RINGS)
         last = int((high_rad / self.reach_rad) ** 2 * RINGS) + 1
         return (self.begin[min(first, RINGS)].take(star), self.begin[min(last, RINGS)].take(star))
 
     def in_one_ring(self, angle: float, wide: float) -> bool:
         """Whether ``wide`` either way of ``angle`` is less than a ring, rad."""
+        # a ring at this angle is reach^2 / (2 RINGS angle) wide
         return 4.0 * RINGS * angle * wide < self.reach_rad * self.reach_rad
 
     def rings_each(self, star: Ints32, low_rad: float, high_rad: float, more_rad: Floats) -> tuple[Ints32, Ints32]:
@@ -92,6 +94,7 @@ class PairTable:
         """Of the entries (K,) up to ``end`` (K,) those as far away as wanted: rows, and entries."""
         width = int((end - entry).max())
         entries = entry[:, None] + STEPS[:width]
+        # every row is as wide as the longest: what it reads beyond its own end is masked
         near = np.abs(self.apart.take(entries, mode="clip") - wanted_rad) < error_rad
         near &= entries < end[:, None]
         row, column = near.nonzero()
@@ -105,6 +108,7 @@ def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float, densit
     """
     for volume in volumes:
         for level, size in enumerate(volume.fields_deg.tolist()):
+            # so many stars of this level a frame shows on average
             stars = PER_FIELD * (field_deg / size) ** 2
             if size >= NARROWEST_DEG and density <= stars < 2.0 * density:
                 return _at_year(volume, level, round(year))
@@ -132,6 +136,7 @@ def _opened(volume: Volume, level: int) -> PairTable:
     reach = float(min(np.radians(REACH * volume.fields_deg[level]), 1.0))
     key = {"stars": sha256(stars.tobytes()).hexdigest(), "reach": reach, "rings": RINGS}
     found = cached_table("known", key, lambda: make_pairs(vectors, reach))
+    # a pair and its reverse stand next to each other
     angle = found["angle"].repeat(2)
     return PairTable(
         volume,
@@ -163,6 +168,7 @@ def make_pairs(vectors: Floats, reach_rad: float) -> Arrays:
 
     chord = 2.0 * np.sin(reach_rad / 2.0)
     pairs = cKDTree(vectors).query_pairs(chord, output_type="ndarray").astype(np.int32)
+    # from the chord: an arc cosine would lose the digits of small angles
     gap = vectors[pairs[:, 0]] - vectors[pairs[:, 1]]
     angle = 2.0 * np.arcsin(np.minimum(np.sqrt((gap * gap).sum(axis=1)) / 2.0, 1.0))
     order = np.argsort(angle, kind="stable")

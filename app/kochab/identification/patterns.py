@@ -51,11 +51,11 @@ class SearchStage:
     neighbours: int
     noise: float
     slack: float
-    use: int
+    use: int  # brightest detections that a pointing is verified with
     focal: tuple[float, ...] = ()
     volume: int = 0
-    spread: float = 2.0
-    alone: int = 40
+    spread: float = 2.0  # factor by which a level's field may miss the one that shows so many stars in the frame
+    alone: int = 40  # most pointings that are verified one by one, the best supported first
 
 
 WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)  # the last two, of 70 deg and more, are rare
@@ -87,6 +87,7 @@ class Search:
         self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
         self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
+        # fields of 127 down to 0.32 deg when nothing is known
         self.scale = (hint.focal_px if hint else None) or (0.25 * self.side, 180.0 * self.side)
         self.centre = None
         if hint is not None and hint.centre_deg is not None:
@@ -103,17 +104,21 @@ class Search:
         for stage in stages:
             if stage.volume >= len(volumes):
                 continue
+            # In a field surely over 31 deg the shapes of flat pixels are not the sky's; in one surely under 19 deg
+            # they are, whatever the focal length.
             if (narrow < 1.8 and not stage.focal) or (wide > 3.0 and stage.focal):
                 continue
             first, last = volumes[stage.volume].span_deg
             low, high = self._per_field(stage)
             largest_wanted, smallest_wanted = largest * high, smallest * low
+            # below the finest level of all there is still nothing better than that one
             if largest_wanted < first and stage.volume != FINE:
                 continue
             if smallest_wanted > last:
                 continue
             middle = math.sqrt(largest_wanted * smallest_wanted)
             miss = max(0.0, math.log(first / middle), math.log(middle / last))
+            # depths: to 14 stars, 18 and 24, 30 and more; where the scale is vague, in the list's order within each
             kept.append((stage.stars // 15, miss if self.scale[1] < 2 * self.scale[0] else 0.0, stage))
         return [s for _, _, s in sorted(kept, key=lambda k: k[:2])]
 
@@ -130,6 +135,7 @@ class Search:
         """Whether the hint's place allows boresights (..., 3) with focal lengths (...), px."""
         if self.centre is None:
             return np.ones(np.shape(focal), dtype=bool)
+        # the place may be anywhere in the frame: half a diagonal beside the boresight at most
         wide = np.arctan(np.hypot(*self.half) / focal)
         dot = boresight @ self.centre[0]
         return np.asarray(dot > np.cos(np.minimum(self.centre[1] + wide, np.pi)))
@@ -146,6 +152,7 @@ class Search:
         if stage.focal:
             supposed = np.array(stage.focal) * self.side
             supposed = supposed[(supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])]
+            # one in the middle stands for all of them: a third of the time saved at 20 to 60 deg
             if len(supposed) > 1 and self.scale[1] <= self.scale[0] * SUPPOSED**2:
                 supposed = np.array([math.sqrt(self.scale[0] * self.scale[1])])
             focal = np.repeat(supposed, len(quads))
@@ -157,6 +164,7 @@ class Search:
         found = propose(volume, view, QuadQuery(quads, focal, noise, stage.slack, per_field))
         if self.centre is not None:
             found = found.take(self.allows(found.matrix[:, 2], found.focal))
+        # all of them, before the quick look drops most: each was a chance of error
         self.tried += len(found)
         self.asked += len(quads)
         yield from self._check(volume, view, stage, found)
@@ -203,7 +211,7 @@ class Search:
                 found.stars[h],
                 reach,
                 stage.use,
-                ACCEPT_LOG10 - 6.0,
+                ACCEPT_LOG10 - 6.0,  # believed even after a million pointings
             )
             if verdict is None:
                 continue
@@ -271,6 +279,7 @@ def known_camera(search: Search, volumes: tuple[Volume, ...], year: float) -> tu
         return ()
     asked = POOR_FIELD if poor and high <= low * KNOWN else BRIGHTEST
     angles = DetectionAngles.of(search.xy[:asked], search.scale)
+    # where the quads are asked as well, they are one more way to a false alarm
     search.ways = len(there) + (len(search.xy) > COMPLETE)
     return tuple(KnownSearch(t, search.xy, search.half, angles, search.ways) for t in there)
 
@@ -341,6 +350,7 @@ class Patterns:
             volumes = (*shipped(), ready) if ready else shipped()
         found = yield from self._search(search, volumes, self.stages, detections)
         if found is None and self.volumes is None and len(volumes) == FINE:
+            # the other stages have failed already; the volume is made only for a scale that may need it
             late = tuple(s for s in self.stages if s.volume == FINE)
             if search.wants_small_fields(late):
                 from kochab.identification.index_build import make_fine

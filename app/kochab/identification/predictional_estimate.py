@@ -18,11 +18,11 @@ from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.identification.verification import pair
 
-FEWEST = 2
+FEWEST = 2  # stars: one leaves the roll open
 ROUNDS = 6
-CLIP_SIGMA = 3.7
-FLOOR_PX = 0.02
-BELIEF = 10.0
+CLIP_SIGMA = 3.7  # times the median distance: 4.4 sigma of a coordinate, 1 right match in 13,000 lies beyond
+FLOOR_PX = 0.02  # no place is believed to be better, however small the residuals are
+BELIEF = 10.0  # residuals that the stated errors count for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +63,7 @@ def predictional_estimate(
             return None
         matrix, _ = differential(camera, matrix, xy[i], vectors[j], np.ones(len(i)))
         middle = float(np.sqrt(np.median(distance2)))
+        # from the median: wrong matches, while they are the minority, do not hold the reach open
         closer = max(closest_px, min(reach_px, CLIP_SIGMA * max(middle, FLOOR_PX)))
         if worst_px is not None and middle < worst_px:
             closer = min(closer, worst_px)
@@ -83,6 +84,7 @@ def concluded(
     weight = np.ones(len(i)) if sigma_px is None else 1.0 / sigma_px
     matrix, inverse = differential(camera, matrix, xy[i], vectors[j], weight)
     left = xy[i] - expected_px(camera, matrix, vectors[j])
+    # two coordinates a star, less the three angles of the rotation
     freedom = max(1, 2 * len(i) - 3)
     square = float(np.sum(np.square(left * weight[:, None])))
     level = max(square / freedom, FLOOR_PX**2) if sigma_px is None else (square + BELIEF) / (freedom + BELIEF)

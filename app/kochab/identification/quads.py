@@ -73,10 +73,12 @@ def canonical(z: NDArray[np.complex128]) -> Codes:
 def with_variants(z: NDArray[np.complex128], tolerance: Floats) -> Codes:
     """Codes (Q, 4) and those an error of ``tolerance`` (Q,) might have folded otherwise."""
     side = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]])
+    # sides that an error could make the longest, and so the base
     tie = side > side.max(axis=1, keepdims=True) * (1.0 - 1.5 * tolerance[:, None])
     quad, base = np.nonzero(tie)
     first = _fold(z, quad, base)
     c, d, e, f = first.code.T
+    # how near the code is to each fold: swapped ends, mirror, turned pair; a variant needs all of its folds to be near
     near = np.abs(np.stack([c + d - 1.0, e + f, c - d])) < 2 * tolerance[quad]
     swap, mirror, turn = near[:, None] | ~FOLDS.T[:, :, None]
     way, row = (swap & mirror & turn).nonzero()
@@ -89,6 +91,7 @@ def _fold(z: NDArray[np.complex128], quad: Ints, base: Ints) -> Codes:
     p = z[quad[:, None], order]
     span = p[:, 1] - p[:, 0]
     length = np.abs(span)
+    # stars all in one place have no base to divide by
     safe = np.where(length > 0, span, 1.0)
     w = (p[:, 2:] - p[:, :1]) / safe[:, None]
     swap = w.real.sum(axis=1) > 1.0
@@ -203,6 +206,7 @@ def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
     sky = volume.directions(stars)
     w = planar(sky)
     w = (w[:, 2:] - w[:, :1]) / (w[:, 1] - w[:, 0])[:, None]
+    # parity is not in the code: it is whether the sky's quad and the frame's were mirrored alike to reach it
     mirrored = (w.imag.sum(axis=1) < 0) != codes.mirrored[query]
     detections = ask.quads[codes.quad[query, None], codes.order[query]]
     arc = np.linalg.norm(sky[:, 1] - sky[:, 0], axis=1)
@@ -233,6 +237,7 @@ def pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored
 
 def triad_axes(a: Floats, b: Floats) -> Floats:
     """Orthonormal axes (H, 3, 3), as columns, from the middle and the difference of two vectors."""
+    # what the two separations differ by is shared equally by both stars
     m, d = a + b, b - a
     n = cross(m, d)
     m = m / np.linalg.norm(m, axis=1, keepdims=True)
@@ -257,6 +262,7 @@ def image_quads(xy: Floats, neighbours: int, smallest_px: float) -> Ints:
         [np.broadcast_to(np.arange(n)[:, None, None], (n, len(combos), 1)), near[:, combos]], axis=2
     ).reshape(-1, 4)
     quads = np.sort(quads, axis=1)
+    # a star with too few others far enough away may have itself, at an infinite distance, among its nearest
     quads = quads[(np.diff(quads, axis=1) > 0).all(axis=1)]
     return quads[np.sort(np.unique(quad_marks(quads), return_index=True)[1])]
 

@@ -57,6 +57,7 @@ class DetectionAngles:
         dot = xy @ xy.T
         both = np.array([focal * focal, scale[1] * scale[1]])[:, None, None] + dot
         length = np.sqrt(both.diagonal(axis1=1, axis2=2))
+        # a star with itself may come to a hair above one
         angle = np.arccos(np.minimum(both / (length[:, :, None] * length[:, None]), 1.0))
         return cls(focal, scale[1] / focal - 1.0, angle[0].tolist(), (angle[0] - angle[1]).tolist())
 
@@ -69,6 +70,7 @@ def triangles(n: int) -> tuple[Corners, ...]:
 
 def shortest_side_first(corners: Corners, angle: list[list[float]]) -> Corners:
     """The same triangle: first the corner of its two shorter sides, of which the shortest first."""
+    # three exchanges sort the sides, and the corners opposite with them
     i, j, k = corners
     a, b, c = angle[j][k], angle[i][k], angle[i][j]  # opposite the corners
     if a < b:
@@ -101,6 +103,7 @@ def matching_triangles(table: PairTable, angles: DetectionAngles, corners: Corne
         off = (table.angle[pairs] - base) / room
         np.minimum(np.maximum(off, -1.0, out=off), 1.0, out=off)
         error = error_rad + min(error_rad * wide / room, 2.0 * wide)
+        # where the scale moves the third star by less than a ring, all pairs can share the rings of one search
         if table.in_one_ring(here, wide):
             entry, end = table.rings(one, here - wide - error_rad, here + wide + error_rad)
         else:
@@ -215,11 +218,13 @@ class KnownSearch:
     def __init__(self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, ways: int = 1) -> None:
         self.table, self.xy, self.angles, self.ways = table, xy[:WITNESSES], angles, ways
         self.places: list[tuple[float, float]] = self.xy.tolist()
+        # as complex numbers all distances to N stars are one subtraction and one absolute value
         self.points = np.ascontiguousarray(self.xy).view(np.complex128)  # (N, 1), x + iy
         self.half = half
         width, height = half.tolist()
         self.side: float = 2.0 * max(width, height)
         self.corner = math.hypot(width, height)
+        # in the frame's middle; farther out a pixel holds less sky, so that this is the most
         self.density: float = len(table.rows) / (4.0 * math.pi) / angles.focal**2
         self.proposed: set[tuple[int, int]] = set()
         self.trials = (0.0, 0.0)
@@ -270,6 +275,7 @@ class KnownSearch:
         one, more = (self.ways * others * sum(part) for part in per)
         radius = most
         for _ in range(3):  # more pointings agree within a wider radius: it settles at once
+            # how near all the others must be to be believed, if all agree
             share = (10.0**ACCEPT_LOG10 / (one + more * radius)) ** (1.0 / others)
             radius = math.sqrt(share / (self.density * math.pi))
         return min(max(2.0 * radius, LEAST * self.side), most)
@@ -279,6 +285,7 @@ class KnownSearch:
 
         N stars spread about evenly make N^2 / 2 pairs, which count two ways round and as two parities.
         """
+        # a share of sin(angle) / 2 of them per rad, and they may be off by growth and r / f either way
         pairs = 2.0 * len(self.table.rows) ** 2 * math.sin(self.angles.angle[b][c])
         return pairs * self.angles.growth[b][c], pairs / self.angles.focal
 
@@ -346,12 +353,14 @@ class KnownSearch:
         """What the other detections say of the pointing that the longest side proposes."""
         _, b, c = triangle
         p, q = self.table.vectors.take(stars[1:], axis=0).tolist()
+        # how much longer the lens must be for the pair to be as far apart as its stars, from -1 to 1 of the range
         off = self.angles.angle[b][c] - 2.0 * math.asin(math.dist(p, q) / 2.0)
         off = min(max(off / max(self.angles.growth[b][c], 1e-12), -1.0), 1.0)
         focal, sign = self.angles.focal * (1.0 + self.angles.room * off), -1.0 if mirrored else 1.0
         (bx, by), (cx, cy) = self.places[b], self.places[c]
         across, down, ahead = attitude_of_two((sign * bx, by, focal), (sign * cx, cy, focal), p, q)
         wide = (self.corner + reach) / focal
+        # the cosine of the frame's corner
         number = self.table.near(ahead, 1.0 / math.sqrt(1.0 + wide * wide))
         sky = self.table.vectors.take(number, axis=0).T
         plane = [complex(sign * x, y) for x, y in zip(across, down, strict=True)]
@@ -380,6 +389,7 @@ class KnownSearch:
 
         ``crowd`` is how much denser the stars are where the witnesses stand.
         """
+        # counted are the pointings whose proposers agree within r, so r is never less than what these are off by
         floor = max(gap[b], gap[c], LEAST * self.side)
         smallest = (SMALLEST * self.side) ** 2
         taken, radii = [self.places[b], self.places[c]], []

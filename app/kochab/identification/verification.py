@@ -159,6 +159,7 @@ def log10_agreement(
     ``square_px`` is the sum of the squares of their distances, ``density`` the stars in a square px, times their
     crowding where it was measured; ``free`` numbers of the pointing were fitted, each within ``reach_px``.
     """
+    # as many numbers as there are distances can be fitted to any stars
     if 2 * matched <= free:
         return 0.0
     ways = math.lgamma(witnesses + 1) - math.lgamma(matched + 1) - math.lgamma(witnesses - matched + 1)
@@ -254,6 +255,7 @@ def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, ben
         off[0] = -off[0]
     one = np.empty((5 if bend else 4, 2, len(u)))  # derivatives of u and of v
     uu, uv_, vv = u * u, u * v, v * v
+    # slopes of a lens without distortion: the steps are repeated, and near enough
     one[0, 0], one[0, 1] = -uv_, -1.0 - vv
     one[1, 0], one[1, 1] = 1.0 + uu, uv_
     one[2, 0], one[2, 1] = -v, u
@@ -301,6 +303,7 @@ def verify(
     radius = float(np.arctan(corner * 1.05 / start.focal))
     number = volume.near(level, start.matrix[2], min(radius, 1.4))
     sky = volume.stars[number].astype(np.float64)
+    # with a margin: stars beyond the edge may come in while the pointing improves
     near = (np.abs(start.project(sky)[0]) < view.half + 3 * reach_px).all(axis=1)
     sky, number = sky[near], number[near]
     pointing = improve(start, seen, sky, reach_px, 5)
@@ -312,6 +315,7 @@ def verify(
     free = 5 if pointing.k1 else 4
     judged = _agreement(seen, pointing.project(sky)[0], view.half, evidence, own, reach_px, free)
     if judged[0] > enough:
+        # fitted to its proposers alone a pointing owes the witnesses nothing, so that none of its numbers is free
         four = start
         for _ in range(2):
             at = four.project(volume.stars[proposing_stars].astype(np.float64))
