@@ -98,6 +98,7 @@ def new_profile(name: str, camera: Camera) -> Profile:
     """A profile that knows nothing yet: the first frame's camera, and wide bounds around it."""
     radius = float(np.hypot(camera.width, camera.height)) / 2.0 / camera.focal_px
     side = float(max(camera.width, camera.height))
+    # a twentieth of focal length and side; at the corner a tenth by k1 and k2, a hundredth by p1 and p2
     loose = np.array([0.05, 0.05 * side, 0.05 * side, 0.1 / radius**2, 0.1 / radius**4, 0.01 / radius, 0.01 / radius])
     return Profile(name, camera, np.diag(loose**-2.0))
 
@@ -117,6 +118,7 @@ def evidence(profile: Profile, xy: Floats, vectors: Floats, attitude: Attitude, 
     free = terms - turn @ shared  # what no turn of the camera can do
     information = weight * (free.T @ free)
     vector = weight * (free.T @ residual)
+    # a thousandth of what is known holds still what this frame says nothing of
     change = np.linalg.solve(information + profile.information * 1e-3, vector)
     moves = (free @ change).reshape(-1, 2)
     return CameraEvidence(
@@ -133,6 +135,7 @@ def updated_profile(profile: Profile, new: CameraEvidence) -> Profile:
     keep = 1.0 - 1.0 / MEMORY_FRAMES if profile.frames >= MEMORY_FRAMES else 1.0
     information = keep * profile.information + new.information
     change = np.zeros(len(PARAMETERS))
+    # at its own camera the profile pulls nowhere: its part of the sum is zero
     change[3:] = np.linalg.solve(information, new.vector)
     camera, _ = moved(profile.camera, np.eye(3), change)
     return replace(profile, camera=camera, information=information, frames=profile.frames + 1)
@@ -160,7 +163,9 @@ def _chance(profile: Profile, information: Floats, vector: Floats) -> float:
     floor = np.zeros(len(TERMS))
     floor[:3] = FOCAL_FLOOR**2, CENTRE_FLOOR_PX**2, CENTRE_FLOOR_PX**2
     spread = profile.covariance + np.diag(floor)
+    # of the vector, when its noise and the profile's own error are as they say
     covariance = information + information @ spread @ information
+    # on one scale, as pixels and k2 lie decades apart; then only directions that the frame says anything of
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     values, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
     solid = values > 1e-9 * values[-1]
@@ -238,6 +243,7 @@ def load_profile(name: str, width: int, height: int, folder: Path | None = None)
             raise ValueError("other terms")
         if (camera.width, camera.height) != (width, height) or content["name"] != name:
             raise ValueError("another camera")
+        # raises unless every direction has some information, and none a negative one
         np.linalg.cholesky(information)
         numbers = [*asdict(camera).values(), *profile.sigma.values()]
         if not np.isfinite(numbers).all() or camera.focal_px <= 0.0 or profile.frames < 0:
@@ -270,8 +276,10 @@ class TrackedCamera:
         if self.profile is None or not self.profile.suits(solution.camera):
             self.profile = new_profile(name or "camera", solution.camera)
             self.contradicted = 0
+        # the RMS is of lengths, the sigma of one coordinate
         sigma = solution.rms_px / float(np.sqrt(2.0))
         sentence = self.learn(solution.stars_px, solution.star_vectors, solution.attitude, sigma)
+        # a frame that contradicts the profile tracks with what it was solved with
         self.camera = solution.camera if sentence else self.profile.camera
         return sentence
 

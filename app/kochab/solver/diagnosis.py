@@ -146,8 +146,10 @@ def _no_stars(case: Evidence) -> Iterator[Finding]:
     if light is None:
         return
     clear = int(np.count_nonzero(_clear(case.detections)))
+    # beside three clear stars another fault goes first, unless the frame is nearly white
     if light.background_share > (DAY_SHARE if clear < 3 else WHITE_SHARE):
         yield from _daylight(case)
+    # noise bumps that the detector took for stars do not make a sky
     if clear < 3 and light.contrast < FLAT_CONTRAST:
         yield from _discs(case)  # they hardly stand out
         yield from _focus(case)
@@ -191,6 +193,7 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
 def _aligned(twice: NDArray[np.complex128]) -> bool:
     """Whether directions agree by more than chance, by Rayleigh's test (Zar 1999, equation 27.4)."""
     count, length = len(twice), abs(twice.sum())
+    # few directions must agree the better
     log_chance = math.sqrt(1.0 + 4.0 * count + 4.0 * (count**2 - length**2)) - (1.0 + 2.0 * count)
     return length > 0.6 * count and log_chance < math.log(CHANCE_ALIGNED)
 
@@ -286,6 +289,7 @@ def implied_field_deg(evidence: Evidence) -> float | None:
     focal_px = evidence.hint.focal_px if evidence.hint else None
     if focal_px is None:
         return None
+    # the geometric middle of the range, as scales are ratios
     return math.degrees(2.0 * math.atan(evidence.detections.width / 2.0 / math.sqrt(math.prod(focal_px))))
 
 
@@ -297,6 +301,7 @@ def _expected(evidence: Evidence, field_deg: float) -> float:
     area_deg2 = min(field_deg**2 * d.height / max(d.width, 1), SKY_DEG2)
     if hint is None or hint.centre_deg is None or area_deg2 > LARGE_DEG2:
         return float(len(catalogue) * area_deg2 / SKY_DEG2)
+    # a circle as large as the frame
     centre = unit_vectors(*hint.centre_deg[:2])
     return float(len(catalogue.cone(centre, math.radians(math.sqrt(area_deg2 / math.pi)))))
 

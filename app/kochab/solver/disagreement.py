@@ -78,7 +78,7 @@ class Seen:
         self.said = np.array([(s.said.ra_deg, s.said.dec_deg) for s in sightings])
         self.sidereal = np.array([sidereal_deg(s.site or Site(0.0, 0.0), s.time_utc) for s in sightings])
         west = np.mod(self.sidereal - self.expected[:, 0], 360.0) < 180.0
-        by_hour = np.where(west, 1.0, -1.0) * (self.site is not None)
+        by_hour = np.where(west, 1.0, -1.0) * (self.site is not None)  # no site, no meridian
         told: dict[PierSide | None, float] = {PierSide.EAST: 1.0, PierSide.WEST: -1.0}
         self.side = np.array([told.get(s.pier_side, h) for s, h in zip(sightings, by_hour, strict=True)])
 
@@ -211,7 +211,7 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
     """
     places = cause.would_say(seen)
     there, said = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.said))
-    side = np.ones(len(places)) if cause.alt_azimuth else seen.side
+    side = np.ones(len(places)) if cause.alt_azimuth else seen.side  # no fork changes sides
     prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
     noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
     terms = np.zeros(5)
@@ -374,7 +374,7 @@ def sites(last: MountSighting) -> Iterator[Cause]:
     reverse = replace(mirrored, would_say=_reversed, weight=0.03 * _witness(opposite))
     yield reverse
     swapped = None if told is None else abs(wrapped(told.longitude_deg + own.longitude_deg)) < PLACE_DEG
-    if abs(own.longitude_deg) > 1.0:
+    if abs(own.longitude_deg) > 1.0:  # nearer to Greenwich both signs say the same
         off = wrapped(-2.0 * own.longitude_deg)
         yield Cause(
             tr_noop("longitude sign"),
@@ -470,7 +470,7 @@ def alignments(seen: Seen) -> Iterator[Cause]:
             axis=SMALL,
             cone=CONES,
         )
-        yield replace(leaning, name="", weight=0.02 * german, cone=CONES)
+        yield replace(leaning, name="", weight=0.02 * german, cone=CONES)  # healthy, but for a cone
 
 
 def _off(ra_deg: float) -> Say:

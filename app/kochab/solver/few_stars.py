@@ -70,7 +70,9 @@ def identify_few(
                 found += [checked] if checked else []
     if not found:
         return None
+    # the best of all that were tried, which is why the bound counts every pair
     worst_px, matches, camera, places = min(found, key=lambda checked: checked[0])
+    # stars in a square px, as `_sky` chose them
     density = DEPTH * len(detections) / (detections.width * detections.height)
     half = np.array([detections.width, detections.height]) / 2.0
     witnesses = np.delete(detections.xy, _base(detections), axis=0)
@@ -96,6 +98,7 @@ def _alarm(detections: Detections, worst_px: float, density: float, tried: int) 
 def _focal_windows(detections: Detections, scale: tuple[float, float] | None) -> list[tuple[float, float]]:
     """Ranges of the focal length, px, each narrow enough for one depth of the sky."""
     low, high = scale or (detections.width / 2.0 / np.tan(np.radians(BLIND_WIDTHS_DEG) / 2.0)).tolist()
+    # a range of exactly one step stays one, however it is rounded
     count = max(1, int(np.ceil(np.log(high / low) / np.log(SCALE_STEP) - 1e-9)))
     edges = np.geomspace(low, high, count + 1)
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
@@ -113,6 +116,7 @@ def _sky(
         reach = np.hypot(detections.width, detections.height) / 2 * pixel
         centre, radius = unit_vectors(ra, dec), min(np.pi, np.radians(around) + reach)
     count = int(density * 2.0 * np.pi * (1.0 - np.cos(radius)))
+    # the pairs grow with the square of this
     if count > MOST_STARS:
         return None
     rows = catalogue.brightest(centre, float(radius), count, year)
@@ -134,12 +138,14 @@ def _pairs(detections: Detections, focal_px: tuple[float, float], sky: _BrightSk
     base = detections.xy[list(_base(detections))]
     cameras = [Camera.centred(detections.width, detections.height, float(f)) for f in grid]
     angles = np.array([angle_between(*camera.unproject(base)) for camera in cameras])
+    # the shortest focal length sees the base under the widest angle; a chord, as the tree wants it
     reach = 2.0 * np.sin(angles[0] / 2.0)
     pairs = cKDTree(sky.vectors).query_pairs(reach, output_type="ndarray").astype(np.int64)
     chord = np.linalg.norm(sky.vectors[pairs[:, 0]] - sky.vectors[pairs[:, 1]], axis=1)
     angle = 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
     kept = angle >= angles[-1]
     pairs, angle = pairs[kept], angle[kept]
+    # `interp` wants what it looks up in to ascend
     focal = np.interp(angle, angles[::-1], grid[::-1])
     first = np.concatenate([pairs[:, 0], pairs[:, 1]])
     second = np.concatenate([pairs[:, 1], pairs[:, 0]])
@@ -156,8 +162,10 @@ def _supported_pairs(
     middle = np.array([(detections.width - 1) / 2, (detections.height - 1) / 2])
     xy = (detections.xy - middle) * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
     stars = sky.vectors[np.stack([first, second], axis=1)]
+    # x is flipped already, so that nothing is mirrored here
     matrix = pointings(xy, np.broadcast_to(base, (len(first), 2)), stars, focal, np.zeros(len(first), np.bool_))
     left, tree = np.arange(len(first)), cKDTree(sky.vectors)
+    # twice the tolerance, at the widest field of the window: a quick look may only let too many pass
     reach = 2.0 * TOLERANCE * detections.width / float(focal.min(initial=np.inf))
     for k in set(range(len(detections))) - set(base):
         place = np.einsum("ni,nij->nj", directions(focal[left], xy[k]), matrix[left])
@@ -174,6 +182,7 @@ def _check(
     base = list(_base(detections))
     pointing = wahba(camera.unproject(detections.xy[base]), sky.vectors[list(pair)])
     seen = camera.project(sky.vectors @ pointing.matrix.T)
+    # before companions go: for the crowding every star counts
     places = seen[np.isfinite(seen).all(axis=1)]
     seen[~without_companions(seen, 2.0)] = np.nan
     i, j = mutual_nearest(detections.xy, seen, TOLERANCE * detections.width)

@@ -86,6 +86,7 @@ def measure_light(frame: Frame, bins: Bins) -> FrameLevels:
     median, noise = _level(small)
     top = float(np.quantile(small, 0.999))
     clip = clipping_level(frame)
+    # a ninth of the pixels is enough, and an odd step meets all colours of a mosaic
     saturated = float(np.mean(frame.pixels[::3, ::3] >= clip))
     contrast = (top - median) / noise if noise > 0 else 0.0
     share = median / clip if clip > 0 else 0.0
@@ -108,8 +109,10 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
 
     image, step = bins.image, bins.step
     found: list[tuple[float, float, Floats]] = []
+    # halved again and again: two radii, sqrt 2 apart, are looked for at every size
     while min(image.shape) > 14 * DISC_BINS[-1]:
         for radius in DISC_BINS if 2.0 * DISC_BINS[-1] * step > LEAST_DISC_PX else ():
+            # a box inside the disc less one around it: light that is flat within and falls off at an edge stands out
             inner, outer = 2 * round(0.7 * radius) + 1, 2 * round(1.6 * radius) + 1
             light = ndimage.uniform_filter(image, inner) - ndimage.uniform_filter(image, outer)
             peaks = np.argwhere((light == ndimage.maximum_filter(light, 2 * round(radius) + 1)) & (light > 0))
@@ -120,6 +123,7 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
         image, step = image[: 2 * h, : 2 * w].reshape(h, 2, w, 2).mean(axis=(1, 3)), 2 * step
     apart: list[tuple[float, Floats]] = []
     for _, radius, place in sorted(found, key=lambda disc: -disc[0]):
+        # a disc is found at neighbouring sizes, too: the clearest counts
         if all(np.hypot(*(place - there)) > r for r, there in apart):
             apart.append((radius, place))
     radii = np.array([radius for radius, _ in apart])
@@ -130,6 +134,7 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
 
 def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[float, float, Floats] | None:
     """Signal to noise, radius and centre (y, x) of a disc near ``place``, all in bins; None when it is none."""
+    # moved and sized twice by its own light, then judged
     for last in (False, False, True):
         reach, (y, x) = math.ceil(2.0 * radius), np.round(place).astype(int)
         if not (reach <= x < image.shape[1] - reach and reach <= y < image.shape[0] - reach):
@@ -148,6 +153,7 @@ def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[flo
         if level <= 0.0:
             return None
         core = np.clip(light, 0.0, level) * (r < 1.4)
+        # light over level is the disc's area
         wider = math.sqrt(core.sum() / level / math.pi) / radius
         if not 0.6 < wider < 1.3:
             return None
@@ -182,8 +188,10 @@ def measure_trails(bins: Bins) -> Trails:
     chosen = np.flatnonzero(fair)[np.argsort(-area[fair])[:60]]
     if len(chosen) == 0:
         return Trails()
+    # an even bar's variance is a twelfth of its length squared
     length = np.sqrt(12.0 * major[chosen]) * step
     aspect = np.sqrt(major[chosen] / minor[chosen])
+    # angles are doubled, as a direction and its opposite are one
     direction = np.mean(np.exp(2j * angle[chosen]))
     agreed = abs(direction) > 0.6
     shown = float(np.degrees(np.angle(direction)) / 2 % 180.0) if agreed else float("nan")
@@ -246,6 +254,7 @@ def _moments(labels: NDArray[np.integer], count: int) -> tuple[Floats, Floats, F
         return np.asarray(np.bincount(which, values, count) / area)
 
     dx, dy = x - mean(x.astype(float))[which], y - mean(y.astype(float))[which]
+    # a bin is not a point: its own width has a variance of 1/12
     xx, yy, xy = mean(dx * dx) + 1 / 12, mean(dy * dy) + 1 / 12, mean(dx * dy)
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     angle = 0.5 * np.arctan2(2 * xy, xx - yy)

@@ -29,6 +29,7 @@ def mutual_nearest(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Int
     if len(i) == 0:
         return i, j
     order = np.argsort(distance2, kind="stable")
+    # pairs by distance: the first of each point is its nearest, and a pair that is first for both is mutual
     best_of_a = _first_of(i[order], len(a))
     best_of_b = _first_of(j[order], len(b))
     rank = np.empty(len(order), dtype=np.int64)
@@ -67,12 +68,13 @@ def _close(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Ints, Float
 def _first_of(labels: Ints, size: int) -> Ints:
     """Position of the first occurrence of every label below ``size``; -1 where there is none."""
     first = np.full(size, -1, dtype=np.int64)
+    # written from the last to the first, so that the first stays
     first[labels[::-1]] = np.arange(len(labels))[::-1]
     return first
 
 
-ROUNDS = 8
-REACH_GROWTH = 1.4
+ROUNDS = 8  # 1.4^8 is 15: enough from stars within a fifteenth of the way to the corners
+REACH_GROWTH = 1.4  # of the circle about the identified stars in which stars are matched
 ENOUGH_TO_GROW = 100
 SMALLEST_TOLERANCE_PX = 1.0
 LARGEST_TOLERANCE_PX = 8.0
@@ -130,8 +132,10 @@ def extend(
     for _ in range(ROUNDS):
         reach *= REACH_GROWTH
         tolerance = float(np.clip(4.0 * fit.rms_px, SMALLEST_TOLERANCE_PX, LARGEST_TOLERANCE_PX))
+        # within a fifth of the spacing lies a wrong star one time in eight at most
         tolerance = min(tolerance, max(0.2 * spacing, SMALLEST_TOLERANCE_PX))
         grown = _matched(detections, distance <= reach, fit, rows, vectors, tolerance)
+        # half of what was identified is lost: the matches before stand
         if len(grown) < max(4, len(found.matches) // 2):
             break
         settled = reach >= distance.max() and len(grown) <= 1.03 * len(matches)
@@ -142,6 +146,7 @@ def extend(
         few = matches.take(slice(None, None, step))
         fit = refine(few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1)
     catalogue_px = fit.camera.focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
+    # where no search held, the identified stars count alike
     matched_sigma = np.hypot(sigma[matches.detection], catalogue_px) if matches is not found.matches else None
     last = partial(
         refine,
@@ -222,6 +227,7 @@ def catalogue_sigma_rad(mag: Floats, year: float) -> Floats:
 def zonal_covariance(year: float) -> Floats:
     """Of a pointing (3, 3), rad^2, by what the catalogue's places of a region may share."""
     shared = np.radians(ZONAL_ARCSEC_YR * (year - CATALOGUE_EPOCH) / 3600.0) ** 2
+    # a region shifted as one does not turn: nothing for the roll
     return np.diag([shared, shared, 0.0])
 
 
@@ -240,6 +246,7 @@ def with_unknown_date(attitude: Attitude, matches: Matches, later: Floats) -> At
     if attitude.covariance is None:
         return attitude
     before, moved = matches.vectors @ attitude.matrix.T, (later - matches.vectors) @ attitude.matrix.T
+    # the one small turn that follows the motions best: normal equations of turn x before = moved
     turn = np.linalg.solve(len(before) * np.eye(3) - before.T @ before, np.cross(before, moved).sum(axis=0))
     return replace(attitude, covariance=attitude.covariance + np.outer(turn, turn))
 
@@ -276,9 +283,11 @@ def _field_stars(
     """Rows of the field's brightest stars, about twice as many as there are detections."""
     wanted = 2 * len(detections) + 50
     centre, radius = field_centre(fit.camera, fit.attitude)
+    # 8 % wider, as the first fit may be poor
     radius = min(1.08 * radius, np.pi / 2)
     w, h = fit.camera.width, fit.camera.height
     count = int(wanted * np.pi / 4.0 * (w * w + h * h) / (w * h))  # in the circle about the frame
+    # identified stars stay candidates, even fainter than all these
     rows = np.union1d(catalogue.brightest(centre, radius, count, year), found.matches.star)
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
     seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)

@@ -66,6 +66,7 @@ def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms:
     result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
     few = len(detections) < FEWEST_STARS
     if few and isinstance(result, NoSolution) and isinstance(detector, AutoDetector):
+        # stars of a sharp lens may be single pixels, which the detector takes for hot ones
         points = single_pixels(frame, detector)
         if len(points) >= FEWEST_STARS:
             second = yield from _solve(points, replace(options, hint=hint), clock, frame)
@@ -110,6 +111,7 @@ def merged_hint(given: Hint | None, header: Hint | None) -> Hint | None:
     if given is None or header is None:
         return given or header
     values = {f.name: getattr(given, f.name) for f in fields(given)}
+    # what the person left as it is, the header may fill
     return replace(header, **{k: v for k, v in values.items() if v != getattr(Hint(), k)})
 
 
@@ -134,6 +136,7 @@ def _solve(
 ) -> Task[Solution | NoSolution]:
     from kochab.identification import IDENTIFIERS
 
+    # a wrong name is told before the search, not after it
     IDENTIFIERS.check(options.method)
     if options.attitude is not None:
         ESTIMATORS.check(options.attitude)
@@ -143,6 +146,7 @@ def _solve(
     try:
         for search in _searches(detections, options, year, clock):
             found = yield from search
+            # one that lacked what it needs looked at nothing, and had no chance of error
             searches += isinstance(found, Identification) or found.searched
             if isinstance(found, Identification):
                 # each search may be lucky: the second's bound is that of two
@@ -232,6 +236,7 @@ def _conclude(
     matches, fit = extend(
         usable, found, catalogue, year, distortion=options.distortion, focal=focal, worst_px=options.worst_px
     )
+    # the stars are right even so, but the pointing may be turned by degrees
     stretched = stretch(usable, matches, fit, catalogue, year)
     if stretched is not None:
         return NoSolution(
@@ -275,6 +280,7 @@ def geometric_fit(
 
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
     again = partial(refine, seen, fit.camera, fit.attitude, focal=focal, worst_px=worst_px, beside=AXIS_BESIDE)
+    # beyond the rotation and the focal length only a frame that had terms may have some again
     return seen, again(distortion=bool(fit.terms[4:]))
 
 
@@ -298,6 +304,7 @@ def with_estimate(
     brightest. Residuals and RMS are those against the new attitude. When the estimator cannot
     work with the stars, the fit stays as it is and the sentence says so; else it is empty.
     """
+    # for methods that start from the first stars or take only a few
     order = np.lexsort((matches.detection, sigma_px))
     try:
         attitude = ESTIMATORS.make(name, **(options or {})).estimate(

@@ -106,6 +106,7 @@ class PointingModel:
         """
         said = said_at(self, place_deg, sidereal_deg(self.site, time_utc))
         away = apart_deg(said, place_deg)
+        # so that a NaN is refused, too
         if not away <= FARTHEST_DEG:
             raise RefusedError(
                 "The pointing model would shift this goto by {away:.1f}°, more than {farthest:g}°.",
@@ -120,6 +121,7 @@ def said_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> Degree
     terms, axes = np.asarray(model.terms_deg), axes_of(model.site, model.alt_azimuth)
     there = unit_vectors(place_deg[0] - sidereal, place_deg[1]) @ axes
     lon, lat = radec_deg(turned(there, terms))
+    # the side a mount that flips at the meridian takes there
     west = (sidereal - place_deg[0]) % 360.0 < 180.0
     cone = terms[4] / max(cos(radians(lat)), NARROW) * (1.0 if model.alt_azimuth or west else -1.0)
     ra, dec = radec_deg(unit_vectors(lon + terms[0] + cone, lat + terms[1]) @ axes.T)
@@ -142,8 +144,10 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     there = seen.in_axes(seen.expected, alt_azimuth)
     said, side = seen.in_axes(seen.said, alt_azimuth), np.ones(len(there)) if alt_azimuth else seen.side
     slopes = residuals(terms, there, said, side)[1].reshape(-1, 5)
+    # two numbers a sighting, less five terms
     freedom = max(1, left.size - 5)
     noise = max(float(np.sqrt((left**2).sum() / freedom)), FLOOR_DEG)
+    # the widest priors bound terms that the sightings leave open, as the cone seen from one side
     covariance = np.linalg.inv(slopes.T @ slopes / noise**2 + np.diag(_cause(alt_azimuth).scales().max(axis=0) ** -2.0))
     foretold = [_foretold(sightings, k, alt_azimuth) for k in range(len(sightings))]
     before = [apart_deg(e, s) for e, s in zip(seen.expected, seen.said, strict=True)]

@@ -68,6 +68,7 @@ def _moving(state: FilterState, rates: Floats) -> FilterState:
     if np.array_equal(rates, state.rates_rad_s):
         return state
     covariance = state.covariance.copy()
+    # the error of the pointing says nothing of a velocity that is only supposed
     covariance[3:, :] = covariance[:, 3:] = 0.0
     covariance[3:, 3:] = np.eye(3) * RATE_SIGMA_RAD_S**2
     return replace(state, rates_rad_s=rates, covariance=covariance)
@@ -114,6 +115,7 @@ class Neighbourhood:
     ) -> None:
         centre, radius = field_centre(camera, attitude)
         self.centre, self.field_rad, self.camera = centre, radius, camera
+        # rad: what is a quarter turn away is on no plane before the camera
         self.radius = min(MARGIN * radius, 1.5)
         self.catalogue, self.faintest = catalogue, faintest
         rows = catalogue.cone(centre, self.radius, faintest + DEEPER, year)[:MOST]

@@ -135,6 +135,7 @@ def _peaks(windows: Stamps, level: Floats, noise: Floats) -> tuple[Floats, Float
     """Place (W, 2) px and height (W,) of the highest pixel of each window, smoothed 3 x 3."""
     value = (windows.value - level[:, None, None].astype(np.float32)) * windows.weight
     light, share = _smoothed(value), _smoothed(windows.weight)
+    # over the root of the share the noise is about the same where pixels are missing
     light = np.where(share > 0.3, light / np.sqrt(np.maximum(share, 1e-6)), -np.inf)
     flat = light.reshape(len(light), -1)
     at = flat.argmax(axis=1)

@@ -96,6 +96,7 @@ def filter_after_blind_solve(
         return after
     anew = begin(attitude, time_s)
     turned = rotation_vector(attitude.matrix @ before.matrix.T)
+    # M(t + dt) = exp(-[w] dt) M(t)
     rates = -turned / max(ahead.step_s, 1e-3)
     if float(np.linalg.norm(rates)) > RATE_SIGMA_RAD_S:
         return anew
@@ -186,6 +187,7 @@ class Tracker:
         if self.state is None or self.camera is None:
             return True
         same = (frame.width, frame.height) == (self.camera.width, self.camera.height)
+        # a clock may be set back a little: the filter then stays where it is
         return same and -1.0 < now_s - self.state.time_s < MEMORY_S
 
     def _find_stars(self, frame: Frame, moment: datetime) -> WindowSearchResult | None:
@@ -210,6 +212,7 @@ class Tracker:
         self._image.learn(result.seen, result.place, self.camera, frame.hint.exposure_s)
         self._calibrate(result)
         self._failures = 0
+        # without what the frames share, which the filter would average away
         state = updated(result.place.ahead, replace(solution.attitude, covariance=own))
         return self._update(solution, moment, "tracking", state, len(result.stars.number))
 
@@ -220,6 +223,7 @@ class Tracker:
         if known is not None:
             sure = camera is not None and self._failures < PATIENCE
             hint = merged_hint(known, options.hint)
+            # while the scale is believed, a frame of clouds costs one search instead of two
             blind = options.blind_after_hint and not sure
             options = replace(options, blind_after_hint=blind, hint=hint, fov_deg=None)
         examined = yield from examine_frame(frame, options)
@@ -229,6 +233,7 @@ class Tracker:
         solution = self._begin_again(examined, frame)
         self._failures = 0
         if before is not None:
+            # the new fit may have its axes elsewhere in the same lens
             before = in_axes_of(before, camera, solution.camera)
         state = filter_after_blind_solve(before, solution.attitude, moment.timestamp(), self._was_lost)
         return self._update(solution, moment, "lost", state, 0)
@@ -269,6 +274,7 @@ class Tracker:
         self._was_lost = mode == "lost"
         if self._doubt:
             solution = replace(solution, warnings=(*solution.warnings, self._doubt))
+        # a calibration may just have moved the axes of the camera that the next frame is read with
         self.state = in_axes_of(state, solution.camera, self.camera)
         return TrackUpdate(
             moment,
@@ -308,6 +314,7 @@ def uncertainty(result: WindowSearchResult, camera: Camera, terms: Floats, year:
     _, slope = project_with_jacobian(camera, vectors @ estimate.attitude.matrix.T)
     rows = (slope * weight[:, None, None]).reshape(-1, len(PARAMETERS))
     to_rotation = as_rotation(camera)
+    # weighted as the pointing itself was
     taken = np.linalg.lstsq(rows[:, :3], rows[:, 3:], rcond=None)[0]  # the turn that hides an error of a term
     lens = to_rotation[:, 3:] - to_rotation[:, :3] @ taken
     covariance = estimate.attitude.covariance
