@@ -92,7 +92,7 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {  # as they are stored, and th
     "quads": ("|u1", (12,)),
 }
 SCATTERED = ("cells", "codes", "sizes", "quads", "stars")  # arrays that a search reads here and there
-AHEAD_BITS = 14  # of the bytes that are announced together
+AHEAD_BITS = 14  # 16 kB are announced together
 HEADER_BYTES = 128  # of an ``.npy`` file; what it tells is known from the volume's facts
 UNIT = 1e-5  # how far from one the square of a stored unit vector may be
 MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds

@@ -43,7 +43,7 @@ from kochab.identification.index import (
 from kochab.identification.index_sort import QuadSort
 from kochab.identification.quads import canonical, planar
 
-PARTS = 16  # a power of two
+PARTS = 16  # of the 2^64 marks, evenly: a power of two
 STARS_AT_ONCE = 1 << 15  # a cancelled build ends within about a second
 SETS_AT_ONCE = 1 << 16  # what is known of a quad while it is encoded takes a kilobyte
 COMPACT = 0.95  # quads of poor sky larger than this share of a field seldom lie in a frame

@@ -46,7 +46,7 @@ def unpacked(data: bytes | bytearray) -> Arrays | None:
         return dict(arrays)
 
 
-TABLE_FORMAT = 3
+TABLE_FORMAT = 3  # raised when what a table holds changes: no older one is read then
 ENDING = ".table"
 WORTH_S = 0.2  # what takes no longer to make is not kept
 MOST_BYTES = 600_000_000  # the oldest tables go when there are more

@@ -32,7 +32,7 @@ from kochab.identification.predictional_estimate import differential
 TERMS = PARAMETERS[3:]
 MEMORY_FRAMES = 400  # older frames fade, as the lens cools and errors are not all random
 LEAST_CHANCE = 1e-6  # a frame this unlikely contradicts
-NOTICED_PX = 0.5  # and it has to matter
+NOTICED_PX = 0.5  # and it must move the stars by so much (RMS) to matter
 FOCAL_FLOOR, CENTRE_FLOOR_PX = 1e-4, 0.3  # what refraction and temperature may do unnoticed
 KNOWN_SCALE = 1.01
 

@@ -163,10 +163,10 @@ def _apart(xy: Floats, distance_px: float) -> Bools:
 # refined.
 #
 # How likely is it that chance alone agrees as well? A window's find that is not its star may be
-# anywhere in the window. So with n finds, m of them within r of one rotation of the prediction, the
-# bound is the binomial tail for p = 1 - exp(-pi r^2 / window's area), times the radii tried, times
-# the room of the three angles that were fitted to the same finds. Each look at the prediction is a
-# candidate. How dense the stars are elsewhere does not matter here: each window has one star.
+# anywhere in the window. So the bound is that of an agreement in :mod:`kochab.identification.verification`
+# where the stars are one to a window's area, and the three angles fitted to the finds moved them by half
+# a window at most. Each look at the prediction is a candidate. How dense the stars are elsewhere does
+# not matter here: each window has one star.
 
 FEWEST = 4
 LEAST_SHARE = 0.5  # of the finds that must agree
