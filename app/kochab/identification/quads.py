@@ -200,6 +200,7 @@ def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
         low = np.maximum(low, ask.focal[codes.quad] / SUPPOSED)
         high = np.minimum(high, ask.focal[codes.quad] * SUPPOSED)
     size = np.stack([length_px / high * 0.97, length_px / low * 1.03], axis=1)
+    # codes are in units of the base: the longer it is, the less a pixel matters
     tolerance = ask.noise_px / np.maximum(length_px, 1e-9) + ask.slack
     query, entry = volume.lookup(codes.code, tolerance, size)
     stars = volume.members(entry)

@@ -189,6 +189,7 @@ def _searches(
     if len(detections) >= FEWEST_TO_TRY:
         yield _identify(detections, options, hint, year, clock)
         if hint is not None and options.blind_after_hint:
+            # place and scale are let go together
             yield _identify(detections, options, None, year, clock)
     if options.method == DEFAULT_METHOD:
         yield _identify_few(detections, options, year, clock)
@@ -202,6 +203,7 @@ def _identify_few(
     yield Progress("identify", 0.7)
     with clock.stage("identify"):
         found = identify_few(detections, options.hint, _catalogue(), year)
+    # as one that tried nothing, so that the refusal of the search before stands
     return found or NoSolution(Reason.NO_PATTERN_AGREED, "", "nothing")
 
 
