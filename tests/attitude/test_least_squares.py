@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from kochab.attitude import fit as fitting
 from kochab.attitude import least_squares, small_rotation
@@ -191,10 +192,14 @@ def by_hand(camera, found, names, weight):
     return step, square, np.linalg.inv(slopes @ slopes.T)
 
 
+def student_variance(freedom):
+    return float(t.stats(freedom, moments="v"))
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("stars", [2, 3, 4, 5])
 def test_a_few_stars_of_different_errors_give_the_textbooks_answer_and_covariance(stars, mirrored) -> None:
-    """Weights by the errors' ratios; the level from the residuals, over the numbers less the parameters."""
+    """Weights by the errors' ratios; the level from the residuals, over the numbers less the parameters: Student's."""
     camera = replace(CAMERA, mirrored=mirrored)
     rng = np.random.default_rng(11)
     xy = rng.uniform(100.0, [2900.0, 1900.0], (stars, 2))
@@ -210,7 +215,8 @@ def test_a_few_stars_of_different_errors_give_the_textbooks_answer_and_covarianc
     np.testing.assert_allclose(fit.attitude.matrix, matrix, atol=1e-8)
     np.testing.assert_allclose(fit.residuals_px, found.xy - after.project(found.vectors @ matrix.T), atol=1e-4)
     assert fit.inliers.all()
-    variance = square / (2 * stars - len(names))
+    freedom = 2 * stars - len(names)
+    variance = square / freedom * student_variance(max(freedom, 3))
     np.testing.assert_allclose(fit.attitude.covariance, variance * inverse[:3, :3], rtol=2e-3, atol=1e-12)
     assert fit.rms_px == pytest.approx(np.sqrt(np.mean(np.sum(fit.residuals_px**2, axis=1))))
 
@@ -491,6 +497,7 @@ def stated(xy, noise, inliers=None):
     kept = np.tile(every, 2)
     design, left = jacobian[free].reshape(4, -1).T[kept], residual.ravel()[kept]
     plain = left @ left / (len(left) - 4.0) * np.linalg.inv(design.T @ design)[:3, :3]
+    plain *= student_variance(len(left) - 4.0)
     return fitting._covariance(state, free, 0.02), plain, design, left
 
 

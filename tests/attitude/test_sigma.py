@@ -41,6 +41,13 @@ def test_pure_noise_is_within_one_sigma_in_68_of_100():
     assert np.mean(errors < 1.96) == pytest.approx(0.95, abs=0.025)
 
 
+@pytest.mark.parametrize("count", [4, 5, 7])
+def test_few_stars_are_as_honest_as_many(count):
+    """Four residuals more than parameters: by their own level 88 of 100 were within 1.96 sigma."""
+    errors = np.abs(scaled_errors(np.random.default_rng(6), 1000, count=count, noise_px=0.3))
+    assert np.mean(errors < 1.96) == pytest.approx(0.95, abs=0.02)
+
+
 def test_an_axis_beside_the_middle_that_no_star_shows_is_counted():
     """60 stars at 20 deg, the axis off by 1 % of the side as real ones are: 46 and 69 % were within the sigmas."""
     rng, found = np.random.default_rng(5), []

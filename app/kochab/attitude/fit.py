@@ -332,9 +332,11 @@ def _covariance(state: FitState, free: Indices, floor_px: float, beside: float =
     short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
     freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
+    # Few residuals tell their own level badly: errors over it follow Student's law, of this variance.
+    student = 1.0 + 2.0 / max(freedom - 2.0, 1.0)
     fitted = normal.only(free)
     to_rotation = as_rotation(state.camera)[:, free]
-    spread = to_rotation @ fitted.inverse() @ to_rotation.T * (wider * max(variance, floor_px**2))
+    spread = to_rotation @ fitted.inverse() @ to_rotation.T * (wider * max(student * variance, floor_px**2))
     excess = _excess_of_blocks(state, fitted, flat, to_rotation, np.diag(spread))
     tilt = _tilt(state, free, flat, normal, variance, beside * max(state.camera.width, state.camera.height))
     return np.asarray(spread * np.sqrt(excess[:, None] * excess) + tilt @ tilt.T)
