@@ -9,10 +9,12 @@ import pytest
 from kochab.core.attitude import attitude_from, separation_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
+from kochab.core.progress import run
+from kochab.core.solution import Solution
 from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
 from kochab.solver.few_stars import identify_few
-from kochab.solver.pipeline import merged_hint, with_field, year_of
+from kochab.solver.pipeline import merged_hint, solve_detections, with_field, year_of
 
 from .fields import YEAR, photograph
 
@@ -78,6 +80,17 @@ def test_a_scale_or_place_that_is_wrong_finds_nothing() -> None:
     assert few(hint=scale_hint(1.05, 1.2)) is None
     assert few(hint=scale_hint(0.8, 0.95)) is None
     assert few(hint=scale_hint(0.97, 1.03, centre_deg=(264.0, 0.0, 5.0))) is None
+
+
+def test_a_wrong_place_does_not_cost_a_right_scale() -> None:
+    """Six stars are too few to be found without the scale."""
+    field = photograph(FEW, POINTING, 6, 0.2)
+    hint = scale_hint(0.99, 1.01, centre_deg=(264.0, 0.0, 5.0))
+    found = run(solve_detections(field.detections, SolveOptions(hint=hint)))
+    assert isinstance(found, Solution)
+    assert separation_deg(found.attitude.boresight, POINTING.boresight) < 0.01
+    told = run(solve_detections(field.detections, SolveOptions(hint=replace(hint, centre_deg=None))))
+    assert found.log10_false_alarm == pytest.approx(told.log10_false_alarm + np.log10(2.0))
 
 
 def test_a_star_that_is_not_there_forbids_the_match() -> None:

@@ -221,10 +221,35 @@ def test_aberration_is_taken_out_on_request(identifier) -> None:
     assert [s.ra_deg for s in seen.stars] == [s.ra_deg for s in geometric.stars]
 
 
-def test_aberration_without_a_time_is_a_warning(identifier) -> None:
-    options = replace(OPTIONS, aberration=True)
+def test_aberration_leaves_the_weights_of_the_stars(identifier) -> None:
+    """Faint stars weighed as much as bright ones once it was corrected: 0.9 arcsec beside the place."""
+    from kochab.sky.apparent import with_aberration
+
+    seen = identifier.field.detections
+    snr = np.geomspace(300.0, 3.0, len(seen))
+    xy = seen.xy + np.random.default_rng(1).normal(size=seen.xy.shape) * (2.0 / snr)[:, None]
+    seen = replace(seen, xy=xy, snr=snr, fwhm_px=np.full(len(seen), 4.0))
+    plain, geometric = (
+        run(solve_detections(seen, replace(OPTIONS, hint=SCALE, aberration=corrected))) for corrected in (False, True)
+    )
+    expected = with_aberration(plain.centre_vector[None], SCALE.time_utc)[0]
+    assert np.linalg.norm(expected - geometric.centre_vector) * 206264.8 < 0.1
+    assert geometric.attitude.sigma_arcsec == pytest.approx(plain.attitude.sigma_arcsec, rel=0.03)
+
+
+@pytest.mark.parametrize("hint", [None, replace(SCALE, time_of_file=True)])
+def test_aberration_without_a_time_is_a_warning(identifier, hint) -> None:
+    options = replace(OPTIONS, hint=hint, aberration=True)
     result = run(solve_detections(identifier.field.detections, options))
     assert "has no date" in result.warnings[0]
+
+
+def test_when_a_file_was_written_is_no_date_of_its_frame(identifier) -> None:
+    dated, undated = (
+        run(solve_detections(identifier.field.detections, replace(OPTIONS, hint=replace(SCALE, time_of_file=of_file))))
+        for of_file in (False, True)
+    )
+    assert np.all(np.diag(undated.attitude.covariance)[:2] > np.diag(dated.attitude.covariance)[:2])
 
 
 def test_the_frames_warnings_stay_with_the_answer(identifier) -> None:

@@ -145,24 +145,33 @@ def extend(
         step = max(1, len(matches) // ENOUGH_TO_GROW)  # enough, bright and faint, to place the others
         few = matches.take(slice(None, None, step))
         fit = refine(few, fit.camera, fit.attitude, sigma[few.detection], distortion=distortion, rounds=1)
-    catalogue_px = fit.camera.focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
-    # where no search held, the identified stars count alike
-    matched_sigma = np.hypot(sigma[matches.detection], catalogue_px) if matches is not found.matches else None
+    errors, floor_px = match_errors(sigma, matches, fit.camera.focal_px, catalogue, year)
     last = partial(
         refine,
         matches,
         fit.camera,
         fit.attitude,
-        matched_sigma,
+        errors if matches is not found.matches else None,  # where no search held, the identified stars count alike
         focal=focal,
         worst_px=worst_px,
-        floor_px=float(np.median(catalogue_px)),
+        floor_px=floor_px,
         beside=AXIS_BESIDE,
     )
     fit = last(distortion=distortion)
     if not fit.rms_px <= LARGEST_TOLERANCE_PX:  # farther than any match was taken from: it ran away
         fit = min(last(distortion=False), fit, key=lambda f: f.rms_px)
     return _inliers(matches, fit)
+
+
+def match_errors(
+    sigma_px: Floats, matches: Matches, focal_px: float, catalogue: StarCatalogue, year: float
+) -> tuple[Floats, float]:
+    """Errors (M,) of matches, px a coordinate, and what their fit is no better than.
+
+    ``sigma_px`` (N,) are those of the detections; the catalogue's at the Julian ``year`` come on top.
+    """
+    catalogue_px = focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
+    return np.hypot(sigma_px[matches.detection], catalogue_px), float(np.median(catalogue_px))
 
 
 POOR_FIT = 0.0015

@@ -69,7 +69,7 @@ def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms:
         # stars of a sharp lens may be single pixels, which the detector takes for hot ones
         points = single_pixels(frame, detector)
         if len(points) >= FEWEST_STARS:
-            second = yield from _solve(points, replace(options, hint=hint), clock, frame)
+            second = yield from _solve(points, replace(options, hint=hint), clock, frame, lists=2)
             if isinstance(second, Solution):
                 detections, result = points, second
     _log(result)
@@ -132,8 +132,9 @@ def year_of(moment: datetime | None) -> float:
 
 
 def _solve(
-    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None
+    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None, lists: int = 1
 ) -> Task[Solution | NoSolution]:
+    """Identify ``detections``; ``lists`` counts the lists of the same frame tried so far, this one included."""
     from kochab.identification import IDENTIFIERS
 
     # a wrong name is told before the search, not after it
@@ -150,7 +151,7 @@ def _solve(
             searches += isinstance(found, Identification) or found.searched
             if isinstance(found, Identification):
                 # each search may be lucky: the second's bound is that of two
-                alarm = min(0.0, found.log10_false_alarm + math.log10(searches))
+                alarm = min(0.0, found.log10_false_alarm + math.log10(lists * searches))
                 if alarm <= ACCEPT_LOG10:
                     yield Progress("attitude", 0.8)
                     return _finished(detections, replace(found, log10_false_alarm=alarm), year, options, clock, frame)
@@ -189,7 +190,11 @@ def _searches(
     if len(detections) >= FEWEST_TO_TRY:
         yield _identify(detections, options, hint, year, clock)
         if hint is not None and options.blind_after_hint:
-            # place and scale are let go together
+            from kochab.identification.patterns import MOST_FOR_TRIANGLES
+
+            # A few stars name themselves where the scale is right, however wrong the place is.
+            if hint.centre_deg and hint.scale_arcsec_px and len(detections) <= MOST_FOR_TRIANGLES:
+                yield _identify(detections, options, replace(hint, centre_deg=None), year, clock)
             yield _identify(detections, options, None, year, clock)
     if options.method == DEFAULT_METHOD:
         yield _identify_few(detections, options, year, clock)
@@ -229,7 +234,14 @@ def _identify(
 def _conclude(
     detections: Detections, found: Identification, year: float, options: SolveOptions
 ) -> Solution | NoSolution:
-    from kochab.solver.matches import centroid_sigma, extend, stretch, with_catalogue_error, with_unknown_date
+    from kochab.solver.matches import (
+        centroid_sigma,
+        extend,
+        match_errors,
+        stretch,
+        with_catalogue_error,
+        with_unknown_date,
+    )
 
     catalogue = _catalogue()
     usable = detections.take(slice(0, options.max_stars))
@@ -254,24 +266,31 @@ def _conclude(
     seen = matches
     warnings: tuple[str, ...] = ()
     if options.aberration:
-        moment = options.hint.time_utc if options.hint else None
+        moment = options.hint.taken_utc if options.hint else None
         if moment is None:
             warnings = (tr("Aberration is not corrected: the frame has no date."),)
         else:
-            seen, fit = geometric_fit(matches, fit, moment, focal, options.worst_px)
+            errors = match_errors(centroid_sigma(usable), matches, fit.camera.focal_px, catalogue, year)
+            seen, fit = geometric_fit(matches, fit, moment, *errors, focal, options.worst_px)
     if options.attitude is not None:
         sigma = centroid_sigma(usable)[seen.detection]
         fit, doubt = with_estimate(seen, fit, options.attitude, sigma, options.attitude_options)
         warnings += (doubt,) if doubt else ()
     attitude = with_catalogue_error(fit.attitude, year)
-    if options.hint is None or options.hint.time_utc is None:
+    if options.hint is None or options.hint.taken_utc is None:
         attitude = with_unknown_date(attitude, matches, catalogue.vectors(matches.star, year + UNKNOWN_YEAR_SIGMA))
     fit = replace(fit, attitude=attitude)
     return replace(build_solution(matches, fit, found, catalogue), warnings=warnings)
 
 
 def geometric_fit(
-    matches: Matches, fit: Fit, moment: datetime, focal: FocalPrior | None = None, worst_px: float | None = None
+    matches: Matches,
+    fit: Fit,
+    moment: datetime,
+    sigma_px: Floats,
+    floor_px: float,
+    focal: FocalPrior | None = None,
+    worst_px: float | None = None,
 ) -> tuple[Matches, Fit]:
     """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
 
@@ -281,9 +300,9 @@ def geometric_fit(
     from kochab.sky.apparent import with_aberration
 
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
-    again = partial(refine, seen, fit.camera, fit.attitude, focal=focal, worst_px=worst_px, beside=AXIS_BESIDE)
+    again = partial(refine, seen, fit.camera, fit.attitude, sigma_px, focal=focal, worst_px=worst_px)
     # beyond the rotation and the focal length only a frame that had terms may have some again
-    return seen, again(distortion=bool(fit.terms[4:]))
+    return seen, again(distortion=bool(fit.terms[4:]), floor_px=floor_px, beside=AXIS_BESIDE)
 
 
 def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue: StarCatalogue) -> Solution:
@@ -333,9 +352,9 @@ def with_doubts(
     if not isinstance(result, Solution):
         return result
     given = with_field(options, result.camera.width)
-    doubts = contradictions(result, given, "given")
+    doubts = contradictions(result, given, tr("given"))
     if options.hint is not None and given is not options.hint:  # the field replaced its scale
-        doubts += _scale_doubt(result, options.hint, "given")
+        doubts += _scale_doubt(result, options.hint, tr("given"))
     if options.use_header:
         doubts += contradictions(result, header, tr("in the header"))
     return replace(result, warnings=(*result.warnings, *doubts))
