@@ -80,6 +80,16 @@ def test_what_is_read_next_is_announced_once_and_within_the_file():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such advice")
+def test_a_system_that_takes_no_advice_is_searched_all_the_same():
+    class Refusing(Mapped):
+        def madvise(self, advice, begin=0, length=0):
+            if begin % (1 << 16):  # as Linux does with pages of 64 kB
+                raise OSError(22, "Invalid argument")
+
+    index.ReadAhead(Refusing(1 << 20), 12).tell(np.array([3 * (1 << index.AHEAD_BITS) // 12]))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such advice")
 def test_a_search_announces_what_it_reads(toy_volume):
     told = {name: Mapped(1 << 30) for name in index.SCATTERED}
     ahead = {name: index.ReadAhead(mapped, getattr(toy_volume, name).strides[0]) for name, mapped in told.items()}

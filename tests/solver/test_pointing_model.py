@@ -85,6 +85,8 @@ def test_three_sightings_no_site_and_a_far_shift_are_refused() -> None:
         fit_model(seen[:3])
     with pytest.raises(RefusedError, match="needs the site"):
         fit_model([replace(one, site=None) for one in seen])
+    with pytest.raises(RefusedError, match="needs the site"):
+        fit_model([replace(seen[0], site=None), *seen[1:]])
     model = fit_model(seen)
     far = replace(model, terms_deg=(0.0, 6.0, 0.0, 0.0, 0.0))
     with pytest.raises(RefusedError, match="shift this goto by 6"):

@@ -14,6 +14,7 @@ import json
 import math
 import mmap
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -190,8 +191,9 @@ class ReadAhead:
         # madvise wants beginnings of pages, which have 4 kB, or 16: a part is 16
         edges = np.diff(new, prepend=False, append=False).nonzero()[0] << AHEAD_BITS
         edges = np.minimum(edges, len(self._mapped)).reshape(-1, 2)
-        for begin, end in edges.tolist():  # neighbours in one call
-            self._mapped.madvise(mmap.MADV_WILLNEED, begin, end - begin)
+        with suppress(OSError):  # pages of 64 kB need not begin here; it is advice only
+            for begin, end in edges.tolist():  # neighbours in one call
+                self._mapped.madvise(mmap.MADV_WILLNEED, begin, end - begin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

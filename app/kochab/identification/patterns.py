@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from kochab.core import tr, tr_n
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -338,8 +339,8 @@ class Patterns:
         if len(search.xy) < FEWEST:
             return NoSolution(
                 Reason.TOO_FEW_STARS,
-                "Expose longer or point at a richer part of the sky.",
-                f"{len(search.xy)} stars",
+                tr("Expose longer or point at a richer part of the sky."),
+                tr_n("{n} star", "{n} stars", len(search.xy)),
                 len(detections),
             )
         if known and len(search.xy) <= COMPLETE:
@@ -362,8 +363,8 @@ class Patterns:
     def _none(self, search: Search, detections: Detections) -> NoSolution:
         return NoSolution(
             Reason.NO_PATTERN_AGREED,
-            "Check that the frame shows stars in focus.",
-            f"{search.before + search.tried} pointings from {search.asked} star patterns",
+            tr("Check that the frame shows stars in focus."),
+            tr("{n} pointings from {m} star patterns", n=search.before + search.tried, m=search.asked),
             len(detections),
             measured={"pointings": search.before + search.tried, "log10_false_alarm": search.least},
         )

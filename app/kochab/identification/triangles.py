@@ -287,7 +287,7 @@ class KnownSearch:
         """
         # a share of sin(angle) / 2 of them per rad, and they may be off by growth and r / f either way
         pairs = 2.0 * len(self.table.rows) ** 2 * math.sin(self.angles.angle[b][c])
-        return pairs * self.angles.growth[b][c], pairs / self.angles.focal
+        return pairs * abs(self.angles.growth[b][c]), pairs / self.angles.focal
 
     def _count(self, triangle: Corners) -> None:
         """Count the pointings that the longest side proposes, once."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import tr
+from kochab.core import tr, tr_n
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
@@ -129,16 +129,12 @@ def _findings(case: Evidence) -> Iterator[Finding]:
     yield from _field(case)
     clear = int(np.count_nonzero(_clear(case.detections)))
     if clear < FEWEST_STARS:
-        found = tr("stars found") if clear == len(case.detections) else tr("stars stand out of the noise")
-        yield (
-            Reason.TOO_FEW_STARS,
-            tr(
-                "Only {clear} {found}, {fewest} or more are needed: expose longer or use a wider field.",
-                clear=clear,
-                found=found,
-                fewest=FEWEST_STARS,
-            ),
-        )
+        if clear == len(case.detections):
+            found = tr_n("Only {n} star found", "Only {n} stars found", clear)
+        else:
+            found = tr_n("Only {n} star stands out of the noise", "Only {n} stars stand out of the noise", clear)
+        needed = tr("{found}, {fewest} or more are needed: expose longer or use a wider field.")
+        yield Reason.TOO_FEW_STARS, needed.format(found=found, fewest=FEWEST_STARS)
 
 
 def _no_stars(case: Evidence) -> Iterator[Finding]:

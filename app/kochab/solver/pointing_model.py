@@ -137,7 +137,7 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
             sightings=len(sightings),
         )
     site = sightings[-1].site
-    if site is None:
+    if site is None or any(sighting.site is None for sighting in sightings):
         raise RefusedError("A pointing model needs the site: set it first.")
     alt_azimuth = bool(sightings[-1].alt_azimuth)
     terms, left, seen = _fitted(sightings, alt_azimuth)
