@@ -60,6 +60,7 @@ class Background(QObject):
             self._share = share
             when, first = self._began
             text = tr("Building the small-field index: {share:.0f} %", share=100 * share)
+            # The speed of a smaller part tells nothing of the rest.
             if share - first > 0.05:
                 left = (monotonic() - when) * (1 - share) / (share - first)
                 text = tr(
@@ -159,12 +160,13 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     assert isinstance(app, QApplication)
     app.setApplicationName("Kochab")
     app.setDesktopFileName("kochab")
+    # Before use_language, which takes over how numbers are read.
     use_plain_numerals()
     settings = WindowSettings()
     use_language(app, language or settings.text("language", ""))
     engine = whole_engine()
     window, commands = build(engine, settings, wiring=wiring)
-    garbage = Garbage()
+    garbage = Garbage()  # it has no parent: this name keeps it
     background = Background(window, engine)
     window.show()
     if paths:

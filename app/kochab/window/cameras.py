@@ -169,6 +169,7 @@ class CameraBox(QWidget):
         if at < 0:
             return
         other = at != self.source.currentIndex()
+        # A choice made elsewhere must not be told as one made here, which would also clear the address.
         with QSignalBlocker(self.source):
             self.source.setCurrentIndex(at)
         self.address.setText(selection.address)
@@ -233,6 +234,7 @@ class CameraBox(QWidget):
             self._emit()
 
     def _emit(self) -> None:
+        # Without an address there is nothing to use yet; with at_once the choice may be no camera.
         if self._at_once or self.address.text().strip():
             self.chosen.emit(self.selection)
 
@@ -247,7 +249,7 @@ class CameraBox(QWidget):
         listed = self.kind not in UNLISTED
         self.found.setVisible(listed)
         self.look.setVisible(listed)
-        self.exposure.setEnabled(listed)
+        self.exposure.setEnabled(listed)  # a folder's frames are exposed by another program
         self._show_status()
 
     def _show_status(self) -> None:

@@ -16,6 +16,7 @@ def trouble() -> str | None:
         return None
     if not _has_display():
         return f"No display found. {INSTEAD}"
+    # Only the X11 plugin needs the libraries that are tried below.
     if os.environ.get("WAYLAND_DISPLAY") or (os.environ.get("QT_QPA_PLATFORM") or "xcb") != "xcb":
         return None
     try:
@@ -60,6 +61,7 @@ def _answers() -> bool:
     except OSError:
         return True  # the plugin has loaded, so Qt brings its own
     xcb.xcb_connect.restype = ctypes.c_void_p
+    # xcb_connect never returns null: the connection itself knows whether it failed.
     connection = ctypes.c_void_p(xcb.xcb_connect(None, None))
     failed = xcb.xcb_connection_has_error(connection)
     xcb.xcb_disconnect(connection)

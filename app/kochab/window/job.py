@@ -13,7 +13,7 @@ from kochab.core.progress import Task
 
 log = logging.getLogger("kochab")
 REPORT_EVERY_S = 0.03  # more often than this nobody can read it
-JOIN_S = 5.0
+JOIN_S = 5.0  # for each job, while the window closes
 
 
 class Job(QObject):
@@ -37,7 +37,9 @@ class Job(QObject):
         self._task = task
         self._stop = threading.Event()
         self._muted = self._delivered = False
+        # A daemon: a task that hangs in a device or a library must not keep the process alive after the window.
         self._thread = threading.Thread(target=self._drive, name=f"kochab-{name}", daemon=True)
+        # One queued signal for all kinds, so that they arrive in the order in which the thread sent them.
         self._sent.connect(self._deliver, Qt.ConnectionType.QueuedConnection)
 
     def start(self) -> None:
@@ -88,6 +90,7 @@ class Job(QObject):
                     last = now
                     self._send("progressed", progress)
             self._task.close()
+        # A failure with a sentence for a person: its traceback is for the log's details alone.
         except KochabError as error:
             log.debug("%s failed", self.name, exc_info=True)
             return "failed", str(error)
@@ -109,10 +112,12 @@ class Job(QObject):
 
     def _deliver(self, kind: str, value: tuple[Any, ...]) -> None:
         self._delivered |= kind == "finished"
+        # Progress that was queued before a cancel would be shown after it.
         if not self._muted and not (kind == "progressed" and self._stop.is_set()):
             getattr(self, kind).emit(*value)
 
 
+# Holds a started job until its last signal is delivered: a collected one would be deleted under its own thread.
 _RUNNING: list[Job] = []
 
 
@@ -140,6 +145,7 @@ class Jobs(QObject):
         return job
 
     def _close(self) -> None:
+        # First of all, since the joins below may take seconds.
         self.closing.emit()  # a view may want to stop a mount first
         for job in self._jobs:
             job.abandon()

@@ -142,6 +142,7 @@ class Session(QObject):
         for kind in list(self._running):
             self._drop(kind)
         self.streams = False
+        # A new object, not a cleared one: what comes late compares it by identity.
         self.known = Known(**known)
 
     def solve(self, options: SolveOptions | None = None) -> None:
@@ -183,6 +184,7 @@ class Session(QObject):
         known.frame, known.result = frame, result
         if isinstance(result, Solution):
             known.last_good, known.last_good_from = result, known.name
+        # No `solved` here, with up to 30 frames a second: LiveDisplay tells of a solution once a second.
         self.streamed.emit(picture)
 
     def cancel(self) -> None:

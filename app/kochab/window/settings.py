@@ -34,6 +34,7 @@ class WindowSettings:
 
     def flag(self, name: str, default: bool) -> bool:
         value = self._value(name, default)
+        # A bool read back from the INI file is text.
         return value if isinstance(value, bool) else str(value).lower() in ("true", "1", "yes")
 
     def text(self, name: str, default: str) -> str:
@@ -90,6 +91,7 @@ class WindowSettings:
     def recent(self) -> list[Path]:
         """Files opened of late, newest first."""
         value = self._value("recent", [])
+        # QSettings reads a list of one back as its only item.
         names = value if isinstance(value, list) else [value]
         return [Path(n) for n in names if isinstance(n, str) and n][:MOST_RECENT]
 

@@ -154,8 +154,10 @@ def narrow_box(name: str, letters: int, choices: Iterable[str] | Mapping[str, ob
 
 def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:
     """A push button; ``text`` carries its mnemonic."""
+    # As an auto-default button Enter in any field of a dialog would press it.
     made = named(QPushButton(text, autoDefault=False), "", tip)
     made.setProperty("role", role or None)  # None is no property
+    # `clicked` hands over its checked state, which `pressed` does not take.
     made.clicked.connect(lambda: pressed())
     return made
 
@@ -216,7 +218,7 @@ def clear_layout(layout: QLayout) -> None:
     """Remove every widget of ``layout``."""
     while (item := layout.takeAt(0)) is not None:
         if (old := item.widget()) is not None:
-            old.hide()
+            old.hide()  # deleteLater waits for the event loop; until then it would still be seen
             old.deleteLater()
 
 
@@ -304,6 +306,7 @@ def fixed_font_family() -> str:
 def set_property(widget: QWidget, name: str, value: object) -> None:
     """Change what the style sheet selects by, and style ``widget`` anew."""
     widget.setProperty(name, value)
+    # Qt compares a widget with the style sheet's selectors only when it is polished.
     widget.style().unpolish(widget)
     widget.style().polish(widget)
 

@@ -35,6 +35,7 @@ class Scale(pg.AxisItem):
 
     def logTickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         shown = [10.0**value * scale for value in values]
+        # By the first digit in scientific notation.
         return [number(v, "g") if f"{v:e}"[0] in "125" else "" for v in shown]
 
 
@@ -131,6 +132,7 @@ class LinePlot(pg.PlotWidget):
         sigma = np.asarray(one.sigma[: len(y)], dtype=np.float64)
         ends = np.stack([y - sigma, y, y + sigma])
         if self._axes["left"].log:
+            # A bar that reaches zero or less, which has no logarithm, ends two decades below its point.
             ends = np.log10(np.maximum(ends, y / 100.0))
         across = np.log10(x) if self._axes["bottom"].log else x
         low, middle, high = ends

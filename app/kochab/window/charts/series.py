@@ -9,6 +9,7 @@ from kochab.window.themes import THEMES, Colours
 
 ON_DARK = ("#56b4f9", "#f0b440", "#5fd39a", "#ff8a7a", "#c79bf2", "#9aa7b8", "#e7e36a", "#ff7ab0")
 ON_LIGHT = ("#0a63b0", "#a86200", "#17703f", "#b3261e", "#6a3fb5", "#515b69", "#7a7400", "#b0266f")
+# Red light leaves two shades to tell apart; dashes and markers tell the lines.
 ON_RED = ("#ff0000", "#d00000", "#ff0000", "#d00000")
 DASHES: tuple[tuple[float, ...], ...] = ((), (6, 3), (2, 2), (8, 3, 2, 3))
 MARKERS = ("o", "s", "t1", "p", "d", "t")  # as the plotting library calls them

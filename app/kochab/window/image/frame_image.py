@@ -88,6 +88,7 @@ def prepare(frame: Frame) -> Task[FrameImage]:
         colour = yield from _pyramid(whole)
     elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
         colour = yield from _from_mosaic(frame, base)
+    # A mosaic's sky is that of its mean colour.
     auto, low, high = automatic(mono[min(1, len(mono) - 1)] if frame.bayer else base)
     yield Progress("display", 0.9)
     counts = histogram(sampled(base, SAMPLE), low, high)
@@ -135,7 +136,9 @@ def storable(pixels: Array) -> Task[Array]:
     if not sample.size:
         sample = np.zeros(1)
     median = float(np.median(sample))
+    # The median deviation of normal noise is sigma / 1.4826; it is 0 where half of the values are alike.
     sigma = 1.4826 * float(np.median(np.abs(sample - median))) or float(sample.std()) or 1.0
+    # A few outliers must not leave the sky a handful of the 65,536 levels.
     low = max(float(sample.min()), median - 20.0 * sigma)
     high = min(float(sample.max()), median + 2000.0 * sigma)
     factor = 65535.0 / max(high - low, 1e-30)
@@ -165,6 +168,7 @@ def _halve(a: Array) -> Task[Array]:
 def halved(a: Array) -> Array:
     """Means of 2 x 2 pixels of (H, W, ...), uint8 or uint16; a last odd row or column is dropped."""
     high, wide = a.shape[0] // 2 * 2, a.shape[1] // 2 * 2
+    # The sum of four needs two bits more.
     kind = np.uint16 if a.dtype == np.uint8 else np.uint32
     rows = np.add(a[0:high:2, :wide], a[1:high:2, :wide], dtype=kind)
     total = rows[:, 0::2] + rows[:, 1::2]

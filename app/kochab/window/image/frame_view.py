@@ -83,6 +83,7 @@ class FrameView(QWidget):
             self._look(self.viewport.fitted(picture.width, picture.height))
 
     def actual_pixels(self, at: QPointF | None = None) -> None:
+        # To pixels of the screen, not to Qt's logical ones.
         self._zoom(1.0 / self.devicePixelRatioF() / self.viewport.scale, at)
 
     def zoom_in(self) -> None:
@@ -170,6 +171,7 @@ class FrameView(QWidget):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         if self._pressed is not None and not self._dragged and self.picture is not None:
             x, y = self.viewport.to_image(event.position().x(), event.position().y())
+            # The reach is 14 px of the screen at any zoom.
             self.clicked.emit(x, y, 14.0 / self.viewport.scale)
         self._pressed = None
         self.unsetCursor()

@@ -37,7 +37,7 @@ from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.themes import THEMES, Colours, theme_colours, translucent
 
 DETECTED_PX, IDENTIFIED_PX = 4.5, 8.0  # radii
-MOST_CIRCLES = 4000
+MOST_CIRCLES = 4000  # the brightest
 CROWDED = 300  # from this many circles on they are drawn fainter and smaller
 HALO_PX = 3.0  # of the dark edge around a text
 ARROW_PX, AROUND_ARROW_PX = 32.0, 52.0
@@ -333,12 +333,13 @@ class Overlay:
         painter.setClipRect(edges)
         painter.translate(view.dx, view.dy)
         painter.scale(view.scale, view.scale)
+        # Pixel (0, 0) is the centre of the first pixel, half a pixel inside the image's corner.
         painter.translate(0.5, 0.5)
         for kind, path in self._paths.items():
             if self.layers.on[kind]:
                 dashes = Qt.PenStyle.DotLine if kind == DOTTED else Qt.PenStyle.SolidLine
                 pen = QPen(translucent(brush.ink(kind, LINES[kind][0]), self.layers.opaque(kind)), 1.1, dashes)
-                pen.setCosmetic(True)
+                pen.setCosmetic(True)  # its width is in px of the screen
                 painter.strokePath(path, pen)
         painter.restore()
 
@@ -378,6 +379,7 @@ class Overlay:
         if self.layers.on["altaz"] and (horizon := self.horizon()) is not None:
             wanted["altaz"] = horizon
         for kind, horizon in wanted.items():
+            # `show` forgets the grids of another solution, whose id Python may give to this one.
             key = view, id(solution), horizon
             if kind not in self._grids or self._grids[kind][0] != key:
                 self._grids[kind] = key, grid_lines(solution, *view.corners(), horizon)

@@ -12,7 +12,7 @@ from PySide6.QtGui import QImage
 from kochab.core.arrays import Array, Floats
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 
-SMALLEST, LARGEST = 1.0 / 64.0, 48.0
+SMALLEST, LARGEST = 1.0 / 64.0, 48.0  # px of the screen for one of the image
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +108,7 @@ def coloured(planes: Planes, stretch: ScreenStretch, span: tuple[float, float], 
     made = tables(planes[0].dtype, stretch, span, parts)
     first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(made, planes, strict=True))
     for other in others:
+        # Each light has a byte of its own, so that "or" adds them in place.
         first |= other
     return np.asarray(first)
 
@@ -121,6 +122,7 @@ def tables(
     made = []
     for number, (light, shift) in enumerate(parts):
         bright = stretch.table(levels, span[0] + shift, span[1] + shift).astype(np.uint32) * np.uint32(light)
+        # One of the tables makes the pixel opaque.
         made.append(bright + np.uint32(0 if number else OPAQUE))
     return tuple(made)
 
@@ -158,10 +160,12 @@ class ScreenImage:
         level = picture.level_for(viewport.scale * ratio)
         in_colour = self._colour and bool(picture.colour) and not self._red
         levels = picture.colour if in_colour else picture.mono
+        # The colours' pyramid may have fewer levels than the mono one.
         level = min(level, len(levels) - 1)
         source, b = levels[level], 2**level
         x0, y0, x1, y1 = viewport.corners()
         c0, r0 = max(0, int((x0 + 0.5) // b)), max(0, int((y0 + 0.5) // b))
+        # One more than the last whole pixel, which is seen in part.
         c1 = min(source.shape[1], int((x1 + 0.5) // b) + 2)
         r1 = min(source.shape[0], int((y1 + 0.5) // b) + 2)
         if c1 <= c0 or r1 <= r0:

@@ -162,6 +162,7 @@ class TrialTable(QTableWidget):
 
     def add(self, trial: Trial) -> None:
         self.trials.append(trial)
+        # A sorted table would move the new row while its cells are set.
         self.setSortingEnabled(False)
         row = self.rowCount()
         self.insertRow(row)
@@ -252,6 +253,7 @@ class Plots(Page):
         name = next(iter(self._stale))
         del self._stale[name]
         if name == TIME_CHART:
+            # A logarithmic axis has no zero.
             self.time.show_series(self._series("stars", lambda p: 1e3 * p.median_s or None))
         else:
             self.charts[name].show_series(self._series(name, self._height))

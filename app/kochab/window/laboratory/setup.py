@@ -127,6 +127,7 @@ class MethodsPanel(Page):
 
     def _show_kind(self) -> None:
         ticked = self._chosen[self.kind].ticked
+        # Else a tick that is shown would be kept as the person's before the rest of the list is there.
         with QSignalBlocker(self.list):
             self.list.clear()
             for name in REGISTRIES[self.kind]:

@@ -114,6 +114,7 @@ class LaboratoryView(Page):
     def _renew_plots(self) -> None:
         if self.plots.kind is self.methods.kind:
             return
+        # This does not delete the page.
         self.tabs.removeTab(1)
         self.plots.deleteLater()
         self.plots = Plots(self.methods.kind)

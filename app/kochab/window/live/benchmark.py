@@ -64,7 +64,7 @@ class GivenFrames(CameraSource):
         ended = self._begun + number / self._fps
         middle = timedelta(seconds=monotonic() - ended + self._exposure_s / 2.0)
         hint = Hint(exposure_s=self._exposure_s, time_utc=datetime.now(UTC) - middle)
-        period = 2 * (len(self._frames) - 1)
+        period = 2 * (len(self._frames) - 1)  # forth and back, each end once
         at = number % period
         pixels = self._frames[min(at, period - at)]
         return Frame(pixels, bayer=self._bayer, saturation=65535.0, hint=hint)

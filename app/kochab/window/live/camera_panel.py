@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 DEFAULT = tr_noop("default")
-UNSET = -1.0
+UNSET = -1.0  # 0 is a gain
 MOST = LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
 
 
@@ -74,6 +74,7 @@ class SettingFields(Page):
             field.setEnabled(name not in reasons)
             field.setToolTip(reasons.get(name, ""))
             field.setAccessibleDescription(reasons.get(name, ""))
+            # A lower maximum may change the value, which is no wish of the person.
             with QSignalBlocker(field):
                 field.setMaximum(limit[1] if limit else most)
         show_text(self.in_force, "" if limits is None else _in_force_text(in_force, reasons))

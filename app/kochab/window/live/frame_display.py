@@ -18,7 +18,7 @@ from kochab.workflows.live.capture import Mailbox
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.solve_frame import SolvedFrame
 
-WAIT_S = 0.1
+WAIT_S = 0.1  # for a frame, before the task sees whether it was cancelled
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +62,7 @@ class RenderQueue:
 
     def task(self) -> Task[None]:
         """Render frames until it is closed."""
+        # Made in this thread, which alone uses what it keeps from frame to frame.
         renderer = LiveRenderer()
         while not self._coming.closed:
             item = self._coming.take(WAIT_S)
@@ -75,7 +76,7 @@ class RenderQueue:
 
 SHORTEST_S = 0.030  # between two drawings: about 30 a second, with room for jitter
 SOLVED_EVERY_S = 1.0  # the panels beside the frame are slower than the frames
-RATE_OVER = 30
+RATE_OVER = 30  # drawings
 
 
 class LiveDisplay(QObject):
@@ -130,6 +131,7 @@ class LiveDisplay(QObject):
     @property
     def drawn_hz(self) -> float | None:
         """Frames drawn per second, over the last ones."""
+        # A rate from before a pause is none.
         if len(self.moments) < 2 or monotonic() - self.moments[-1] > 5.0:
             return None
         return (len(self.moments) - 1) / (self.moments[-1] - self.moments[0])
@@ -160,9 +162,11 @@ class LiveDisplay(QObject):
         ready = self.queue.take() if self.queue is not None else None
         if self.queue is None or ready is None:
             return
+        # No signal tells of this switch.
         if self.queue.settings.colour != self._in_colour:
             self._configure()
         self._drawn_s = monotonic()
+        # Of another size are the frames of another binning: whoever keeps pixels of the frame must hear of it.
         first = self.shown is None or self.shown.frame.pixels.shape != ready.frame.pixels.shape
         self.shown = ready
         session = self._services.session
@@ -171,6 +175,7 @@ class LiveDisplay(QObject):
             session.opened.emit(ready.frame)
             self._services.panes.strip.show_picture(ready.picture)
             self._configure()
+        # Painted within this call, so that the moment below is when the frame was on the screen.
         self._services.panes.view.repaint()
         now = monotonic()
         self.moments.append(now)

@@ -43,7 +43,7 @@ class SkyChart(PlotArea):
         return QSize(360, 186)
 
     def heightForWidth(self, width: int) -> int:
-        return min(width // 2 + MARGIN_PX, 300)
+        return min(width // 2 + MARGIN_PX, 300)  # the map is twice as wide as high
 
     def show_points(self, points: SkyPoints) -> None:
         """The stars to draw."""
@@ -59,7 +59,7 @@ class SkyChart(PlotArea):
         self.describe((known if old else here).format(ra=number(ra, ".1f"), dec=number(dec, "+.1f")))
         away = np.radians(wrapped(ra - self._centre_ra_deg))
         if first or abs(away) > FAR_RAD:
-            self._centre_ra_deg = round(ra / 15.0) * 15.0 % 360.0
+            self._centre_ra_deg = round(ra / 15.0) * 15.0 % 360.0  # a whole hour
             self._draw_sky()
         self.refill()
 

@@ -15,7 +15,7 @@ from kochab.window.image import frame_image
 from kochab.window.image.frame_image import BINS, ScreenStretch, sky_level, storable
 from kochab.window.image.screen_image import BLUE, GREEN, GREY, RED, Parts, Planes, RenderedFrame, coloured
 
-SMALLEST_PX = 200
+SMALLEST_PX = 200  # no side is binned below it
 
 
 def binned(stored: Array, scale: float, mosaic: bool = False) -> Array:
@@ -50,13 +50,14 @@ def _cells(mosaic: Array, pattern: str) -> tuple[Array, Array, Array]:
     for number, letter in enumerate(pattern):
         at[letter].append(mosaic[number // 2 : high : 2, number % 2 : wide : 2])
     first, second = at["G"]
+    # The mean of two in their own type, in which their sum would overflow.
     green = (first >> 1) + (second >> 1) + (first & second & 1)
     return at["R"][0], green, at["B"][0]
 
 
 STATISTICS_EVERY_S = 0.5
 SAMPLE = 100_000
-FULL_16 = 65535.0
+FULL_16 = 65535.0  # where floats are counts, not shares of full scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +114,7 @@ class LiveRenderer:
             parts = ((RED if settings.red else GREY, 0.0),)
         pixels = coloured(planes, settings.stretch or self._auto, self._range, parts)
         high, wide = pixels.shape
+        # QImage borrows the array, which RenderedFrame keeps.
         image = QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGB32)
         return RenderedFrame(frame.width, frame.height, image, self._auto, self._histogram, pixels)
 

@@ -30,6 +30,7 @@ def hammer(vectors: Floats, centre_ra_deg: float) -> Floats:
 
 def pieces(xy: Floats) -> list[Floats]:
     """A line (N, 2) on the map, cut where it leaves on one side and returns on the other."""
+    # Steps are short: one over a quarter of the map's width has crossed its edge.
     jumps = np.flatnonzero(np.abs(np.diff(xy[:, 0])) > 1.0) + 1
     return [part for part in np.split(xy, jumps) if len(part) > 1]
 
@@ -118,6 +119,7 @@ class SkyPlot(StillPlot):
 
 
 def _grid_lines(centre_ra_deg: float) -> list[Floats]:
+    # At 180 both ends would lie on the same edge of the map.
     around = centre_ra_deg + np.linspace(-179.9, 179.9, 73)
     up = np.linspace(-90.0, 90.0, 37)
     parallels = [unit_vectors(around, np.full(73, d)) for d in (-60.0, -30.0, 0.0, 30.0, 60.0)]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kochab.sky import Catalogue
 
 
-FAINTEST = 4.3
+FAINTEST = 4.3  # V of the stars
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +71,7 @@ class Trail:
     def add(self, centre: Floats, old: bool = False) -> None:
         """The camera points to the ICRS unit vector (3,), or did when that is ``old``."""
         self.here, self.old = centre, old
+        # The chord is the angle, in radians, at such a size.
         if self._points and float(np.linalg.norm(self._points[-1] - centre)) < STEP_RAD:
             return
         self._points.append(centre)

@@ -32,6 +32,7 @@ def limit_s(update: LiveUpdate) -> float:
     """The age, in seconds, from which a solution counts as old at this frame rate."""
     exposure = update.shot.frame.hint.exposure_s or 0.0
     interval = 1.0 / update.frames_hz if update.frames_hz else exposure
+    # Bounded, or a camera that has nearly stopped would never be old.
     return OLD_S + exposure + 3.0 * min(interval, 60.0)
 
 
@@ -50,6 +51,7 @@ def stream_status(update: LiveUpdate, now_s: float, seen_s: float = float("-inf"
         return StreamStatus(tr("No solution: {reason}", reason=tr(update.result.reason)), update.result.advice, "bad")
     if update.age_s(now_s) > limit_s(update):
         since = age_text(update.age_s(now_s))
+        # Frames come, and none of them is solved.
         if now_s - seen_s < limit_s(update):
             return StreamStatus(tr("Searching"), tr("Last solution {since} ago.", since=since), "bad")
         return StreamStatus(tr("No new frames"), tr("Last frame {since} ago.", since=since), "bad")

@@ -69,7 +69,7 @@ class RecordPanel(Page):
 
 
 log = logging.getLogger("kochab")
-WRITE_EVERY_MS = 200
+WRITE_EVERY_MS = 200  # the panels, which people read; frames are drawn as they come
 READY = tr_noop("Choose a camera, then press Start.")
 POINTING = 1  # its tab
 
@@ -140,6 +140,7 @@ class LiveView(Page):
 
     def run(self, request: StreamRequest, make_engine: Callable[[], ProfiledTracker] | None = None) -> None:
         """Run any camera, with another engine than the tracker if given."""
+        # While the last camera is being closed it could not be opened again.
         if self.stream is not None or self._ending is not None:
             return
         queue = self.display.begin(request.name)
@@ -167,6 +168,7 @@ class LiveView(Page):
             return
         job.cancel()
         self._ending = job
+        # LiveDisplay.end opens the last frame like a file, which must not count as another view's.
         self._changing_frame = True
         self.display.end(keep)
         self.pointing.show_stopped()
@@ -222,6 +224,7 @@ class LiveView(Page):
         """The camera failed: show why, and keep the last pointing, marked as old."""
         self._show_message(sentence, "wrong")
         if job is self.job:
+            # While there is still a stream, whose last sentences are shown here.
             self.write()
             self.end()
             if self.display.shown is None:
@@ -275,4 +278,5 @@ class LiveView(Page):
         folder = saved.get("record")
         if isinstance(folder, str) and folder:
             self.record.use_folder(Path(folder))
+        # After the saved choice, since the present choice of another view counts more.
         self.camera.box.follow(self._services.cameras, lambda: self.stream is None)

@@ -94,6 +94,7 @@ class MountActions(QObject):
 
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
+        # Read in the window's thread; the functions below run in the line's.
         solver, solution = self._control.solver, self._control.solution
 
         def offer_of_frame(guard: Guard) -> Task[SyncOffer]:
@@ -127,6 +128,7 @@ class MountActions(QObject):
         """Search around where the mount points, two thirds of the frame's smaller side at a time."""
         solution = self._control.solution
         field = FIELD_DEG if solution is None else min(solution.camera.fov_deg)
+        # Neighbouring fields share a third of a side, so that nothing falls between them.
         step = min(field * 2.0 / 3.0, 2.0)
 
         def do(guard: Guard) -> Task[str]:
@@ -137,6 +139,7 @@ class MountActions(QObject):
 
     def accept_sync(self, offer: SyncOffer) -> None:
         """Do a sync that was shown and accepted."""
+        # One frame has no other to agree with: the person vouches that nothing has moved since.
         if len(offer.evidence.centres_deg) < 2:
             self._control.ask("accept", lambda guard: sync_by_hand(guard, offer))
         else:
@@ -222,6 +225,7 @@ class MountActions(QObject):
                 self._resynced()
             case SyncDone(slewed=True):
                 known.has_moved()
+            # A centring's last frame was solved after its last motion: what is shown is not old.
             case Centring() if known.sight is not None:
                 seen_last = known.sight.solution is result.solution
                 known.moved_since = not seen_last or result.end is CentringEnd.REFUSED
@@ -237,7 +241,7 @@ class MountActions(QObject):
 
 FIRST = tr_noop("Click the star in the frame (Esc cancels). Click it twice to centre it.")
 SECOND = tr_noop("Click where to put it, or click it again to centre it.")
-NEAR_PX = 12.0
+NEAR_PX = 12.0  # of the image: a second click so near the first means the centre
 
 
 class MoveStarMode(QObject):
@@ -251,6 +255,7 @@ class MoveStarMode(QObject):
         control.stopping.connect(self.end)
         self._on = False
         self._star: tuple[float, float] | None = None
+        # Both clicks are pixels of one frame.
         services.session.opened.connect(lambda _: self.end())
 
     def begin(self) -> None:

@@ -100,6 +100,7 @@ class MountControl(QObject):
         self._job: Job | None = None  # it runs the line, also while that is being closed
         self._tasks: dict[str, MountTask] = {}
         self._posted.connect(self._receive)
+        # Sent before the jobs are abandoned: a mount must not move on when its window is gone.
         jobs.closing.connect(self.stop)
 
     def connect_mount(self, selection: MountSelection) -> None:
@@ -147,6 +148,7 @@ class MountControl(QObject):
             return
         if self._line is not None:
             self._line.stop()
+        # The Stop goes out in a thread of its own; the line ends when it comes to its next yield.
         self._job.cancel()
         self._line = None
         self.stopping.emit()
@@ -155,16 +157,19 @@ class MountControl(QObject):
 
     def _closed(self, job: Job, sentence: str) -> None:
         """The line is closed: by a person, or for a reason."""
+        # A later line has taken its place.
         if job is not self._job:
             return
         farewell = self._opening.farewell if self._opening is not None else ""
         self._job = self._line = self._opening = None
         practised, self.known = self.known.practice, MountSnapshot()
         if practised:
+            # The simulated camera ends with its telescope; the profile's own comes back.
             saved, camera = current_profile(self._settings).camera, self.camera
             self.use_camera(saved if saved.source else None)
             if camera is not None:
                 self._cameras.forget(camera.wish.source, camera.wish.address)
+        # Orders that the line never began end here, so that whoever waits for one hears of it.
         for name in list(self._tasks):
             self._tasks.pop(name).end(OrderFailed(name, sentence, stopped=not sentence))
         text = sentence or tr("Disconnected, mount stopped. {farewell}", farewell=farewell)
@@ -181,6 +186,7 @@ class MountControl(QObject):
         why = reason_against_order(name, self.situation)
         if self._line is None or why:
             raise RefusedError(why)
+        # Now, not when the line begins it: a second press must be refused meanwhile.
         self.known.busy = name
         self._tasks[name] = task = MountTask(name, self.stop, self)
         self._line.order(name, make, outlives)
@@ -215,6 +221,7 @@ class MountControl(QObject):
             new = MountCamera(selection, self._cameras.open, insists=same)
         self.camera = new
         if before is not None and self._line is not None:
+            # In the line's thread, which opened it and may be taking a frame just now.
             self._line.order("camera", lambda _: close_camera(before))
         self.changed.emit()
 
@@ -237,6 +244,7 @@ class MountControl(QObject):
             yield Progress(tr_noop("site"))
             guard.site = site
 
+        # A practice telescope stands at a site of its own.
         if self._line is not None and not self.known.practice:
             self._line.order("site", use)
 
@@ -260,6 +268,7 @@ class MountControl(QObject):
 
     def solver(self, guard: Guard) -> SolveNow:
         """Takes and solves a frame in the line's thread, and shows it in this one."""
+        # Those of the moment of the order, whatever is connected or chosen when it is carried out.
         line, camera = self._line, self.camera
         if camera is None:
             raise RefusedError("No camera is chosen.")

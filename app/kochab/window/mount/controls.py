@@ -105,7 +105,9 @@ class TrackingChoice(QComboBox):
             item = items.item(i)
             item.setEnabled(not reason)
             item.setToolTip(reason)
+        # Where no rate can be chosen, the reason against the sidereal one stands for all.
         self.explanation.set_reason("" if "" in against else against[1])
+        # Seen at index -1: it tracks at an unknown rate, or does not report whether it tracks.
         self.setPlaceholderText(tr("Tracking") if state.tracking else tr("Tracking: not reported"))
         self._show_rate()
 
@@ -165,6 +167,7 @@ class NudgePad(QWidget):
         """Offer the mount's rates."""
         if [self.rate.itemData(i) for i in range(1, self.rate.count())] == list(rates_deg_s):
             return
+        # Only for other rates: this is called twice a second, and filling anew drops the person's choice.
         self.rate.clear()
         self.rate.addItem(tr("Auto rate"), 0.0)
         for rate in rates_deg_s:
@@ -180,6 +183,7 @@ class NudgePad(QWidget):
             for way, (*_, key) in WAYS.items():
                 if event.key() == key:
                     self.buttons[way].setFocus()
+                    # A key that is held asks for one nudge.
                     if not event.isAutoRepeat():
                         self.buttons[way].click()
                     return True

@@ -15,7 +15,7 @@ from kochab.window.mount.controls import HINT, NudgePad
 PACKAGE = tr_noop("Game controllers need one more package: pip install 'kochab[gamepad]'.")
 HELD = tr_noop("A game controller moves while you hold its stick or D-pad; B is STOP.")
 POLL_MS, LOOK_MS = 33, 1000  # with a controller, and to see whether there is one
-HALF_WAY = 16384  # of 32767
+HALF_WAY = 16384  # of 32767: a worn stick does not come back to zero
 NUDGES = ("nudge", "nudge dec")
 BUTTONS = ("B", "BACK", "LEFTSHOULDER", "RIGHTSHOULDER", "DPAD_UP", "DPAD_DOWN", "DPAD_LEFT", "DPAD_RIGHT")
 HINTS = {

@@ -17,7 +17,7 @@ from kochab.window.widgets import button, column, draw_text, label, number_field
 
 STEP_DEG = 5.0
 AZIMUTHS_DEG = np.arange(0.0, 360.0, STEP_DEG)
-EVERY_DEG = np.arange(0.0, 361.0)
+EVERY_DEG = np.arange(0.0, 361.0)  # both ends of the drawing are north
 WAYS = (tr_noop("N"), tr_noop("E"), tr_noop("S"), tr_noop("W"), tr_noop("N"))
 DRAW_TIP = tr_noop("Draw trees and houses with the left button, erase them with the right one")
 FILE_TIP = tr_noop("A text file with lines of azimuth and altitude, degrees")
@@ -127,6 +127,7 @@ class HorizonPicture(QWidget):
         """Put the horizon where the pointer is, or take it away."""
         sky, at = self._sky, event.position()
         which = round((at.x() - sky.left()) / sky.width() * 360.0 / STEP_DEG) % len(AZIMUTHS_DEG)
+        # The drawn horizon alone: the horizon limit must not become a part of it.
         floors = replace(self.limits, lowest_altitude_deg=0.0).floors_deg(AZIMUTHS_DEG)
         erased = event.buttons() & Qt.MouseButton.RightButton
         floors[which] = 0.0 if erased else np.clip((sky.bottom() - at.y()) / sky.height() * 90.0, 0.0, 89.0).round()

@@ -57,6 +57,7 @@ class Offset:
 
 def ring_arcsec(total_deg: float) -> int:
     """Radius of the smallest ring around an arrow of this length."""
+    # A thousandth more, so that rounding does not take an offset of just one ring to the next.
     return next((r for r in RINGS_ARCSEC if total_deg * 3600.0 <= r * 1.001), RINGS_ARCSEC[-1])
 
 
@@ -110,7 +111,8 @@ class OffsetArrow(QWidget):
     def _arrow(self, painter: QPainter, radius: float, offset: Offset, colours: Colours) -> None:
         colour = QColor(colours.faint if self._old else colours.accent)
         long = radius * min(1.0, offset.total_deg * 3600.0 / ring_arcsec(offset.total_deg))
-        painter.rotate(math.degrees(math.atan2(-offset.north_deg, -offset.east_deg)))  # it points to the right now
+        # The arrow then runs along x; east is to the left, and the screen's y runs down.
+        painter.rotate(math.degrees(math.atan2(-offset.north_deg, -offset.east_deg)))
         painter.setPen(QPen(colour, 2.4, Qt.PenStyle.DashLine if self._old else Qt.PenStyle.SolidLine))
         painter.drawLine(QPointF(0, 0), QPointF(long, 0))
         if long > 8.0:
@@ -187,6 +189,7 @@ def words_of(state: MountState) -> list[str]:
     elif state.slewing:
         words.append(tr("slewing"))
     elif state.tracking is None:
+        # None is not reported, which is not the same as False.
         words.append(tr("idle") if state.slewing is False else tr("idle or slewing (not reported)"))
     else:
         words.append(tr("tracking") if state.tracking else tr("idle, not tracking"))
@@ -239,6 +242,7 @@ class SyncDialog(QDialog):
         self.no = button(tr("Cancel") if preview.allowed else tr("Close"), self.reject)
         parts.append(row(None, self.yes, self.no))
         column(*parts, on=self, spacing=10, margins=(20, 20, 20, 16))
+        # Space must not confirm what needs a second look.
         (self.no if preview.confirmations or not preview.allowed else self.yes).setFocus()
         self.setMinimumWidth(520)
 

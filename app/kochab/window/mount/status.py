@@ -16,7 +16,7 @@ from kochab.window.shell.main_window import MainWindow
 from kochab.window.widgets import ElidedLabel, button, row, set_role
 
 KEY = "Esc"
-SAME_S = 0.1
+SAME_S = 0.1  # the events of one press come closer together
 
 
 class StopKey(QObject):
@@ -30,6 +30,7 @@ class StopKey(QObject):
     def listen(self, on: bool) -> None:
         """Watch every event of the program, only while a mount is connected."""
         if (app := QApplication.instance()) is not None:
+            # Every event of the program passes through Python while the filter is installed.
             (app.installEventFilter if on else app.removeEventFilter)(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
@@ -96,6 +97,7 @@ def mount_status_text(known: MountSnapshot) -> str:
         return tr(LINES[known.phase])
     name = tr("Practice mount") if known.practice else tr("Mount")
     if known.busy:
+        # The bar has no room for what stands in brackets, as "(F4)".
         doing = tr(action(known.busy).doing).partition(" (")[0]
         return f"{name}: {doing or known.busy}"
     state = tr("connected") if known.report is None else words_of(known.report.state)[0]

@@ -173,6 +173,7 @@ class MountView(Page):
         self._services.equipment.refused.connect(lambda sentence: self.say(sentence, "wrong"))
         self.camera.chosen.connect(self._use_camera)
         self.camera.follow(cameras)
+        # The box does not adopt it by itself: here a camera is in use as soon as it is chosen.
         cameras.chosen.connect(self._adopt_camera)
         self.tracking.wanted.connect(orders.track)
         self.meridian.textActivated.connect(
@@ -231,11 +232,13 @@ class MountView(Page):
     def aim(self, action: str, target: str) -> None:
         """Go to a target, or "centre" it, as if a person had typed it here and pressed the button."""
         self.go.target.setText(target)
+        # Through the button, which checks what the mount can do now.
         self.explained[action].click()
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
         self.control.practise()
+        # Space stops the mount until something else takes the focus.
         self.stop.setFocus()
 
     def _connect_mount(self, selection: MountSelection) -> None:
@@ -245,6 +248,7 @@ class MountView(Page):
 
     def _use_camera(self, selection: CameraSelection | None) -> None:
         if not self.control.known.practice:
+            # The practice camera must not become the profile's.
             save_selection(self._services.settings, selection or CameraSelection(""))
         self.control.use_camera(selection)
         if selection is not None:
@@ -265,6 +269,7 @@ class MountView(Page):
         """One sentence that stays until the next."""
         if sentence:
             show_text(self.message, sentence, role)
+            # The offer to flip belongs to the question that this sentence replaces.
             self.flip.hide()
 
     def _show(self) -> None:

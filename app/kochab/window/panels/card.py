@@ -82,6 +82,7 @@ class Card(QFrame):
 
     def show_pointing(self, solution: Solution | None, old_from: str = "") -> None:
         """Show where a frame points; ``old_from`` marks it as the last one known of that file. None hides it."""
+        # The altitude is told later, by show_place.
         self._solution, self._altaz = solution, ""
         old = tr("OLD: last solution, from {file}", file=short_name(old_from)) if old_from else ""
         show_text(self.old, old)

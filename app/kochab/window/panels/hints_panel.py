@@ -122,6 +122,7 @@ class HintsPanel(Page):
         fov_deg = parse_positive(fov, tr("The field of view"), 170.0) if fov else None
         scale_arcsec_px = parse_positive(scale, tr("The pixel scale"), 3600.0) if scale else None
         if scale_arcsec_px is None and fov_deg is not None and width_px > 0:
+            # A lens without distortion: the scale at the frame's centre.
             focal_px = width_px / 2.0 / np.tan(np.radians(fov_deg) / 2.0)
             scale_arcsec_px = float(np.degrees(1.0 / focal_px) * 3600.0)
         if scale_arcsec_px is None and centre is None:

@@ -57,6 +57,7 @@ class LogPanel(QDockWidget):
         self.line.connect(self.lines.appendPlainText)
         logger = logging.getLogger("kochab")
         logger.addHandler(self.handler)
+        # An open journal has set its own.
         if logger.level == logging.NOTSET:
             logger.setLevel(logging.INFO)
 

@@ -54,6 +54,7 @@ class OptionsForm(Page):
             self._grid.addWidget(field, row, 1)
             unit = "" if option.unit == option.name else option.unit
             self._grid.addWidget(label(unit, "muted"), row, 2)
+        # Rows of the method before keep their stretch.
         for row in range(self._grid.rowCount()):
             self._grid.setRowStretch(row, 0)
         self._grid.setRowStretch(max(1, len(self._options)), 1)

@@ -75,6 +75,7 @@ class SolutionPanel(QWidget):
         if s is None:
             return
         for title, text, why in solution_text.rows(s):
+            # Every solution has the same titles, so the rows are made once.
             if title not in self.values:
                 at = self._grid.rowCount()
                 self.values[title] = value_label(title)

@@ -30,7 +30,7 @@ from kochab.workflows.session.alignment_state import AlignmentState
 
 NO_MOUNT = tr_noop("No mount set up. Connect it once in the Mount view (F3), or turn by hand.")
 SLEWING = tr_noop("The mount is slewing. Wait, or stop it.")
-MOVING = ("opening", "turn", "settle")
+MOVING = ("opening", "turn", "settle")  # stages of the alignment
 OTHER_SKY = tr_noop("The practice telescope is connected. Choose it above, or end the practice in the Mount view (F3).")
 
 
@@ -68,6 +68,7 @@ class AlignmentRun(QObject):
         if request.hand is not AxisTurnedBy.MOUNT:
             return self._by_hand()
         started = self._connect()
+        # A line that is still being opened begins it once it is open.
         task = self._mount.order(POLAR, self._on_line, mount_is_still)
         if started:  # a practice telescope started for this ends with it
             task.finished.connect(self._mount.disconnect_mount)

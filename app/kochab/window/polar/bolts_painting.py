@@ -32,6 +32,7 @@ def draw_wheel(painter: QPainter, box: QRectF, colour: str) -> None:
     """Draw the wheel as it stands now."""
     painter.save()
     painter.translate(box.center())
+    # By the clock, so that the wheels of both screens agree.
     painter.rotate(STEP_DEG * (monotonic_ns() // (STEP_MS * 1_000_000) % (360 // STEP_DEG)))
     draw_glyph(painter, "wheel", colour, box.translated(-box.center()))
     painter.restore()
@@ -76,6 +77,7 @@ class Face:
 
 def digit_font(base: QFont, digits: str, screen_px: float, width_px: float) -> QFont:
     """A font with digits a third of the screen high, smaller when they would be too wide."""
+    # Digits are as high as capitals: 70 of 100 px where the font does not tell.
     cap = QFontMetricsF(_sized(base, 100.0, bold=True)).capHeight() or 70.0
     return _fitted(base, digits, 100.0 * DIGITS_SHARE * screen_px / cap, width_px, bold=True)
 
@@ -146,6 +148,7 @@ def _paint_words(painter: QPainter, box: QRectF, text: str, base: QFont, colour:
     """Write over several lines, as large as it fits."""
     wrap = int(Qt.TextFlag.TextWordWrap) | int(Qt.AlignmentFlag.AlignCenter)
     font = _sized(base, 0.36 * box.height())
+    # Where lines break depends on the size, so it is tried in steps of a twelfth.
     while font.pixelSize() > LEAST_PX:
         needed = QFontMetricsF(font).boundingRect(box, wrap, text)
         if needed.height() <= box.height() and needed.width() <= box.width() + 1:

@@ -30,6 +30,7 @@ class BoltsView(QWidget):
         self.setWindowTitle(tr("At the bolts"))
         self.setAccessibleName(tr("At the bolts"))
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        # paint_face fills the whole window.
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.state = AlignmentState()
         self.old = False
@@ -53,6 +54,7 @@ class BoltsView(QWidget):
     @property
     def knob(self) -> Knob:
         """The axis that is shown."""
+        # A person's choice, else the instruction's; before there is one, altitude.
         return self._chosen or self.state.knob or Knob.ALTITUDE
 
     def digits(self) -> str:

@@ -28,8 +28,9 @@ from kochab.window.widgets import Page, column, draw_text, label, row, show_text
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
 from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
 
+# Of the drawing's edge; the last is 90 degrees.
 REACHES_ARCSEC = (45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
-LEAST_RING_PX = 12.0
+LEAST_RING_PX = 12.0  # smaller rings are left out
 LEAST_ELLIPSE_PX = 2.5
 
 
@@ -81,6 +82,7 @@ class AxisTarget(QWidget):
         self._rings(painter, scale, radius, colours)
         self._names(painter, radius, line, colours)
         painter.setClipRect(box.translated(-box.center()))
+        # While the axis is followed live, the last measurement is of before, too.
         for before in self.state.measured[:-1] if not self.state.live else self.state.measured:
             self._ellipse(painter, scale, before, QPen(QColor(colours.muted), 1.0))
         painter.setPen(QPen(QColor(colours.muted), 1.2, Qt.PenStyle.DotLine))
@@ -99,6 +101,7 @@ class AxisTarget(QWidget):
                 continue
             painter.setPen(QPen(QColor(colours.grid), 1.2))
             painter.drawEllipse(QPointF(0, 0), size, size)
+            # 34 degrees from the top, where no name of a direction stands.
             at = QPointF(size * math.sin(0.6), -size * math.cos(0.6))
             painter.setPen(QColor(colours.text))
             draw_text(painter, at, round_angle_text(ring), colours.surface)
@@ -119,6 +122,7 @@ class AxisTarget(QWidget):
         long, short, angle = error.with_flexure.ellipse_arcsec()
         painter.save()
         painter.translate(_place(error, scale))
+        # The angle runs from azimuth to altitude, which is up; Qt's runs clockwise.
         painter.rotate(-math.degrees(angle))
         painter.setPen(pen)
         painter.setBrush(Qt.BrushStyle.NoBrush)

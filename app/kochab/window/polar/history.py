@@ -20,7 +20,7 @@ from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, choice_box, column, label, row
 
-DPI, MARGIN_MM, FINE = 150, 15.0, 2.0
+DPI, MARGIN_MM, FINE = 150, 15.0, 2.0  # FINE: pixels of a drawing for one of the page
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
 
 
@@ -63,7 +63,7 @@ def page_document(history: History) -> QTextDocument:
         name = f"plot{number}.png"
         picture = _drawn(drawing)
         document.addResource(QTextDocument.ResourceType.ImageResource.value, QUrl(name), picture)
-        wide = round(picture.width() / FINE * DPI / 96.0)
+        wide = round(picture.width() / FINE * DPI / 96.0)  # 96 CSS px to the inch
         html = html.replace(drawing, f'<p><img src="{name}" width="{wide}"></p>')
     # QTextDocument knows little of a table's style.
     html = html.replace("text-align:right;", "").replace("</td>", "&nbsp;&nbsp;</td>")

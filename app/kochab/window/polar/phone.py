@@ -57,6 +57,7 @@ class QrCode(QWidget):
         if not self.rows:
             return
         painter = QPainter(self)
+        # Whole pixels, so that all modules are of one size.
         module = max(1, min(self.width(), self.height()) // len(self.rows))
         light, dark = QColor("#ff0000" if is_red() else "#ffffff"), QColor("#000000")
         for y, bits in enumerate(self.rows):

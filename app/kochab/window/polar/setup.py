@@ -98,13 +98,14 @@ MOTORS_TIP = tr_noop(
     "Motorised azimuth and altitude adjusters: OAPA, AAPA, Avalon. A small move shows Kochab which way each one goes"
 )
 ZONE_TIP = tr_noop("How far the clock of the files is ahead of UTC")
+# The zones that are no whole hours ahead of UTC.
 HALF_ZONES_H = (-9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
 POLES = {
     Pole.REFRACTED: tr_noop("Refracted pole: best tracking at mid latitudes"),
     Pole.TRUE: tr_noop("True pole: without refraction"),
     Pole.HALF_WAY: tr_noop("Halfway between: best near latitude 20°"),
 }
-PLANNED = 0.0
+PLANNED = 0.0  # the lowest value, which is shown as words
 NO_SITE = tr_noop("Set your site to see the target's altitude.")
 EXPOSURE_TIP = tr_noop("Applies to every view of this camera during the alignment")
 SECOND_TIP = tr_noop("Measures flexure, which a single sweep cannot tell from the axis error")
@@ -122,6 +123,7 @@ class AlignmentSetupPanel(Page):
         self._services = services
         self.source = narrow_box(tr("Source of the frames"), 8, {tr(source): source for source in FrameSource})
         if services.wiring.practice is None:
+            # Practice is the first of FrameSource.
             self.source.removeItem(0)
         self.files = FrameList()
         self.add = button(tr("&Add frames…"), lambda: self._ask_files(0))
@@ -208,6 +210,7 @@ class AlignmentSetupPanel(Page):
             (tr("Field of view"), self.fov),
             (tr("Your frames"), self.imaging),
         )
+        # Without a title, across both columns, which `form` has no way to say.
         self.form.insertRow(3, self.camera)
         self.form.setRowWrapPolicy(QFormLayout.RowWrapPolicy.WrapLongRows)
         self.form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
@@ -258,6 +261,7 @@ class AlignmentSetupPanel(Page):
             return ""
         if self.chosen_source is FrameSource.CAMERA and not port:
             raise UsageError("Fill in the port of the motorised adjusters.")
+        # The motors of a practice night have no port.
         return port or "practice"
 
     @property
@@ -265,6 +269,7 @@ class AlignmentSetupPanel(Page):
         """Where the axis of a tripod on the same marks stands, after another night; empty without one."""
         site = self.site.text().strip()
         if self.chosen_source is not FrameSource.PRACTICE and site:
+            # A site that is being typed is none yet.
             with suppress(UsageError):
                 night = last_night(parse_site(site), self._profile_name, datetime.now(UTC))
                 return "" if night is None else night.guess

@@ -23,7 +23,7 @@ from kochab.workflows.session.alignment_state import AlignmentState
 RATE_HZ = 22050
 LOUDNESS = 0.4
 PLAYERS = (("pw-play",), ("paplay",), ("aplay", "-q"), ("afplay",))
-VOICES = (("spd-say", "--"), ("espeak-ng", "--"), ("say", "--"))
+VOICES = (("spd-say", "--"), ("espeak-ng", "--"), ("say", "--"))  # "--": what follows is text
 
 
 class Cue(Enum):
@@ -106,6 +106,7 @@ def first_of(commands: Sequence[Sequence[str]], find: Callable[[str], str | None
     """The first installed command, with its absolute path; empty when none is."""
     for program, *rest in commands:
         found = find(program)
+        # A relative path would be a program of the present folder.
         if found is not None and os.path.isabs(found):
             return (found, *rest)
     return ()
@@ -116,6 +117,7 @@ def write_tones(path: Path, tones: Sequence[tuple[float, float]]) -> None:
     samples = []
     for hertz, seconds in tones:
         k = np.arange(round(seconds * RATE_HZ))
+        # Over 200 samples, 9 ms, at either end.
         fade = np.minimum(1.0, np.minimum(k, len(k) - k) / 200.0)
         samples.append(LOUDNESS * fade * np.sin(2.0 * np.pi * hertz * k / RATE_HZ))
     with wave.open(str(path), "wb") as file:

@@ -61,6 +61,7 @@ class PolarView(Page):
         self.page = AlignPage()
         self.history = HistoryPage(services)
         self.phone = PhonePanel(services)
+        # A window of its own, without a parent: `_close` closes it.
         self.bolts = BoltsView()
         self.cues = Cues(QApplication.beep)
         self.sound_cues = SoundCues(self.cues)
@@ -74,6 +75,7 @@ class PolarView(Page):
         self._show_idle()
 
     def _make_buttons(self) -> None:
+        # In the order of REPLIES.
         turned, measure, enough, back, sweep = (partial(self.press, pressed) for pressed in REPLIES)
         self.start = button(tr("&Begin"), self.begin, "main", tr("Measure, adjust, and measure again"))
         self.done = button(tr("&Done"), turned, tip=tr("I have made this turn (Space)"))
@@ -262,6 +264,7 @@ class PolarView(Page):
 
     def _enable(self, running: bool) -> None:
         """What can be pressed while an alignment runs, and while none does."""
+        # Hiding the button that has the focus would pass it on to any other.
         had_focus = self._has_focus()
         for made in (self.use_frames, self.cancel, self.bar):
             made.setVisible(running)

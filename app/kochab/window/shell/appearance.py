@@ -101,6 +101,7 @@ class Appearance(QObject):
             self.layers.on[name] = self._settings.flag(f"sky/{name}", name in SHOWN)
             self._actions[name].setChecked(self.layers.on[name])
         kept = self._settings.table("sky/amounts").items()
+        # Settings may be damaged, or edited by hand.
         self.layers.amount |= {k: float(v) for k, v in kept if k in AMOUNTS and type(v) is float and 0.0 <= v <= 1.0}
         kept = self._settings.table("sky/colours").items()
         self.layers.colour |= {name: hue for name, hue in kept if name in MARKS and hue in HUES.values()}
@@ -125,6 +126,7 @@ class Appearance(QObject):
         self._style.apply(apply_theme(app, name, size))
         self._settings.keep("theme", name)
         self._settings.keep("text_size", size)
+        # What the Night switch goes back to.
         if name != "night":
             self._settings.keep("day_theme", name)
         colour_icons(self._actions, theme_colours())

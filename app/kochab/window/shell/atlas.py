@@ -168,6 +168,7 @@ class StarChart(QWidget):
             self.overlay.show(NO_STARS, sheet)
             self.overlay.show_bodies(tuple(self._marks(sheet)))
             if self.catalogue is not None:
+                # The chart shows a hemisphere at most.
                 radius = min(sheet.radius_rad, np.pi / 2.0)
                 rows = self.catalogue.brightest(self.centre, radius, STARS)
                 self._stars = sheet.pixels_of(self.catalogue.vectors(rows)), self.catalogue.mag(rows)

@@ -105,5 +105,5 @@ def _answers(dialog: QFileDialog) -> list[Path]:
         dialog.setOption(QFileDialog.Option.DontUseNativeDialog)
         dialog.setGraphicsEffect(RedLight(dialog))
     chosen = [Path(name) for name in dialog.selectedFiles()] if dialog.exec() else []
-    dialog.deleteLater()
+    dialog.deleteLater()  # its parent would keep it
     return chosen

@@ -110,6 +110,7 @@ class Equipment(QObject):
     def _show(self) -> None:
         profile = current_profile(self._settings)
         scale = profile.scale_arcsec_px
+        # A single & would underline the letter after it.
         self._button.setText(short_name(profile.name, LONGEST).replace("&", "&&") or tr("Equipment"))
         facts = (
             tr("Equipment: {name}", name=profile.name or tr("no profile")),

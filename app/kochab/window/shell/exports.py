@@ -112,6 +112,7 @@ class FrameExporter(QObject):
 
         write = kind.write
         if kind.name == "picture":  # as it is seen now
+            # A copy: layers may be switched while the thread writes.
             layers, more = deepcopy(self._overlay.layers), kept_elements()
             write = partial(annotate, more=more, layers=layers, detected=self._overlay.circled)
         sited = replace(frame, hint=replace(frame.hint, site=frame.hint.site or self._settings.site))

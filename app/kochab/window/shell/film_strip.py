@@ -30,10 +30,10 @@ from kochab.window.widgets import ProgressBar, button, choice_box, column, label
 from kochab.workflows.solution_text import RESULT_TITLES, result_cells
 
 ORDERS: dict[str, Callable[[FileState], object]] = {
-    tr_noop("in order"): lambda _: 0,
+    tr_noop("in order"): lambda _: 0,  # sorting is stable
     tr_noop("by name"): lambda f: f.path.name.lower(),
     tr_noop("newest first"): lambda f: -(f.path.stat().st_mtime if f.path.exists() else 0.0),
-    tr_noop("failed first"): lambda f: (not f.failed, f.result is not None),
+    tr_noop("failed first"): lambda f: (not f.failed, f.result is not None),  # and then those that wait
 }
 BADGE_PX, BLINK_MS = 16, 800
 PATH = Qt.ItemDataRole.UserRole
@@ -154,7 +154,7 @@ def _film(state: FileState) -> QPixmap:
     """The small picture with a badge: a dot when solved, a cross when not, a ring while it waits."""
     colours = theme_colours()
     if state.picture is None:
-        picture = QPixmap(2 * WIDTH, 2 * HEIGHT)
+        picture = QPixmap(2 * WIDTH, 2 * HEIGHT)  # for screens of 200 %
         picture.setDevicePixelRatio(2.0)
         picture.fill(QColor(colours.raised))
     else:
@@ -210,10 +210,12 @@ class Blink(QObject):
 
     def remember(self, name: str, picture: FrameImage, several: bool) -> None:
         """A file was opened; the one before is kept only where there are ``several``."""
+        # The bool is a length: none or one of those before.
         self.shown = [(name, picture), *(one for one in self.shown[:several] if one[0] != name)]
 
     def switch(self, on: bool) -> None:
         """Begin or end; the open image is shown again with its marks and its card."""
+        # Not while a camera runs, or before the open image has been prepared.
         on = on and len(self.shown) > 1 and self._panes.view.picture is self.shown[0][1]
         self._turn = 0
         if on:

@@ -40,6 +40,7 @@ def pages() -> list[HelpPage]:
     own = folder / QLocale().name().partition("_")[0]
     files = [p if (p := own / english.name).exists() else english for english in sorted(folder.glob("[0-9]*.md"))]
     texts = {path.stem.partition("-")[2]: path.read_text(encoding="utf-8") for path in files}
+    # In the wheel it stands beside the pages, in a checkout at the root.
     news = next((p for p in (folder / "CHANGELOG.md", folder.parents[1] / "CHANGELOG.md") if p.exists()), None)
     made = [HelpPage(name, text.partition("\n")[0].lstrip("# "), text) for name, text in texts.items()]
     return [*made, HelpPage("news", tr(NEWS), news.read_text(encoding="utf-8"))] if news else made

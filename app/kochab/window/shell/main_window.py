@@ -135,6 +135,7 @@ class MainWindow(QMainWindow):
         self.rail.suit(self.width())
 
     def childEvent(self, event: QChildEvent) -> None:
+        # When it is added, a child is not constructed yet, and no QWidget.
         child = event.child() if event.polished() else None
         if isinstance(child, QWidget):
             self.has_part.emit(child)

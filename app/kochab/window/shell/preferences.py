@@ -79,6 +79,7 @@ class Preferences(QDialog):
         equipment.refused.connect(self._refuse)
         self._show_gear()
         services.looks.redden_carets(self)
+        # The window's shortcuts do not work in another window.
         self.addActions([presenter.window.actions_by_name[name] for name in ("undo", "redo")])
         letters = self.fontMetrics()
         self.resize(letters.averageCharWidth() * WIDE, letters.height() * HIGH)
@@ -194,10 +195,12 @@ class Preferences(QDialog):
         """Amounts and colours as they are; samples of colours would not be red light alone at night."""
         layers = self._services.looks.layers
         for name, slider in self.amounts.items():
+            # Showing what there is must not count as a change by the person.
             with QSignalBlocker(slider):
                 slider.setValue(round(100.0 * layers.amount[name]))
         for name, box in self.colours.items():
             _show(box, layers.colour.get(name, ""))
+            # Item 0 is the default.
             for k, hue in enumerate(HUES.values(), 1):
                 sample = QPixmap(12, 12)
                 sample.fill(QColor(hue))
@@ -270,6 +273,7 @@ class Preferences(QDialog):
         self.data = label("", wrap=True)
         job = self._services.jobs.run(data_text(), "data")
         job.succeeded.connect(self.data.setText)
+        # The dialog may be closed before the stars have been counted.
         self.destroyed.connect(job.abandon)
         self._show_folder()
         images = row(self.choose, (self.folder, 1))

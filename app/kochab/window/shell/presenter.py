@@ -130,6 +130,7 @@ class Presenter(QObject):
     def _streamed(self, picture: RenderedFrame) -> None:
         before, result = self.panes.view.picture, self.session.known.result
         same = before is not None and (before.width, before.height) == (picture.width, picture.height)
+        # A person's zoom stays from frame to frame.
         self.panes.view.show_picture(picture, keep_view=same)
         self._show_marks(result if isinstance(result, Solution) else None)
 
@@ -203,6 +204,7 @@ class Presenter(QObject):
     def _show_marks(self, solution: Solution | None) -> None:
         found = self.session.known.detections
         self.overlay.show(found.xy if found is not None else np.empty((0, 2)), solution)
+        # Once, with the first solution: without one nothing of the sky is drawn.
         if solution is not None and not self._sky_asked:
             self._sky_asked = True
             self.session.jobs.run(_tables(), "sky").succeeded.connect(self._has_sky)
@@ -212,6 +214,7 @@ class Presenter(QObject):
         self.panes.view.update()
 
     def _has_bodies(self, solution: Solution, bodies: tuple[Mark, ...]) -> None:
+        # Another frame may have been opened meanwhile.
         if bodies and self.overlay.solution is solution:
             self.overlay.show_bodies(bodies)
             self.panes.view.update()

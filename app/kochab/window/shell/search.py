@@ -43,7 +43,7 @@ def place_of(text: str) -> Floats:
             try:
                 return unit_vectors(parse_ra_deg(" ".join(words[:cut])), parse_dec_deg(" ".join(words[cut:])))
             except UsageError:
-                break
+                break  # no coordinates: what is called so is looked up below
     catalogue = open_catalogue()
     found = catalogue.find(text)
     return np.asarray(catalogue.vectors([found])[0] if isinstance(found, int) else found)

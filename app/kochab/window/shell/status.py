@@ -82,6 +82,7 @@ class Status(QStatusBar):
         self.place, self.background, self.frame = ElidedLabel(), ElidedLabel(), label("", "muted")
         self.place.setAccessibleDescription(tr("Under the cursor"))
         self.addWidget(self.place, 1)
+        # A message hides the other widgets while it is shown, but not the permanent ones.
         self.addPermanentWidget(self.background)
         self.addPermanentWidget(self.frame)
 
@@ -109,6 +110,7 @@ def readout(
 
 def value_at(frame: Frame, x: float, y: float) -> str:
     """The value of the pixel at (x, y), as text; empty outside."""
+    # Whole numbers are the centres of pixels.
     column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
     if not (0 <= column < frame.width and 0 <= row < frame.height):
         return ""

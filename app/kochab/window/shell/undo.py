@@ -21,6 +21,7 @@ class Step(QUndoCommand):
         self._made = False
 
     def undo(self) -> None:
+        # Most changes return None, which is no refusal.
         self.setObsolete(self._back() is False)
 
     def redo(self) -> None:
@@ -51,6 +52,7 @@ class Undo(QUndoStack):
         undo, redo = self._actions
         undo.setEnabled(self.canUndo())
         redo.setEnabled(self.canRedo())
+        # A single & in a name would become a mnemonic.
         back, again = (text.replace("&", "&&") for text in (self.undoText(), self.redoText()))
         undo.setText(tr("&Undo: {what}", what=back) if self.canUndo() else tr("&Undo"))
         redo.setText(tr("Re&do: {what}", what=again) if self.canRedo() else tr("Re&do"))

@@ -48,7 +48,7 @@ def small_picture(frame: Frame) -> np.ndarray:
     """The same of a frame that was read."""
     from kochab.frames.stretch import apply, debayer_preview, stretch_parameters
 
-    box = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), dtype=np.uint8)
+    box = np.zeros((2 * HEIGHT, 2 * WIDTH, 3), dtype=np.uint8)  # for screens of 200 %
     shown = debayer_preview(frame, 2) if frame.bayer or frame.colour is not None else frame.pixels
     factor = max(1, shown.shape[0] // box.shape[0], shown.shape[1] // box.shape[1])
     shown = shown[: shown.shape[0] // factor * factor, : shown.shape[1] // factor * factor]
@@ -64,6 +64,7 @@ def small_picture(frame: Frame) -> np.ndarray:
 
 def as_pixmap(picture: np.ndarray, red: bool, gap: int = 0) -> QPixmap:
     """The picture with ``gap`` px of room behind it, in red light alone if ``red``."""
+    # QImage is told that a row has 3 * w bytes.
     kept = np.ascontiguousarray(picture)
     h, w = kept.shape[:2]
     image = QImage(kept.data, w, h, 3 * w, QImage.Format.Format_RGB888)
