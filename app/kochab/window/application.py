@@ -144,6 +144,7 @@ def use_language(app: QApplication, wanted: str = "", folder: Path | None = None
     country = QLocale(wanted) if wanted else QLocale.system()
     texts, of_qt = QTranslator(app), QTranslator(app)
     named = next(iter(country.uiLanguages()), "en").replace("-", "_")
+    # Qt's own texts in another language than Kochab's would be a mixture.
     if not texts.load(f"kochab_{named}", str(folder or data_folder("resources") / "translations")):
         return
     if of_qt.load(country, "qtbase", "_", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)):

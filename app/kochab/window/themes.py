@@ -106,6 +106,7 @@ def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
     painter = QPainter(picture)
     draw_glyph(painter, name, colour, QRectF(picture.rect()))
     painter.end()
+    # After the painting, which counts in pixels of the picture.
     picture.setDevicePixelRatio(ratio)
     return picture
 

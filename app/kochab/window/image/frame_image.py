@@ -38,6 +38,7 @@ def automatic(stored: NDArray[np.generic]) -> tuple[ScreenStretch, float, float]
     """The automatic stretch, and the range (low, high) in stored values that it is a share of."""
     chosen = stretch_parameters(stored)
     low = float(min(chosen.black, stored.min()))
+    # A flat image has a range, too.
     high = max(float(chosen.white), float(stored.max()), low + 1.0)
     black = (chosen.black - low) / (high - low)
     # The middle is a share of black..white; white is moved to the top of the range here.
@@ -84,7 +85,7 @@ def prepare(frame: Frame) -> Task[FrameImage]:
     if frame.colour is not None:
         whole = yield from storable(frame.colour)
         if whole.dtype == np.uint8 and base.dtype == np.uint16:
-            whole = whole.astype(np.uint16) << 2  # as R + 2 G + B, the luminance of 8 bits, is
+            whole = whole.astype(np.uint16) << 2  # the mono pixels of 8 bits are R + 2 G + B
         colour = yield from _pyramid(whole)
     elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
         colour = yield from _from_mosaic(frame, base)

@@ -62,7 +62,7 @@ VARIABLES = {
 """The GCVS's types in words."""
 SIMBAD, ALADIN = "https://simbad.cds.unistra.fr/simbad/", "https://aladin.cds.unistra.fr/AladinLite/"
 KNOWN = ("HIP ", "M ", "NGC ", "IC ")  # as Simbad spells them
-TURN_H = 23.9344696  # of the sky
+TURN_H = 23.9344696  # of clock time to a turn of the sky: a sidereal day
 MARGIN_PX, LETTERS = 12, 44
 
 
@@ -123,6 +123,7 @@ def variable_text(star: Variable) -> str:
     """Its type in words, or as the GCVS writes it; between which magnitudes, and how fast."""
     plain = re.split(r"[/:+(]", star.kind)[0]
     said = tr(VARIABLES.get(plain, "")) or tr("GCVS type {kind}", kind=star.kind or "?")
+    # The decimal sign is a comma in some languages.
     low, high = (number(mag, ".2f").rstrip("0").rstrip(".,") for mag in (star.brightest, star.faintest))
     unknown = not np.isfinite(star.faintest)
     text = f"{said}, {star.band} {low}" if unknown else f"{said}, {star.band} {low}–{high}"

@@ -191,6 +191,7 @@ def arrows(brush: Brush, solution: Solution) -> None:
     """Arrows in the top right corner, with dark edges that keep them readable on a bright sky."""
     north, east = compass(solution)
     box = QRectF(brush.view.width - 2 * AROUND_ARROW_PX - 10, 10, 2 * AROUND_ARROW_PX, 2 * AROUND_ARROW_PX)
+    # No label goes under the arrows.
     brush.space.place(box)
     for shade, more in (
         (translucent(brush.colours.halo, 190), EDGE_PX),

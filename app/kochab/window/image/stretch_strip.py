@@ -112,6 +112,7 @@ class StretchStrip(QFrame):
         self._tell()
 
     def _moved(self) -> None:
+        # Its signal would move the sliders.
         with QSignalBlocker(self.auto):
             self.auto.setChecked(False)
         self._tell()

@@ -94,6 +94,7 @@ def _true(t: Trial) -> TrialCell:
     tip = tr("{share} stars found", share=share)
     if found.error_px is not None:
         tip = tr("{share} stars found, positions {px:.2f} px off", share=share, px=found.error_px)
+    # Most stars first.
     return TrialCell(share, -found.true, tip)
 
 

@@ -105,6 +105,7 @@ class LiveDisplay(QObject):
         self.end(keep=False)
         self.shown, self.latency_ms = None, None
         self.moments.clear()
+        # A signal takes the word from the rendering thread to this one.
         self.queue = queue = RenderQueue(self._ready.emit)
         self._services.jobs.run(queue.task(), "live-display")
         self._services.session.begin_stream(name)
@@ -124,6 +125,7 @@ class LiveDisplay(QObject):
             if result is None:
                 session.solve()
             else:
+                # A live solution keeps the stars that matched, not all that were detected.
                 xy = result.stars_px if isinstance(result, Solution) else np.empty((0, 2))
                 detections = Detections.from_list(xy, frame.width, frame.height)
                 session.answer(SolvedFrame(frame.path, frame, detections, result))
@@ -166,7 +168,7 @@ class LiveDisplay(QObject):
         if self.queue.settings.colour != self._in_colour:
             self._configure()
         self._drawn_s = monotonic()
-        # Of another size are the frames of another binning: whoever keeps pixels of the frame must hear of it.
+        # Another binning gives frames of another size: whoever keeps pixels of a frame must hear of it.
         first = self.shown is None or self.shown.frame.pixels.shape != ready.frame.pixels.shape
         self.shown = ready
         session = self._services.session

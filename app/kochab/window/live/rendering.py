@@ -36,10 +36,11 @@ def channels(frame: Frame, stored: Array, scale: float) -> Planes | None:
         colour = run(storable(frame.colour))
         planes = tuple(binned(colour[..., c], scale) for c in range(3))
         if colour.dtype == np.uint8 and stored.dtype == np.uint16:
-            return tuple(plane.astype(np.uint16) << 2 for plane in planes)  # as R + 2 G + B, the luminance, is
+            return tuple(plane.astype(np.uint16) << 2 for plane in planes)  # the mono pixels are R + 2 G + B
         return planes
     if frame.bayer is None or len(frame.bayer) != 4 or min(stored.shape) < 2:
         return None
+    # A cell is two pixels wide, so less is left to bin.
     return tuple(binned(p, 2.0 * scale) for p in _cells(stored, frame.bayer))
 
 

@@ -177,6 +177,7 @@ class LiveView(Page):
             self._services.session.live.emit(tr("Live: stopped"))
         self._show_status(StreamStatus(tr("Stopping"), tr("Closing the camera…"), "heading"))
         self._show_running(False)
+        # Until the camera is closed, see _finished.
         self.start.setEnabled(False)
 
     def _set_camera(self, settings: CaptureSettings) -> None:
@@ -231,6 +232,7 @@ class LiveView(Page):
                 self._services.session.failed.emit(sentence)
 
     def _finished(self, job: Job, stream: Stream) -> None:
+        # What the end told: of the recording, and of the camera's profile.
         for sentence in stream.said:
             self._show_message(sentence, str(self.message.property("role") or ""))
         self.record.show_state(stream.recording)

@@ -236,7 +236,7 @@ class MountActions(QObject):
 
     def _resynced(self) -> None:
         self._control.known.has_synced()
-        self._control.sightings = ()  # which the sync has changed
+        self._control.sightings = ()  # the sync has changed every offset
 
 
 FIRST = tr_noop("Click the star in the frame (Esc cancels). Click it twice to centre it.")

@@ -70,7 +70,8 @@ class ConnectBox(QWidget):
         self.profile.setToolTip(tr("Camera, mount, site and limits under one name, for every view"))
         typed = self.profile.lineEdit()
         assert typed is not None
-        for done in (self.profile.textActivated, typed.returnPressed):  # Qt tells of a new name by the latter
+        # textActivated does not come for a name that is not listed.
+        for done in (self.profile.textActivated, typed.returnPressed):
             done.connect(lambda *_: self.profile_chosen.emit(self.profile.currentText().strip()))
         self.port = _combo(tr("Port of the mount"), tr(PORTS))
         drivers = {tr(driver.title): name for name, driver in DRIVERS.loaded().items()}

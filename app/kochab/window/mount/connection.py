@@ -116,6 +116,7 @@ class MountControl(QObject):
         if start is None:
             self.message.emit(tr("No simulated telescope in this program."), "wrong")
             return
+        # The line is made by `begin`, so it is asked for only when an event comes.
         self.begin(PracticeOpening(start, lambda event: self._post(self._line, event), self.limits), "")
         self.known.practice = True
         self.changed.emit()
@@ -137,6 +138,7 @@ class MountControl(QObject):
         line = MountLine(opening, lambda event: self._post(line, event), over)
         self._line, self._opening = line, opening
         self._job = job = self._jobs.run(line.run(), "mount")
+        # A line never succeeds: it serves orders until it is cancelled or fails.
         job.failed.connect(lambda sentence: self._closed(job, sentence))
         job.cancelled.connect(lambda: self._closed(job, ""))
         self.message.emit(tr("Connecting…"), "muted")

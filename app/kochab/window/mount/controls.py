@@ -100,6 +100,7 @@ class TrackingChoice(QComboBox):
         self._shown = state.rate if state.tracking else None if state.tracking is None else TrackingRate.OFF
         against = [reasons[f"track {rate}"] for rate in RATES]
         items = self.model()
+        # The box's own model, whose items can be greyed one by one.
         assert isinstance(items, QStandardItemModel)
         for i, reason in enumerate(against):
             item = items.item(i)
@@ -154,6 +155,7 @@ class NudgePad(QWidget):
         grid.setSpacing(4)
         for way, (text, tip, at_row, at_column, _) in WAYS.items():
             made = ExplainedButton(tr(text), partial(self._press, way), tr(tip))
+            # A screen reader cannot read "N ↑".
             made.setAccessibleName(tr(tip))
             made.installEventFilter(self)
             grid.addWidget(made, at_row, at_column)

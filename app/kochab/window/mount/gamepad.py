@@ -98,8 +98,10 @@ class Gamepad(QObject):
         if pressed & stops:
             self._control.stop()
         x, y = (at(self._controller, axis) for axis in (sdl.SDL_CONTROLLER_AXIS_LEFTX, sdl.SDL_CONTROLLER_AXIS_LEFTY))
+        # The D-pad counts as a stick at its end.
         x += 32767 * (("DPAD_RIGHT" in self._down) - ("DPAD_LEFT" in self._down))
         y += 32767 * (("DPAD_DOWN" in self._down) - ("DPAD_UP" in self._down))
+        # Left is east, as on the window's own pad.
         way = (Direction.EAST if x < 0 else Direction.WEST) if abs(x) > abs(y) else None
         way = way or (Direction.NORTH if y < 0 else Direction.SOUTH)
         active = self._pad.window().isActiveWindow()
@@ -112,11 +114,13 @@ class Gamepad(QObject):
     def _hold(self, way: Direction | None) -> None:
         """Nudge this way until another is held, or none."""
         if way is not self._way:
+            # Only a nudge of the controller ends with its direction; others were asked for in the window.
             if self._orders.held and self._control.known.busy in NUDGES:
                 self._control.stop()
             self._way, self._orders.held = way, False
             if way is not None:
                 allowed = self._pad.buttons[way].explanation.allows()  # else it says why
+                # A nudge of the direction before is a reason against this one only until it has ended.
                 self._orders.held = allowed or self._control.known.busy in NUDGES
         if way is not None and self._orders.held and not self._pad.buttons[way].explanation.reason:
             self._pad.buttons[way].click()

@@ -121,6 +121,7 @@ class HorizonPicture(QWidget):
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         self._drawing = False
+        # Once a stroke: each keeps the profile and orders the guard's new limits.
         self.drawn.emit(self.limits.horizon_deg)
 
     def _draw(self, event: QMouseEvent) -> None:

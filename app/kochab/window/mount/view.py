@@ -219,6 +219,7 @@ class MountView(Page):
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
+        # Another view may have set the site, and a cable may have been plugged in.
         self.connect_box.show_site(self._services.settings.site)
         self.connect_box.list_ports()
 
@@ -257,6 +258,7 @@ class MountView(Page):
     def _adopt_camera(self, source: str, address: str) -> None:
         """Use the camera that another view has chosen; a practice telescope keeps its own."""
         selection = CameraSelection(source, address, self.camera.exposure.value())
+        # This view's own choice comes back here, too.
         if selection != self.camera.selection and not self.control.known.practice:
             self.camera.show_selection(selection)
             self._use_camera(selection)

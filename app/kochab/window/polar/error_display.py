@@ -82,7 +82,7 @@ class AxisTarget(QWidget):
         self._rings(painter, scale, radius, colours)
         self._names(painter, radius, line, colours)
         painter.setClipRect(box.translated(-box.center()))
-        # While the axis is followed live, the last measurement is of before, too.
+        # While the axis is followed live, even the last measurement is an older place.
         for before in self.state.measured[:-1] if not self.state.live else self.state.measured:
             self._ellipse(painter, scale, before, QPen(QColor(colours.muted), 1.0))
         painter.setPen(QPen(QColor(colours.muted), 1.2, Qt.PenStyle.DotLine))

@@ -22,6 +22,7 @@ from kochab.workflows.session.alignment_state import AlignmentState
 
 RATE_HZ = 22050
 LOUDNESS = 0.4
+# Of PipeWire, PulseAudio, ALSA and macOS.
 PLAYERS = (("pw-play",), ("paplay",), ("aplay", "-q"), ("afplay",))
 VOICES = (("spd-say", "--"), ("espeak-ng", "--"), ("say", "--"))  # "--": what follows is text
 

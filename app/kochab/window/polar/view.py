@@ -55,6 +55,7 @@ class PolarView(Page):
         self.job: Job | MountTask | None = None
         self._run: AlignmentRun | None = None
         self._request: AlignmentRequest | None = None
+        # What was solved is kept: another clock or pole needs no new solve of the same files.
         self._solved: dict[tuple[object, ...], list[SolvedFile]] = {}
         self.setAcceptDrops(True)
         self.setup = AlignmentSetupPanel(services)
@@ -116,7 +117,7 @@ class PolarView(Page):
         services.jobs.closing.connect(self._close)
         services.mount.changed.connect(self.setup.refresh)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
-        self._key = StopKey(self.stop, self)  # motors at the bolts are no mount's, whose Esc this is
+        self._key = StopKey(self.stop, self)  # the mount's Esc does not stop motors at the bolts
         self._clock = QTimer(self, interval=REFRESH_MS)
         self._clock.timeout.connect(self._show)
 

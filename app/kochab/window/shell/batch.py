@@ -47,6 +47,7 @@ class FileState:
 
 def images_in(paths: Iterable[Path]) -> list[Path]:
     """The files of ``paths``, each once; a folder stands for the images in it, by name."""
+    # A dict keeps their order, and each once.
     found: dict[Path, None] = {}
     for path in paths:
         inside = sorted(path.iterdir()) if path.is_dir() else []

@@ -116,6 +116,7 @@ class Commands(QObject):
         self.views = Views(self.window, self.services)
         colour_icons(self.actions, theme_colours())
         self.views.emptied.connect(lambda: self.actions["fill"].setChecked(False))
+        # After the views: only docks that are there get their places back.
         self._restore()
         self._connect()
         menus = self.window.menus
@@ -444,6 +445,7 @@ class Commands(QObject):
         keep.keep("geometry", window.saveGeometry())
         keep.keep("rail", window.saveState(LAYOUT))
         keep.keep("closed", time.strftime("%Y-%m-%d"))
+        # The event loop, which writes settings by itself now and then, is about to end.
         keep.write()
 
 

@@ -34,7 +34,7 @@ class RedLight(QGraphicsEffect):
         filtered = QPainter(picture)
         filtered.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
         filtered.fillRect(picture.rect(), QColor(255, 0, 0))
-        # What was transparent, as outside rounded corners, has become red and is so no more.
+        # What was transparent, as outside rounded corners, has become red: cut it out again.
         filtered.setCompositionMode(QPainter.CompositionMode.CompositionMode_DestinationIn)
         filtered.drawPixmap(0, 0, shape)
         filtered.end()

@@ -115,6 +115,7 @@ class FrameExporter(QObject):
             # A copy: layers may be switched while the thread writes.
             layers, more = deepcopy(self._overlay.layers), kept_elements()
             write = partial(annotate, more=more, layers=layers, detected=self._overlay.circled)
+        # The frame's own site counts more than the person's.
         sited = replace(frame, hint=replace(frame.hint, site=frame.hint.site or self._settings.site))
 
         def task() -> Task[Path]:

@@ -86,6 +86,7 @@ class Preferences(QDialog):
 
     def _refuse(self, sentence: str) -> None:
         show_text(self.wrong, sentence)
+        # Else the refused name would stay in its field.
         self._show_gear()
 
     def _general(self) -> QWidget:

@@ -55,6 +55,7 @@ class Tour(QFrame):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         buttons = row(self.count, None, self.skip, self.back, self.next, spacing=8)
         column(self.title, self.text, 6, buttons, on=self, spacing=8, margins=(18, 16, 18, 14))
+        # It is in no layout, so it follows the window's size by itself.
         window.installEventFilter(self)
         self._turn(0)
         self.show()
