@@ -261,6 +261,7 @@ class Plots(Page):
 
     def wrong_answers(self) -> dict[str, int]:
         """Number of wrong answers by method, without the zeros."""
+        # In the order of the registry.
         counts = Counter(dict.fromkeys(REGISTRIES[self.kind], 0))
         for point in self.points.values():
             counts[point.name] += point.wrong

@@ -24,6 +24,7 @@ class QtLogHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         try:
             self._panel.line.emit(self.format(record))
+            # Only what nothing caught is critical.
             if record.levelno >= logging.CRITICAL and record.exc_info and record.exc_info[1]:
                 self._panel.fault.emit(fault_text(record.exc_info[1]))
         except RuntimeError:  # the window is gone

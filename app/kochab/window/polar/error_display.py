@@ -201,6 +201,7 @@ class Numbers(QWidget):
         show_text(self.enough, good_enough(usable, self.imaging) if usable and self.imaging else "")
         for knob, (value, way) in self.knobs.items():
             value.setText(knob_text(state, knob))
+            # A measurement that is not to be trusted gives no arrow.
             mend = cure(error, knob) if error is not None and state.tells(knob) and not state.spoilt else None
             way.setText("" if mend is None else f"{mend.sign} {mend.way}")
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet

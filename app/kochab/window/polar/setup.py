@@ -181,6 +181,7 @@ class AlignmentSetupPanel(Page):
         self.pole.currentIndexChanged.connect(self._name_pole)
         self.site.textChanged.connect(self._name_pole)
         self._restore()
+        # After the saved choice, since the present choice of another view counts more.
         self.camera.follow(services.cameras)
         self._enable()
 

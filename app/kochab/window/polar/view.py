@@ -137,6 +137,7 @@ class PolarView(Page):
         except KochabError as error:
             self.say(str(error), "wrong")
             return
+        # Not before `start`, which may say why it cannot.
         self.state = AlignmentState("opening", tr("Opening…"))
         self.controls, self.adjuster = run.controls, None
         self.page.show_pole(request, self.setup.guess)
@@ -235,6 +236,7 @@ class PolarView(Page):
         self.turn_for_me.setVisible(not self._drifts)
 
     def _succeeded(self, history: History) -> None:
+        # There are none where a drift tells one knob alone.
         if history.entries:
             self.history.keep(history)
             done = tr("Done. The report is in the Tonight tab."), "good"

@@ -178,6 +178,7 @@ class Commands(QObject):
                 self.actions[name].toggled.connect(slot)
             else:
                 self.actions[name].triggered.connect(lambda _=False, s=slot: s())
+        # A tab in front of the log makes it invisible as well, but not hidden.
         window.log.visibilityChanged.connect(lambda _: self.actions["log"].setChecked(not window.log.isHidden()))
         window.log.report_wanted.connect(self.save_report)
         window.log.fault.connect(self._say)
@@ -218,6 +219,7 @@ class Commands(QObject):
         vector = vector_of(tables, mark, solution)
         against, taken = reasons_against(self.services.situation), known.frame.hint.time_utc
         old = taken is None or abs(datetime.now(UTC) - taken) > STILL_THERE
+        # A trail is a satellite's, which is elsewhere by now.
         if mark.body is not None and (old or mark.body.trail):
             against |= dict.fromkeys(AIMS, tr("{name} has moved since the frame was taken.", name=mark.text))
         width_deg = max(0.25, mark.radius * solution.camera.scale_arcsec_px / 900.0)  # four radii
@@ -415,6 +417,7 @@ class Commands(QObject):
         (panes.tabs.tabBar(), panes.stars.table, panes.hints.fov)[index].setFocus()
 
     def _escape(self) -> None:
+        # What runs is ended first; the next Esc leaves the full screen.
         if self.session.busy:
             self.session.cancel()
         elif self.actions["full"].isChecked():

@@ -71,6 +71,7 @@ class FilmStrip(QFrame):
         self.list.setIconSize(QSize(WIDTH, HEIGHT))
         above = row(self.count, self.bar, self.cancel, self.solve, None, self.failed, self.order, results, spacing=8)
         column(above, self.list, on=self, spacing=4, margins=(8, 4, 8, 4))
+        # Enter activates, a click need not.
         self.list.itemActivated.connect(self._choose)
         self.list.itemClicked.connect(self._choose)
         self.failed.toggled.connect(self.fill)

@@ -200,6 +200,7 @@ class Menus:
         menu.setEnabled(bool(paths))
         for i, (text, path) in enumerate(paths):
             shown = short_name(text).replace("&", "&&")
+            # The tenth has the key 0.
             action = menu.addAction(f"&{(i + 1) % 10}  {shown}")
             action.setToolTip(str(path))
             action.triggered.connect(lambda _=False, p=path: chosen(p))

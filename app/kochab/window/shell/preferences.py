@@ -91,6 +91,7 @@ class Preferences(QDialog):
 
     def _general(self) -> QWidget:
         looks, solution = self._services.looks, self._services.panes.solution
+        # The titles are the menus', with their mnemonics.
         plain = {tr(title).replace("&", ""): name for name, title in THEME_TITLES.items()}
         sizes = {tr(title).replace("&", ""): name for name, title in TEXT_SIZE_TITLES.items()}
         self.angles = choice_box(tr("Angles"), {tr(title): style for style, title in STYLES.items()})
@@ -240,6 +241,7 @@ class Preferences(QDialog):
         self.remove.setEnabled(bool(profile.name))
         for field, value in ((self.focal, profile.focal_length_mm), (self.pixel, profile.pixel_size_um)):
             field.setText("" if value is None else number(value, "g"))
+            # Without a name there is no profile that could keep it.
             field.setEnabled(bool(profile.name))
             field.setToolTip("" if profile.name else tr("Type a profile name first"))
         self.site.setText("" if profile.site is None else site_text(profile.site))

@@ -47,6 +47,7 @@ class Presenter(QObject):
         panes.card.set_style(self.style)
         panes.hints.show_site(settings.site)
         panes.stars.set_style(self.style)
+        # Wrong hints are shown in their pane, and the frame is solved without any.
         session.options_for = lambda frame: panes.hints.checked_options(frame.width)
         s = session
         s.opening.connect(self._opening)

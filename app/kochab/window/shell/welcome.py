@@ -218,6 +218,7 @@ class Welcome(Page):
             link.setIconSize(QSize((WIDTH + GAP) // 2, HEIGHT // 2))
             self._links[path] = link
             self._recent.addWidget(link)
+            # Made after the samples, it would come after them by Tab.
             self.setTabOrder(before, link)
             before = link
         for sample in self.samples[:1]:
