@@ -83,6 +83,7 @@ def write_image(picture: QImage, path: Path) -> Task[Path]:
 
     def write() -> None:
         with atomic_file(path) as part:
+            # The format is told, since the part's name does not end in it.
             writer = QImageWriter(str(part), QByteArray(b"PNG"))
             if not writer.write(picture):
                 raise OSError(writer.errorString())

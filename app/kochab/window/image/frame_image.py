@@ -96,6 +96,7 @@ def prepare(frame: Frame) -> Task[FrameImage]:
     shift = (0.0, 0.0, 0.0)
     own = frame.path and frame.colour is not None and frame.colour.dtype == np.uint8  # a finished picture's colours
     if colour and auto.mid < 0.5 and not own:
+        # On the smallest level, whose few pixels have the least noise.
         shift = sky_shift(np.moveaxis(colour[-1], -1, 0), sky_level(mono[-1]))
     return FrameImage(frame.width, frame.height, mono, colour, low, high, counts, auto, shift)
 
@@ -146,6 +147,7 @@ def storable(pixels: Array) -> Task[Array]:
     out = np.empty(pixels.shape, dtype=np.uint16)
     for y in range(0, len(pixels), STRIP_ROWS):
         strip = (np.asarray(pixels[y : y + STRIP_ROWS], dtype=np.float32) - low) * factor
+        # NaN becomes black, infinity white.
         out[y : y + STRIP_ROWS] = np.clip(np.nan_to_num(strip, nan=0.0), 0.0, 65535.0)
         yield Progress("display", y / len(pixels))
     return out

@@ -310,6 +310,7 @@ class Overlay:
         if self.layers.on["centre"]:
             camera = solution.camera
             x, y = brush.view.to_screen(np.array([(camera.width - 1) / 2, (camera.height - 1) / 2]))
+            # A dark edge below keeps the cross readable on a bright sky.
             for colour, width, alpha in ((brush.colours.halo, 4.5, 140), (brush.ink("centre", "centre"), 1.8, 255)):
                 brush.pen(colour, width, alpha)
                 cross(brush, x, y, 6.0, 18.0)

@@ -44,7 +44,7 @@ class Viewport:
     def zoomed(self, factor: float, x: float, y: float) -> "Viewport":
         """Scaled by ``factor`` with the image held still under screen position (x, y)."""
         scale = min(max(self.scale * factor, SMALLEST), LARGEST)
-        f = scale / self.scale
+        f = scale / self.scale  # what the limits leave of the factor
         return replace(self, scale=scale, dx=x - (x - self.dx) * f, dy=y - (y - self.dy) * f)
 
     def panned(self, dx: float, dy: float) -> "Viewport":

@@ -122,6 +122,7 @@ class LiveRenderer:
     def _measure(self, frame: Frame, stored: Array, settings: DisplaySettings) -> None:
         """Another automatic stretch and other levels; a range that sliders stand on is held."""
         sample = frame_image.sampled(stored, SAMPLE)
+        # (0, 1) is the range before the first frame.
         if settings.stretch is None or self._range == (0.0, 1.0):
             # A mosaic's sky is that of its mean colour.
             whole = frame_image.sampled(binned(stored, 0.5, True), SAMPLE) if frame.bayer else sample

@@ -120,6 +120,7 @@ class PhonePanel(Page):
 
     def _show(self, code: Rows) -> None:
         """Show the address and its QR code; without one, that the page is off."""
+        # The switch may have gone off while the page was starting.
         on = bool(code) and self.page is not None and self.switch.isChecked()
         self.url.setText(self.page.url if self.page is not None and on else "")
         self.code.rows = code if on else ()

@@ -54,6 +54,7 @@ class FrameList(QListWidget):
 
     def add(self, paths: list[Path], sweep: int = 0) -> None:
         """Add frames of the first sweep (0) or the second (1)."""
+        # The tip of an item is its whole path.
         there = {self.item(i).toolTip() for i in range(self.count())}
         for path in paths:
             if str(path) not in there:

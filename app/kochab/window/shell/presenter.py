@@ -176,7 +176,7 @@ class Presenter(QObject):
             job.succeeded.connect(partial(self._placed, known, known.result))
 
     def _placed(self, known: Known, solution: Solution, told: tuple[str, str]) -> None:
-        # A running camera's next frames show the same field.
+        # A running camera's field keeps its name from frame to frame.
         if self.session.known is known and (known.result is solution or self.session.streams):
             self._place = told[0]
             self.panes.card.show_place(*told)

@@ -126,7 +126,7 @@ class ViewDock(QDockWidget):
         if self.widget() is None:
             self.setWidget(holder := scrolled(view))  # a view may be taller than a small screen
             self._services.looks.redden_carets(view)
-            # Styled in this turn of the event loop, shown in the next.
+            # Styled here, while `toggle` shows it in the next turn of the event loop.
             holder.ensurePolished()
 
     def showEvent(self, event: QShowEvent) -> None:
