@@ -2,6 +2,7 @@
 
 import csv
 import io
+import os
 import threading
 from dataclasses import dataclass, field, replace
 
@@ -12,7 +13,8 @@ from PySide6.QtWidgets import QDialog, QTableWidget
 
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
-from kochab.window.shell.batch import images_in
+from kochab.window.shell.batch import FileState, images_in
+from kochab.window.shell.film_strip import ORDERS
 from kochab.workflows.solution_text import CSV_TITLES, RESULT_TITLES
 from tests.window.fakes import FakeEngine, FakeSolved, no_solution, star_field
 from tests.window.test_night import assert_red
@@ -113,6 +115,13 @@ def test_filter_and_order(strip):
     films.order.setCurrentText("failed first")
     assert shown(films) == ["b-cloud.fits", "a.fits", "c.fits", "d.fits"]
     assert films.list.currentItem().text() == "a.fits"
+
+
+def test_the_newest_comes_first_and_what_cannot_be_looked_at_last(files):
+    os.utime(files[2], (4e9, 4e9))
+    # A name too long for any disk: like a network drive that is off, it makes Path.exists raise.
+    states = [FileState(path) for path in (files[0].with_name("x" * 300), files[0], files[2])]
+    assert sorted(states, key=ORDERS["newest first"]) == states[::-1]
 
 
 def test_a_broken_file_does_not_stop_the_others(qtbot, make_window, files):

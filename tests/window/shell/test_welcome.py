@@ -72,3 +72,11 @@ def test_a_recent_file_opens_from_the_page(qtbot, make_window, engine, a_file, s
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         qtbot.mouseClick(link, Qt.MouseButton.LeftButton)
     assert commands.session.known.path == a_file
+
+
+def test_a_recent_file_that_cannot_be_looked_at_is_not_offered(make_window, engine, a_file, settings):
+    settings.add_recent(a_file)
+    # A name too long for any disk: like a network drive that is off, it makes Path.exists raise.
+    settings.add_recent(a_file.with_name("x" * 300))
+    window, _ = make_window(engine)
+    assert window.welcome.recent == [a_file]

@@ -1,5 +1,6 @@
 """The film strip below the image: many files with their states, the table of their results, and blinking."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from kochab.workflows.solution_text import RESULT_TITLES, result_cells
 ORDERS: dict[str, Callable[[FileState], object]] = {
     tr_noop("in order"): lambda _: 0,  # sorting is stable
     tr_noop("by name"): lambda f: f.path.name.lower(),
-    tr_noop("newest first"): lambda f: -(f.path.stat().st_mtime if f.path.exists() else 0.0),
+    tr_noop("newest first"): lambda f: -(os.path.getmtime(f.path) if os.path.exists(f.path) else 0.0),
     tr_noop("failed first"): lambda f: (not f.failed, f.result is not None),  # and then those that wait
 }
 BADGE_PX, BLINK_MS = 16, 800

@@ -1,6 +1,7 @@
 """The welcome page with the sample frames."""
 
 import json
+import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -207,7 +208,8 @@ class Welcome(Page):
 
     def show_recent(self, paths: list[Path]) -> None:
         clear_layout(self._recent)
-        shown = [p for p in paths if p.exists()][:MOST_SHOWN]
+        # Path.exists raises for a network drive that is off, or a folder of somebody else.
+        shown = [p for p in paths if os.path.exists(p)][:MOST_SHOWN]
         self._recent_title.setVisible(bool(shown))
         before: QWidget = self.practice
         self._links.clear()
