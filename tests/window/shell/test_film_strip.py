@@ -1,10 +1,12 @@
 """Many files at once: dropped, solved in turn, stepped through, filtered, tabled, blinked."""
 
 import csv
+import errno
 import io
 import os
 import threading
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,6 +88,17 @@ def test_files_that_are_dropped_together_are_all_solved_and_the_first_is_open(st
 def test_a_folder_stands_for_its_images(files):
     assert images_in([files[0].parent]) == files
     assert images_in([files[2], files[0].parent, files[2]]) == [files[2], files[0], files[1], files[3]]
+
+
+def test_a_folder_that_cannot_be_read_is_told(monkeypatch, make_window, files):
+    def refuse(folder):
+        raise PermissionError(errno.EACCES, "Permission denied", str(folder))
+
+    monkeypatch.setattr(Path, "iterdir", refuse)  # tests that run as root may read every folder
+    window, commands = make_window(ByName())
+    commands.open_all([files[0].parent])
+    assert window.status.currentMessage() == "Can't open night: Permission denied."
+    assert not commands.batch.files
 
 
 def test_stepping_opens_the_next_file_and_never_shows_the_pointing_of_the_last(qtbot, strip, files):

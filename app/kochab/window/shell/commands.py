@@ -272,7 +272,13 @@ class Commands(QObject):
         for path in elements:
             self._keep(path)
         paths = [path for path in paths if path not in elements]
-        if len(found := images_in(paths)) > 1:
+        try:
+            found = images_in(paths)
+        except OSError as error:
+            name = short_name(Path(error.filename or paths[0]).name)
+            self._say(tr("Can't open {name}: {why}.", name=name, why=error.strerror or error))
+            return
+        if len(found) > 1:
             self._replace_files({path: FileState(path) for path in found}, found[0])
         elif found:
             self.open(found[0])
