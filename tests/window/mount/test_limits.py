@@ -1,5 +1,6 @@
 """The limits of a mount in its view: the horizon is drawn, read and kept, and the guard goes by it at once."""
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 
@@ -52,6 +53,23 @@ def test_a_drawn_horizon_is_kept_and_stops_a_goto_behind_it(qtbot, opened, setti
         draw(qtbot, picture, Qt.MouseButton.RightButton, *((there[1] + step, 10.0) for step in range(-12, 13)))
         assert current_profile(settings).horizon_deg is None
         qtbot.waitUntil(lambda: not mount.opening.guard.limits.horizon_deg, timeout=10_000)
+
+
+def test_a_quick_stroke_leaves_no_gap_and_goes_the_way_of_the_pointer(qtbot):
+    picture = HorizonPicture()
+    qtbot.addWidget(picture)
+    picture.resize(720, 200)
+    drawn = []
+    picture.drawn.connect(lambda horizon: drawn.append(dict(horizon)))
+    draw(qtbot, picture, Qt.MouseButton.LeftButton, (100.0, 20.0), (160.0, 50.0))
+    assert [drawn[0][azimuth] for azimuth in range(100, 161, 5)] == pytest.approx(np.linspace(20.0, 50.0, 13), abs=1.0)
+    assert sum(drawn[0].values()) == pytest.approx(13 * 35.0, abs=13.0), "and nowhere else"
+    draw(qtbot, picture, Qt.MouseButton.LeftButton, (130.0, 20.0), (130.0, 10.0))
+    assert drawn[1][130.0] == pytest.approx(10.0, abs=1.0)
+    draw(qtbot, picture, Qt.MouseButton.RightButton, (160.0, 50.0), (100.0, 20.0))
+    assert drawn[2] == {}
+    draw(qtbot, picture, Qt.MouseButton.LeftButton, (340.0, 30.0), (400.0, 30.0))  # out of the drawing, past north
+    assert {azimuth for azimuth, height in drawn[3].items() if height} == {340.0, 345.0, 350.0, 355.0, 0.0}
 
 
 def test_fields_and_a_file_set_the_limits_before_a_mount_is_connected(qtbot, opened, settings, tmp_path):

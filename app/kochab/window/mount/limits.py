@@ -34,6 +34,7 @@ class HorizonPicture(QWidget):
         self.limits = Limits()
         self.mount_deg: tuple[float, float] | None = None  # altitude and azimuth
         self._drawing = False
+        self._last: tuple[int, float] | None = None  # step of azimuth and altitude of the stroke so far
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.setToolTip(tr(DRAW_TIP))
         self.show_limits(Limits())
@@ -113,7 +114,7 @@ class HorizonPicture(QWidget):
             painter.drawRect(QRectF(self._at(0.0, 90.0), self._at(360.0, self.limits.highest_altitude_deg)))
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        self._drawing = True
+        self._drawing, self._last = True, None
         self._draw(event)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
@@ -125,13 +126,17 @@ class HorizonPicture(QWidget):
         self.drawn.emit(self.limits.horizon_deg)
 
     def _draw(self, event: QMouseEvent) -> None:
-        """Put the horizon where the pointer is, or take it away."""
+        """Put the horizon where the pointer is and came from, or take it away."""
         sky, at = self._sky, event.position()
-        which = round((at.x() - sky.left()) / sky.width() * 360.0 / STEP_DEG) % len(AZIMUTHS_DEG)
+        which = round(min(max((at.x() - sky.left()) / sky.width(), 0.0), 1.0) * len(AZIMUTHS_DEG))
         # The drawn horizon alone: the horizon limit must not become a part of it.
         floors = replace(self.limits, lowest_altitude_deg=0.0).floors_deg(AZIMUTHS_DEG)
         erased = event.buttons() & Qt.MouseButton.RightButton
-        floors[which] = 0.0 if erased else np.clip((sky.bottom() - at.y()) / sky.height() * 90.0, 0.0, 89.0).round()
+        height = 0.0 if erased else min(max((sky.bottom() - at.y()) / sky.height() * 90.0, 0.0), 89.0)
+        # A quick stroke skips steps between two events: a gap would let a slew through the tree.
+        (start, before), self._last = self._last or (which, height), (which, height)
+        n = abs(which - start) + 1
+        floors[np.linspace(which, start, n, dtype=int) % len(floors)] = np.linspace(height, before, n).round()
         drawn = tuple(zip(AZIMUTHS_DEG.tolist(), floors.tolist(), strict=True))
         self.limits = replace(self.limits, horizon_deg=drawn if floors.any() else ())
         self._describe()
