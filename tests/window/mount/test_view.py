@@ -452,6 +452,17 @@ def test_port_driver_and_site_come_back_after_a_restart(qtbot, make_window, engi
     assert settings.site == SITE
 
 
+@pytest.mark.parametrize("on", [True, False])
+def test_solve_after_slew_comes_back_as_it_was_left(make_window, engine, settings, on):
+    settings.keep("mount/after", on)
+    _, commands = make_window(engine)
+    commands.views.show("mount")
+    view = commands.views.docks["mount"].view
+    assert (view.after.isChecked(), view.orders.auto_frame) == (on, on)
+    view.after.click()
+    assert (view.orders.auto_frame, settings.flag("mount/after", on)) == (not on, not on)
+
+
 def test_the_view_and_its_dialog_are_red_at_night(qtbot, opened):
     window, commands = opened
     commands.actions["night"].trigger()

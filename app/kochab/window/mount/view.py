@@ -186,8 +186,9 @@ class MountView(Page):
     def _restore(self) -> None:
         settings = self._services.settings
         self._show_equipment(self._services.cameras.choice)
-        self.after.toggled.connect(self._solve_after)
         self.after.setChecked(settings.flag("mount/after", True))
+        self.orders.auto_frame = self.after.isChecked()
+        self.after.toggled.connect(self._solve_after)
         names = self._services.jobs.run(names_to_offer(), "names")
         names.succeeded.connect(self.go.offer_names)
 
