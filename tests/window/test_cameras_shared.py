@@ -69,6 +69,20 @@ def test_what_live_chooses_the_mount_uses(qtbot, commands):
     assert mount.control.camera.wish == mount.camera.selection
 
 
+def test_what_is_being_typed_stays_until_another_camera_is_chosen(commands):
+    mount = view_of(commands, "mount")
+    pick(mount.camera.source, "folder")
+    mount.camera.address.setText("/data/n")
+    mount._show()  # as twice a second while a mount is connected
+    assert mount.camera.address.text() == "/data/n"
+    mount._services.cameras.choose("indi", "indi:1/b")
+    mount.camera.exposure.setValue(7.0)
+    mount._show()
+    assert mount.camera.selection == CameraSelection("indi", "indi:1/b", 7.0)
+    mount.control.use_camera(None)
+    assert mount.camera.selection is None
+
+
 def test_the_alignment_uses_it_too_though_its_view_is_made_later(qtbot, commands):
     live = view_of(commands, "live")
     live.camera.box.source.setCurrentIndex(live.camera.box.source.findData("indi"))

@@ -483,6 +483,19 @@ def test_a_camera_that_goes_is_not_taken_for_the_mounts_line():
         run(alignment_task(wish, tools))
 
 
+def test_a_site_is_filled_in_once_and_stays_empty_when_it_is_cleared(polar, settings):
+    _, view = polar()
+    settings.keep_site(Site(48.0, 11.0))
+    view.setup.refresh()
+    assert view.setup.site.text().startswith("48, 11")
+    view.setup.site.clear()
+    view.setup.refresh()  # as twice a second while a mount is connected
+    assert view.setup.site.text() == ""
+    settings.keep_site(SITE)
+    view.setup.refresh()
+    assert view.setup.request().site == SITE
+
+
 def test_wishes_are_understood(polar):
     _, view = polar()
     view.setup.site.setText("-35.2, 149.1, 600")

@@ -85,6 +85,7 @@ class MountView(Page):
         orders, control = self.orders, self.control
         self.connect_box = ConnectBox(self._services.jobs, self._services.wiring.practice is not None)
         self.camera = CameraBox(at_once=True)
+        self._shown_camera: CameraSelection | None = None
         self.take = ExplainedButton(tr("Take a frame"), orders.take_frame, tr("See where the mount really points"))
         tip = tr("Solve two frames, then sync the mount on them")
         self.sync = ExplainedButton(tr("Sync…"), orders.offer_sync, tip, "main")
@@ -298,7 +299,9 @@ class MountView(Page):
         self.tracking.show_state(MountState() if known.report is None else known.report.state, why)
         camera = self.control.camera
         selection = None if camera is None else camera.wish
-        if selection != self.camera.selection:
+        # Not whenever the fields differ: this runs twice a second, and a person may be typing in them.
+        if selection != self._shown_camera:
+            self._shown_camera = selection
             self.camera.show_selection(selection or CameraSelection("", "", self.camera.exposure.value()))
         self.camera.show_note("" if camera is None else camera.exposure_told)
         if not known.busy and not self.connect_box.searching:

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QComboBox, QFormLayout, QListWidget, QListWidgetIt
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
+from kochab.core.frame import Site
 from kochab.gear.cameras import SOURCES
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.profiles import current_profile
@@ -161,6 +162,7 @@ class AlignmentSetupPanel(Page):
         self.motor_port = text_field(tr("Port of the adjusters"), tr("/dev/ttyUSB1, COM5, tcp://192.168.4.1:4030"))
         self.mount = label("", "muted", wrap=True)
         self._known_mount: MountSelection | None = None
+        self._shown_site: Site | None = None
         self._kept = {
             "source": self.source,
             "hand": self.hand,
@@ -298,8 +300,11 @@ class AlignmentSetupPanel(Page):
         self._known_mount = selection if selection.port else None
         self.mount.setText(mount_text(self._known_mount, self._services.mount.known))
         site = self._services.settings.site
-        if not self.site.text().strip() and site is not None:
-            self.site.setText(site_text(site))
+        # Once: a field that a person clears stays empty, though this runs twice a second.
+        if site != self._shown_site:
+            self._shown_site = site
+            if not self.site.text().strip() and site is not None:
+                self.site.setText(site_text(site))
         self._name_pole()
 
     def _enable(self, _: int = 0) -> None:
