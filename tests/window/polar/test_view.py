@@ -22,6 +22,7 @@ from kochab.polar.report import History
 from kochab.polar.tutor import HAND_ARCSEC, Base, Instruction
 from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, through, tonight
+from kochab.window.polar.bolts_view import KEYS, MOTORS
 from kochab.window.polar.history import writing
 from kochab.workflows.polar.measure import MountTurner
 from kochab.workflows.polar.update import PolarButton, PolarControls
@@ -607,10 +608,13 @@ def test_escape_stops_motors_at_the_bolts_without_a_mount(qtbot, polar):
     view.setup.motors.setChecked(True)
     view.begin()
     qtbot.waitUntil(lambda: view.state.running and view.state.stage != "opening")
-    qtbot.keyClick(view.window(), Qt.Key.Key_Escape)
+    view.show_bolts()
+    assert view.bolts.face.keys == MOTORS
+    qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
     drive(view)
     assert view.state.stage == "ended"
     assert "Cancelled" in view.state.words
+    assert view.bolts.face.keys == KEYS, "none runs any more"
 
 
 def test_the_port_of_motors_is_asked_for(polar):

@@ -16,6 +16,10 @@ from kochab.workflows.session.alignment_state import AlignmentState
 
 KEYS = tr_noop("Space: done    Tab: other axis    M: measure again    S: sounds    Esc: close")
 TURNING = tr_noop("Esc: STOP the mount and close    Tab: other axis    S: sounds    F7: close")
+MOTORS = tr_noop(
+    "Esc: STOP the motors and end the alignment    Space: done    Tab: other axis    M: measure again    S: sounds"
+    "    F7: close"
+)
 
 
 class BoltsView(QWidget):
@@ -33,7 +37,7 @@ class BoltsView(QWidget):
         # paint_face fills the whole window.
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.state = AlignmentState()
-        self.old = False
+        self.old = self.motors = False  # motors: they turn the bolts, and Esc stops them
         self.sounding = ""
         self._chosen: Knob | None = None
         self._wheel = Wheel(self)
@@ -103,7 +107,7 @@ class BoltsView(QWidget):
         state, error = self.state, self.state.known_error
         title = tr("Polar alignment") if error is None else tr(self.knob.value.capitalize())
         old = tr("OLD: {what}", what=state.detail or tr("wait for a new frame"))
-        keys = tr(TURNING if state.mount_turns else KEYS)
+        keys = tr(TURNING if state.mount_turns else MOTORS if self.motors else KEYS)
         turning = state.bolt_error
         shape = "" if turning is None else "done" if self._over else cure(turning, self.knob).word
         return Face(
