@@ -5,6 +5,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QWidget
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import UsageError
@@ -16,6 +18,7 @@ from kochab.gear.profiles import current_profile, save_selection
 from kochab.gear.session import MountSelection, search_text
 from kochab.window.mount.actions import SYNC_FIRST, outcome_text
 from kochab.window.mount.connect_box import ConnectBox
+from kochab.window.mount.controls import GoBox
 from kochab.window.mount.pointing import Offset, ring_arcsec, words_of
 from kochab.window.themes import theme_colours
 from kochab.workflows.centre_target import Centring, CentringEnd
@@ -207,6 +210,30 @@ def test_home_is_asked_of_a_motor_board_only_and_anew_every_time(qtbot, settings
     assert current_profile(settings).mount == MountSelection("COM3", "skywatcher")
     box.connect_button.click()
     assert (wishes[-1].home, wishes[-1].equatorial) == (None, False)
+
+
+def test_enter_on_a_suggestion_takes_the_name_and_only_the_next_one_slews(qtbot):
+    ordered = []
+    go = GoBox(ordered.append, lambda text, tolerance: None, QWidget())
+    qtbot.addWidget(go)
+    go.offer_names(["M 42", "M 45", "Vega"])
+    go.show()
+    go.activateWindow()
+    go.target.setFocus()
+    qtbot.waitUntil(go.target.hasFocus)
+    popup = go.completer.popup()
+    qtbot.keyClicks(go.target, "M 4")
+    qtbot.waitUntil(popup.isVisible)
+    qtbot.keyClick(popup, Qt.Key.Key_Down)
+    qtbot.keyClick(popup, Qt.Key.Key_Return)
+    assert (go.target.text(), popup.isVisible(), ordered) == ("M 42", False, [])
+    qtbot.keyClick(go.target, Qt.Key.Key_Return)
+    assert ordered == ["M 42"]
+    go.target.clear()
+    qtbot.keyClicks(go.target, "M 45")
+    qtbot.waitUntil(popup.isVisible)
+    qtbot.keyClick(popup, Qt.Key.Key_Return)  # nothing is chosen in the list: the name was typed whole
+    assert ordered == ["M 42", "M 45"]
 
 
 def test_what_slews_is_greyed_until_home_is_confirmed():

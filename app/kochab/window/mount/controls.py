@@ -223,10 +223,16 @@ class GoBox(QWidget):
         )
         self.tolerance = number_field(tr("Centring tolerance, arcseconds"), *TOLERANCE_ARCSEC, 60.0, 0, "″")
         self.tolerance.setPrefix(tr("to "))
-        self.target.returnPressed.connect(self.goto.click)
+        self.target.returnPressed.connect(self._enter)
         above = row(label(tr("Go to"), "heading"), (self.target, 1))
         below = row(self.goto, self.centre, self.tolerance, beside, None)
         column(above, below, on=self, margins=(0, 0, 0, 0))
+
+    def _enter(self) -> None:
+        # Qt tells of Enter on a suggestion, too; that one only takes the name.
+        popup = self.completer.popup()
+        if popup is None or popup.isHidden() or not popup.currentIndex().isValid():
+            self.goto.click()
 
     def offer_names(self, names: list[str]) -> None:
         """Names the field completes."""
