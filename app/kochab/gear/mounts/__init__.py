@@ -94,6 +94,7 @@ def open_mount(
     link = SerialLink(with_port(port, make.tcp_port), rate)
     try:
         if stop_first:
+            # Before the driver's first question, which may take seconds. Its reply is of no known length: thrown away.
             Conversation(link).send_now((make.blind_stop, ()))
             link.discard(STOP_REPLY_S)
         mount = make(link, **settings)
@@ -107,7 +108,7 @@ def open_mount(
             rate=rate,
             error=error,
         ) from error
-    except BaseException:
+    except BaseException:  # Ctrl-C, too: a port left open is locked for the next program
         link.close()
         raise
     return mount

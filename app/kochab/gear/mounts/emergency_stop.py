@@ -42,7 +42,7 @@ class EmergencyStop:
 
     def begin(self, seconds: float) -> None:
         """A motion lasts at most ``seconds``; ``inf`` until the mount reports its end."""
-        self._moves_until = max(self._moves_until, monotonic() + seconds)
+        self._moves_until = max(self._moves_until, monotonic() + seconds)  # a pulse does not shorten a move
 
     def end(self) -> None:
         """Nothing moves any more, except by tracking."""
@@ -69,7 +69,7 @@ class EmergencyStop:
         try:
             try:
                 self.mount.stop()
-            except NoAnswerError:
+            except NoAnswerError:  # its reply was lost, or its bytes were
                 self.mount.stop()
         except DeviceError as error:
             self.unfinished = self.unfinished or self.moving
@@ -87,7 +87,7 @@ class EmergencyStop:
 
     def reconnect(self, reopen: Callable[[], Mount]) -> None:
         """Open the line again and, first of all, stop what was moving; no motion is repeated."""
-        self.mount.close()
+        self.mount.close()  # first: a serial port is open to one program at a time
         self.mount = reopen()
         if self.unfinished or self.moving:
             self.halt()
@@ -110,6 +110,7 @@ class EmergencyStop:
         Raises `NotStoppedError` when it still moves, or does not answer, after the second Stop.
         """
         try:
+            # Some mounts lose a Stop while they slew: one more is sent before anybody is alarmed.
             if not self._comes_to_rest():
                 try:
                     self.halt()
@@ -119,7 +120,7 @@ class EmergencyStop:
                     self._log.add("stop", "failed", MAY_STILL_MOVE)
                     raise NotStoppedError("{may} It is still moving after two Stop commands.", may=tr(MAY_STILL_MOVE))
         finally:
-            self._confirmed = self._sent
+            self._confirmed = self._sent  # told once, however it ended
         self._log.add("stop", "done")
 
     def _comes_to_rest(self) -> bool:
@@ -164,7 +165,7 @@ class Watchdog:
     def arm(self, name: str, seconds: float, halt: Callable[[], None]) -> None:
         """Let the motion ``name`` last ``seconds``; arm before the motion begins."""
         timer = Timer(max(0.0, seconds), self._expire, (name, halt))
-        timer.daemon = True
+        timer.daemon = True  # it must not hold up the program's end, where close() stops the mount
         with self._lock:
             before, self._timers[name] = self._timers.get(name), timer
         if before is not None:
@@ -177,13 +178,14 @@ class Watchdog:
         over_s = monotonic() + seconds
         self.arm(name, seconds, halt)
         yield
+        # Its end went out before it, and would leave it running for good.
         if monotonic() >= over_s:
             self._expire(name, halt)
 
     def disarm(self) -> None:
         """Every motion has been ended by other means."""
         with self._lock:
-            timers, self._timers = list(self._timers.values()), {}
+            timers, self._timers = list(self._timers.values()), {}  # cancelled outside the lock
         for timer in timers:
             timer.cancel()
 

@@ -74,7 +74,7 @@ class Guard:
         self.clock_and_site = ClockAndSite(self.policy)
         self._reopen = reopen
         self._sync_shift_deg: tuple[float, float] | None = None  # what takes the last sync back
-        self._finalizer = weakref.finalize(self, self.emergency.at_exit)
+        self._finalizer = weakref.finalize(self, self.emergency.at_exit)  # a bound method would keep self alive
 
     # -- questions ------------------------------------------------------------------------------
 
@@ -161,7 +161,7 @@ class Guard:
         self._require_ability(ability)
         if self.state().slewing or self.emergency.moving:
             self._refuse(str(ability), tr("The mount is moving: stop it first."))
-        self.supervisor.forget()
+        self.supervisor.forget()  # a new clock or site may shift the position: no jump
         before = self.position()
         self._send(str(ability), 0.0, do)
         self.clock_and_site.shifted(before, self.position())
@@ -197,7 +197,7 @@ class Guard:
         self._require_ability(Ability.SYNC)
         preview = self.preview_sync(ra_deg, dec_deg, evidence, by_hand)
         self._require_allowed(preview, confirmed)
-        guessed = self.state().home_confirmed is False
+        guessed = self.state().home_confirmed is False  # asked before the sync, which confirms it
         self._sync(ra_deg, dec_deg)
         self.policy.until_sync = ""
         shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
@@ -297,7 +297,7 @@ class Guard:
         try:
             result = yield from arrival
             there = True
-        except LineLostError:
+        except LineLostError:  # its Stop is due when the line is back
             self.emergency.unfinished = True
             raise
         finally:
@@ -310,7 +310,7 @@ class Guard:
     def pulse(self, direction: Direction, milliseconds: int) -> None:
         """Guide for a bounded time."""
         self._require_ability(Ability.PULSE)
-        stops, longest = self.stops, self.limits.longest_pulse_ms
+        stops, longest = self.stops, self.limits.longest_pulse_ms  # before the questions below: a Stop meanwhile wins
         if not 0 < milliseconds <= longest:
             self._refuse("pulse", tr("A guide pulse is out of range: 1 to {most} ms.", most=longest))
         seconds = milliseconds / 1000.0
@@ -318,7 +318,7 @@ class Guard:
             "pulse",
             seconds + 0.5,
             lambda: self.mount.pulse(direction, milliseconds),
-            self._allowed_move("pulse", direction, 0.008, seconds),
+            self._allowed_move("pulse", direction, 0.008, seconds),  # 1.9 times the sidereal rate
             stops,
             direction=str(direction),
             milliseconds=milliseconds,
@@ -335,7 +335,7 @@ class Guard:
             self._refuse("move", tr("A move is out of range: at most {most:g}°.", most=longest_deg))
         self._send(
             "move",
-            seconds + 2.0,
+            seconds + 2.0,  # motors run out of it
             lambda: self.mount.move(direction, rate_deg_s, seconds),
             self._allowed_move("move", direction, rate, seconds),
             stops,
@@ -381,7 +381,7 @@ class Guard:
     def _begin_slew(self, ra_deg: float, dec_deg: float, flip: bool = False) -> Plan:
         """Send a goto."""
         self._require_ability(Ability.GOTO)
-        stops = self.stops
+        stops = self.stops  # before the questions, which take seconds: a Stop meanwhile wins
         self.clock_and_site.compare(self.mount)
         plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg), flip)
         self._require_allowed(preview, confirmed=True)
@@ -442,7 +442,7 @@ class Guard:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if self.emergency.unconfirmed and not isinstance(error, LineLostError):
+            if self.emergency.unconfirmed and not isinstance(error, LineLostError):  # a lost line answers nothing
                 self.emergency.confirm()
         finally:
             self.close()
@@ -474,10 +474,10 @@ class Guard:
     ) -> None:
         """Send once, not after a Stop since the count ``stops``; stop when the reply does not show what it does."""
         self.log.add(action, "sent", detail=detail)
-        if action != "sync":
+        if action != "sync":  # which moves nothing: a Stop before it is still to be checked
             self.emergency.expect_motion()
         if lasts_s:
-            self.supervisor.begin(motion)
+            self.supervisor.begin(motion)  # before its bytes: whoever looks from now on compares with it
             self.emergency.begin(lasts_s)
         try:
             if stops is not None:  # it was prepared with questions, which take their time
@@ -488,7 +488,7 @@ class Guard:
                 self.emergency.end()
             self.log.add(action, "failed", str(error))
             raise
-        except DeviceError as error:
+        except DeviceError as error:  # no answer: it may have begun all the same
             try:
                 if lasts_s:
                     self.emergency.unfinished = True

@@ -50,15 +50,15 @@ class Limits:
     longest_pulse_ms: int = 5000
 
     sun_cone_deg: float = 30.0
-    sun_up_deg: float = -10.0
+    sun_up_deg: float = -10.0  # altitude of the Sun from which the cone holds
 
     confirm_sync_deg: float = 5.0
-    refuse_sync_deg: float = 20.0
+    refuse_sync_deg: float = 20.0  # unless armed
     solves_agree_arcsec: float = 120.0
     worst_rms_px: float = 2.0
     worst_log10_false_alarm: float = -5.0  # as the solver; two that agree make it 10^-10
     read_back_arcsec: float = 120.0  # the coarsest mounts round to 90
-    near_pole_deg: float = 85.0
+    near_pole_deg: float = 85.0  # declination
 
     def floors_deg(self, azimuths_deg: Floats) -> Floats:
         """The lowest altitudes allowed at these azimuths (N,), north over east, between the points of the horizon."""
@@ -66,6 +66,7 @@ class Limits:
         if not self.horizon_deg:
             return low
         azimuths, altitudes = zip(*self.horizon_deg, strict=True)
+        # The period joins the last point to the first, over the north.
         return np.asarray(np.maximum(low, np.interp(azimuths_deg, azimuths, altitudes, period=360.0)))
 
 
@@ -239,6 +240,7 @@ def great_circle(start_deg: Degrees, target_deg: Degrees) -> Floats:
     """Unit vectors (N, 3) along the shortest path, both ends included."""
     a, b = unit_vectors(*start_deg), unit_vectors(*target_deg)
     angle = angle_between(a, b)
+    # The interpolation divides by the sine of the angle; between opposite points there is no shortest path.
     if angle < 1e-9 or np.pi - angle < 1e-6:
         return np.stack([a, b])
     t = np.linspace(0.0, angle, _count(np.degrees(angle)))[:, None]
@@ -252,6 +254,7 @@ def by_axes(start_deg: Degrees, target_deg: Degrees) -> Floats:
 
 def over_the_pole(start_deg: Degrees, target_deg: Degrees, north: bool) -> Floats:
     """Unit vectors (N, 3) of a flip: the declination axis turns through the pole."""
+    # On the other side of the pier the same place has the RA axis half a turn on and the Dec axis past its pole.
     pole = 180.0 if north else -180.0
     ra_turn_deg = wrapped(target_deg[0] + 180.0 - start_deg[0])
     return turned(start_deg, ra_turn_deg, pole - target_deg[1] - start_deg[1])
@@ -259,6 +262,7 @@ def over_the_pole(start_deg: Degrees, target_deg: Degrees, north: bool) -> Float
 
 def turned(start_deg: Degrees, ra_turn_deg: float, dec_turn_deg: float) -> Floats:
     """Unit vectors (N, 3) of a move of the axes by so much."""
+    # t is how far an axis has turned; the shorter turn stands at its end while the longer goes on.
     longest = max(abs(ra_turn_deg), abs(dec_turn_deg))
     t = np.linspace(0.0, longest, _count(longest))
     ra = start_deg[0] + np.clip(ra_turn_deg, -t, t)

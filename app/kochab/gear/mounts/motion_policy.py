@@ -40,9 +40,9 @@ from kochab.gear.mounts.motion_plan import (
 )
 
 Findings = Iterator[RuleFinding]
-AHEAD_S = 60.0  # tracking ends before its limit
+AHEAD_S = 60.0  # tracking ends so long before its limit
 HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # from the pole; of its hour angle from counterweight down
-PARKED_DEG = 1.0  # so exactly it parks
+PARKED_DEG = 1.0  # as exactly as a mount parks
 NUDGE_DEG = 5.0  # so far the axes may be moved while the mount's clock or site is in doubt
 
 
@@ -52,7 +52,7 @@ def readiness(plan: Plan) -> Findings:
         yield refuse("The mount is parked: unpark it before a {action}.", action=tr(plan.action))
     if plan.state.slewing:
         yield refuse("The mount is slewing. Wait, or stop it before a {action}.", action=tr(plan.action))
-    if plan.state.aligned is False:
+    if plan.state.aligned is False:  # None where the mount does not report it
         yield refuse("The mount is not aligned: do its alignment on the hand control first.")
     if plan.state.home_confirmed is False and plan.action == "goto":
         yield refuse(CONFIRM_HOME)
@@ -70,7 +70,7 @@ def agreement(plan: Plan) -> Findings:
 
 def slew_length(plan: Plan) -> Findings:
     """Refuse a slew beyond the cap: a longer one is a mistake."""
-    cap = 180.0 if plan.from_home else plan.limits.longest_slew_deg
+    cap = 180.0 if plan.from_home else plan.limits.longest_slew_deg  # the first slew reaches whatever is up
     if not plan.distance_deg <= cap:  # refuses a distance that is not a number, too
         yield refuse(
             "The slew of {distance:.1f} deg is longer than the {cap:g} allowed.", distance=plan.distance_deg, cap=cap
@@ -79,7 +79,7 @@ def slew_length(plan: Plan) -> Findings:
 
 # -- Pier, tripod and ground: altitude and hour angle along the whole path ---------------------
 
-SLACK_DEG = 0.05
+SLACK_DEG = 0.05  # less than tracking turns in AHEAD_S, 0.25: else it would go on past a limit
 
 
 def horizon(plan: Plan) -> Findings:
@@ -98,7 +98,7 @@ def horizon(plan: Plan) -> Findings:
         yield from _hour_angles(plan)
         return
     target = float(altitude_deg(np.atleast_2d(plan.target), plan.site, plan.time_utc)[0])
-    if not target >= 0.0:
+    if not target >= 0.0:  # refuses what is not a number, too
         yield refuse(
             "The sync is refused: that place is {target:.1f} deg below the horizon; check the site, the "
             "time and the solve.",
@@ -126,7 +126,7 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     for path in plan.paths:
         along, floors = seen(path)
         worst, top = int(np.argmin(along - floors)), float(along.max())
-        if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:
+        if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:  # too low already: no lower yet
             yield refuse(
                 "The path would dip to {along:.1f} deg, the limit is {floors:.3g} deg.",
                 along=along[worst],
@@ -192,7 +192,7 @@ ACROSS = tr_noop(
 def crosses(plan: Plan) -> bool:
     """Whether start and target lie on different sides of the meridian."""
     ends = plan.hour_angles_deg()
-    return ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0)
+    return ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0)  # the lower meridian counts, too
 
 
 def flip(plan: Plan) -> Findings:
@@ -201,7 +201,7 @@ def flip(plan: Plan) -> Findings:
         return
     if plan.limits.allow_flip:
         yield warn("The mount will flip to the other side of its pier: watch the cables.")
-    elif plan.state.pier_side is None:
+    elif plan.state.pier_side is None:  # it may be a fork, which does not flip
         yield warn("The path crosses the meridian: a German mount would flip there.")
     else:
         yield refuse(
@@ -238,7 +238,7 @@ def due_side(plan: Plan, flip: bool = False) -> PierSide | None:
     return after if flip or due else None
 
 
-EAST_MOST_DEG = -270.0  # past the lower meridian counts on from there
+EAST_MOST_DEG = -270.0  # hour angles count on from here: at the lower meridian, -180, is no jump
 
 
 MOVE_ADVICE = tr_noop("Start farther from the meridian, or move the other way.")
@@ -257,7 +257,7 @@ def past_meridian(plan: Plan) -> Findings:
     if plan.limits.crosses_meridian or side is None or plan.site is None or turns_dec:
         return
     along = np.degrees(np.unwrap(np.radians(plan.path_hour_angles_deg())))
-    past = along if side is PierSide.WEST else -along
+    past = along if side is PierSide.WEST else -along  # degrees past the meridian; the east side is the mirror image
     past -= 360.0 * np.floor((past[0] - EAST_MOST_DEG) / 360.0)  # begins in [-270, 90)
     start = max(float(past[0]), float(-180.0 - past[0]))
     worst = max(float(past.max()), float(-180.0 - past.min()))  # the upper, the lower meridian
@@ -283,6 +283,7 @@ def sync_step(plan: Plan) -> Findings:
     guessed = plan.state.home_confirmed is False  # the step is from a guess: it proves nothing
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
+    # Switched on with its tube anywhere a mount reports its home: a sync would tell it the place, not the pier side.
     at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and not limits.crosses_meridian
     if at_home and step > limits.confirm_sync_deg and not guessed:
         yield refuse(
@@ -366,7 +367,7 @@ def own_way(plan: Plan) -> Findings:
 
 REST_RULES = (readiness, own_way, horizon, sun)
 MOTION_RULES = (readiness, agreement, slew_length, horizon, sun, flip)
-MOVE_RULES = (readiness, agreement, horizon, past_meridian, sun)
+MOVE_RULES = (readiness, agreement, horizon, past_meridian, sun)  # no flip: a move of one axis never does
 TRACKING_RULES = (horizon, past_meridian)
 SYNC_RULES = (readiness, agreement, sync_step, sync_evidence, horizon, sync_across_meridian)
 
@@ -401,7 +402,7 @@ class MotionPolicy:
         A park position that is lower than the horizon limit is that limit on the way to it.
         """
         to_deg, low = (here.ra_deg, here.dec_deg), park_altitude_deg if action == "park" else None
-        free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))
+        free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))  # its own way may flip it
         if low is not None:
             lowest = min(free.lowest_altitude_deg, low - PARKED_DEG)
             free = replace(free, lowest_altitude_deg=lowest, horizon_deg=())
@@ -419,7 +420,7 @@ class MotionPolicy:
 
     def tracking(self, here: Pointing, state: MountState, seconds: float = AHEAD_S) -> str:
         """Why it must not track on for so long, on its way to the west; empty when it may, or nothing is known."""
-        if self.site is None or state.home_confirmed is False:
+        if self.site is None or state.home_confirmed is False:  # the place is a guess
             return ""
         still = leaving_home(self.plan("track", here, state, (here.ra_deg, here.dec_deg)))
         plan = with_move(still, Direction.WEST, seconds * SIDEREAL_DEG_S)
@@ -474,7 +475,7 @@ def leaving_home(plan: Plan) -> Plan:
         return plan
     if beside_deg > NOISE_DEG and abs(abs(ends[0]) - 90.0) > TURNED_DEG:  # tracking, beside the pole
         return plan
-    ra_deg = (plan.start_deg[0] + ends[0] - copysign(90.0, ends[1])) % 360.0
+    ra_deg = (plan.start_deg[0] + ends[0] - copysign(90.0, ends[1])) % 360.0  # hour angle ±90, on the target's side
     state = replace(plan.state, pier_side=None)
     return replace(plan, start_deg=(ra_deg, plan.start_deg[1]), state=state, from_home=True)
 

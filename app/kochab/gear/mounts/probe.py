@@ -20,7 +20,7 @@ from kochab.gear.mounts.drivers.nexstar import MAKER_SINCE, STARSENSE, VARIANTS
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
 
-PATIENCE_S = 0.8
+PATIENCE_S = 0.8  # an Autostar took 0.63 s for its first answer
 NO_SITE = tr_noop("It stores no site: give --site LAT,LON.")
 SWITCH_ON = tr_noop("Switch the mount on and check its cable. Use the computer port, not the guide port.")
 
@@ -30,6 +30,7 @@ def ask_nexstar(talk: Conversation) -> Diagnosis:
     echo = b"K\x40"
     talk.ask(echo, exactly(2, PATIENCE_S), lambda reply: nexstar.parse_echo(reply, echo[1:]))
     version = talk.ask(nexstar.VERSION, nexstar.read_version(PATIENCE_S), nexstar.parse_version)
+    # SynScan answers with six hexadecimal digits, NexStar with two bytes.
     driver, maker = ("synscan", "SynScan") if len(version) == 3 else ("nexstar", "NexStar")
     if maker == "NexStar" and not (2, 2) <= version < MAKER_SINCE:
         with suppress(NoAnswerError):
@@ -58,6 +59,7 @@ def ask_lx200(talk: Conversation) -> Diagnosis:
     if not echo:
         talk.ask(lx200.GET_RA, reader, lx200.parse_ra)
     product = ""
+    # Astro-Physics and Rainbow do not answer :GVP#.
     for who in (lx200.PRODUCT, DIALECTS["astrophysics"].who) if not echo else (DIALECTS["rainbow"].who,):
         with suppress(NoAnswerError):
             product = talk.ask(who, reader, lx200.parse_text)
@@ -110,7 +112,9 @@ def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink)
     if SERVED.fullmatch(port):
         return (yield from _ask_servers(port))
     network = "://" in port
+    # A network has no baud rate, and over UDP only Sky-Watcher's Wi-Fi answers.
     rounds = ((0, (ask_skywatcher,) if port.startswith(UDP) else ALL),) if network else QUESTIONS
+    # A line is opened anew for each baud rate; a question without an answer leaves it for the next one.
     for baud, questions in rounds:
         try:
             link = opener(port, baud or 9600)

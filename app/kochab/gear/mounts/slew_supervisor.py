@@ -24,22 +24,22 @@ from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy, crosses, ho
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
 FASTEST_DEG_S = 20.0  # no mount slews faster
-THERE_DEG = 0.5
+THERE_DEG = 0.5  # so near its target a position is no jump, however soon it is reported
 LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
-POLL_S = 0.2
+POLL_S = 0.2  # between two looks at a slew
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
 WOKE_UP = tr_noop(
     "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
     " Then put the tube at its home and switch it on there; or say that the mount is right (--trust-mount)."
 )
-SLEPT_S = 10.0
+SLEPT_S = 10.0  # a wait that took so much longer was a sleep of the computer
 SLEPT = tr_noop(
     "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
 )
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
-GRID_DEG = 2.0
+GRID_DEG = 2.0  # well below ASIDE_DEG, so that no place between two points seems to lie aside
 FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed without a flip
 
 
@@ -66,9 +66,10 @@ class SupervisedMotion:
         here = unit_vectors(*of_date(reported, now_utc))
         # by the clock that ran more: one of them may be simulated
         passed_s = max(monotonic() - self._looked, (now_utc - self._at).total_seconds())
+        # Where it will be at the next look, straight on; at a known rate the place itself.
         ahead = here + (here - self._here) * (self._ahead_s / max(passed_s, POLL_S))
         found = self._jump(here, passed_s) or self._aside(here) or self._limit(ahead, now_utc)
-        if found is None:
+        if found is None:  # a wrong position must not be what the next is compared with
             self._here, self._at, self._looked = here, now_utc, asked_s
         return found
 
@@ -95,11 +96,12 @@ class SupervisedMotion:
         return tr("it went the wrong way, {nearest:.0f} deg off its path", nearest=nearest)
 
     def _limit(self, here: Floats, now_utc: datetime) -> str | None:
+        # The rules that allowed the plan, for this place alone and for the present time.
         plan = replace(self.plan, paths=(np.atleast_2d(here / np.linalg.norm(here)),), time_utc=now_utc)
         for rule in RULES:
             for finding in rule(plan):
                 if finding.severity is Severity.REFUSE:
-                    return finding.sentence[:1].lower() + finding.sentence[1:].rstrip(".")
+                    return finding.sentence[:1].lower() + finding.sentence[1:].rstrip(".")  # it follows a colon
         return None
 
 
@@ -125,6 +127,7 @@ class SlewSupervisor:
         """What stood when the line was lost stands there still, or was switched off and on meanwhile."""
         self.aim = None
         moved = self._emergency.moving or self._emergency.unfinished
+        # Seen in the future, no time has passed since: whatever jump there is was too fast for a motor.
         self._seen = None if moved or self._seen is None else (self._seen[0], inf, datetime.max.replace(tzinfo=UTC))
 
     def position(self) -> Pointing:
@@ -161,11 +164,12 @@ class SlewSupervisor:
         state = self._state()
         motion = self._motion if self._emergency.moving else None
         if motion is not None and motion.side_finding(state.pier_side):
+            # Asked again as a position is: one late or garbled answer ends no slew.
             state = self._state()
             found = motion.side_finding(state.pier_side)
             if found:
                 self._stop(tr("{found}: allow the flip (Meridian, or --allow-flip), and watch the cables", found=found))
-        if motion is not None and motion.due and not state.parked:
+        if motion is not None and motion.due and not state.parked:  # parked, some mounts are silent
             self.position()
         return state
 
@@ -205,7 +209,8 @@ class SlewSupervisor:
             slewing = state.slewing
             before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
             first = first or left
-            unmoved = before is not None and abs(before - left) < 1e-3
+            unmoved = before is not None and abs(before - left) < 1e-3  # 3.6 arcsec
+            # A mount that does not report whether it slews is idle where it stands still.
             idle = idle + 1 if slewing is False or (slewing is None and unmoved) else 0
             if idle and left < FAR_DEG and side in (None, state.pier_side):
                 return here
@@ -239,7 +244,7 @@ class SlewSupervisor:
             still = before is not None and apart_deg(before, (here.ra_deg, here.dec_deg)) < STILL_DEG
             idle = idle + 1 if still and not state.slewing else 0
             before = here.ra_deg, here.dec_deg
-            if idle >= IDLE and there is None:
+            if idle >= IDLE and there is None:  # it reports neither: standing still is all there is to see
                 return
             if idle >= IDLE:
                 if action == "park":
@@ -259,7 +264,7 @@ class SlewSupervisor:
                 )
             try:
                 state = self.state()
-                here = None if state.parked else self.position()
+                here = None if state.parked else self.position()  # an Autostar that has parked is silent
             except NoAnswerError:
                 misses += 1
                 if misses >= MISSES:
@@ -271,7 +276,7 @@ class SlewSupervisor:
 
     def _state(self) -> MountState:
         state = self._emergency.mount.state()
-        if state.slewing is False and self._emergency.endless:
+        if state.slewing is False and self._emergency.endless:  # moves and pulses are over by their time
             self._emergency.end()
         return state
 
@@ -303,6 +308,7 @@ def allowed_region(plan: Plan) -> Floats:
     if plan.site is not None:
         level = horizon_frame(plan.site, sidereal_deg(plan.site, plan.time_utc))
         here, there = (radec_deg(v @ level) for v in (plan.start, plan.target))
+        # An alt-azimuth mount may go either way round in azimuth.
         regions.append(_between(here, there, both_ways=plan.limits.crosses_meridian) @ level.T)
     if may_flip(plan):
         # a flip goes over the pole, wherever the other axis is then
@@ -324,12 +330,13 @@ def may_flip(plan: Plan) -> bool:
     if plan.limits.crosses_meridian or plan.state.pier_side is not None:
         return False
     ends = plan.hour_angles_deg()
-    return ends is None or crosses(plan) or 0.0 <= ends[0] < FOLLOWED_DEG
+    return ends is None or crosses(plan) or 0.0 <= ends[0] < FOLLOWED_DEG  # past the meridian any slew may flip it
 
 
 def slew_limit_s(plan: Plan) -> float:
     """In how many seconds a slew must have ended: its longer axis at the slowest rate."""
     (ra, dec), (to_ra, to_dec), limits = plan.start_deg, plan.target_deg, plan.limits
+    # A flip may turn the RA axis by half a turn, however near the target is.
     turn_deg = 180.0 if may_flip(plan) else max(abs(wrapped(to_ra - ra)), abs(to_dec - dec))
     return min(limits.slew_timeout_s, limits.slew_start_s + turn_deg / limits.slowest_slew_deg_s)
 

@@ -64,13 +64,13 @@ class AlpacaMount(ServerMount):
             if not self._get(name, False):
                 why = tr("The mount's Alpaca driver reports that it cannot do this ({name} is false).", name=name)
                 self._lacks[ability] = why
-        offered = self._get("trackingrates", None) or [0]
+        offered = self._get("trackingrates", None) or [0]  # without a list: sidereal
         for number, rate in enumerate(RATES):
             if Ability.TRACKING in self._lacks or number not in offered:
                 self._lacks[rate.ability] = tr_noop("The mount's Alpaca driver has no command for this rate.")
         for ability in (Ability.PARK, Ability.UNPARK, Ability.HOME):  # older drivers answer only when they are there
             self._lacks[ability] = NOT_BY_ALPACA
-        if Ability.GOTO in self._lacks:
+        if Ability.GOTO in self._lacks:  # a move is a short slew here
             self._lacks[Ability.MOVE] = self._lacks[Ability.GOTO]
         for reporting, setting, name, why in (
             (
@@ -171,6 +171,7 @@ class AlpacaMount(ServerMount):
         """``SlewToCoordinatesAsync``, for which the mount has to track."""
         self.require(Ability.GOTO)
         with self.moving() as check:
+            # ASCOM forbids a slew in equatorial coordinates while Tracking is false.
             if Ability.TRACKING not in self._lacks and not self._get("tracking"):
                 self._put("tracking", Tracking=True)
             check()
@@ -206,7 +207,7 @@ class AlpacaMount(ServerMount):
 
     @making_sense()
     def _would_flip(self, ra_deg: float, dec_deg: float) -> bool:
-        if int(self._get("alignmentmode", GERMAN)) != GERMAN:
+        if int(self._get("alignmentmode", GERMAN)) != GERMAN:  # not told: it may be German
             return False
         try:
             after = self._link.get(f"{self._path}destinationsideofpier", query=_place(ra_deg, dec_deg))

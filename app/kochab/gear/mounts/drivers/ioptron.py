@@ -25,7 +25,7 @@ class Ioptron(SerialMount):
     def start(self) -> None:
         """Its model."""
         self.model = self.query(protocol.MOUNT_INFO, protocol.parse_model, 4)
-        self.use_commands(protocol.COMMANDS, "")
+        self.use_commands(protocol.COMMANDS, "")  # it has them all
 
     def identify(self) -> str:
         """The model."""
@@ -83,6 +83,7 @@ class Ioptron(SerialMount):
 
     def stop_commands(self, moved: bool) -> list[Command]:
         """End a slew, and moves on both axes."""
+        # :Q# ends a slew and leaves a move of the arrow keys running.
         commands = [protocol.STOP, *([protocol.HALT_RA, protocol.HALT_DEC] if moved else [])]
         return [(command, (self.reply(1),)) for command in commands]
 
@@ -102,12 +103,14 @@ class Ioptron(SerialMount):
         since = self.talk.stops
         rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
         self.require_accepted(rate, tr_noop("The mount does not accept this rate."))
+        # One axis alone: the other may be moving, too.
         halt = protocol.HALT_DEC if direction.in_dec else protocol.HALT_RA
         with self.bounded(direction, seconds, (halt, (self.reply(1),))):
             self.talk.send(protocol.move(direction), since)
 
     def track(self, rate: TrackingRate) -> None:
         """The rate, then tracking on."""
+        # :RTn# chooses a rate and starts nothing.
         super().track(rate)
         if rate is not TrackingRate.OFF:
             self.require_accepted(protocol.TRACK_ON, tr_noop("The mount refuses to track."))

@@ -111,9 +111,9 @@ class SerialMount:
 
     def stop(self) -> None:
         """Stop every motion, from any thread; the answers are read later."""
-        self.talk.stopping()
+        self.talk.stopping()  # from here no other exchange begins before Stop is on the line
         try:
-            moved = self.watchdog.moving
+            moved = self.watchdog.moving  # before disarm() forgets it
             self.watchdog.disarm()
             self.talk.send_now(*self.stop_commands(moved))
         finally:
@@ -157,10 +157,12 @@ class SerialMount:
     def bounded(self, direction: Direction, seconds: float, *halt: Command) -> AbstractContextManager[None]:
         """Within, a motion begins that is ended after ``seconds`` by these commands."""
         self.watchdog.check()
+        # The next move of the same axis takes the place of this one's timer; the other axis goes on.
         axis = "dec" if direction.in_dec else "ra"
 
         def end() -> None:
             self.talk.send_now(*halt)
+            # Over UDP the end itself may be lost: it is sent until it is answered.
             if self.talk.link.lossy:
                 self.talk.read_pending()
 

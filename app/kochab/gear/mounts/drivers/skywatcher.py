@@ -16,11 +16,11 @@ from kochab.gear.mounts.protocols import skywatcher as protocol
 from kochab.gear.mounts.serial_line import LOSSY_TRIES, Command, Conversation, ProtocolError
 
 T = TypeVar("T")
-TRIES = 5
-REPLY = protocol.reader(0.3)
-BREAK_STEPS = 3500
-STOPPING_S = 3.0
-STILL_STEPS = 3
+TRIES = 5  # as INDI's driver
+REPLY = protocol.reader(0.3)  # a healthy EQ8-R took 0.27 s for a status
+BREAK_STEPS = 3500  # before its target a goto slows down
+STOPPING_S = 3.0  # how long a motor may run out
+STILL_STEPS = 3  # by which the counter of a standing motor may differ
 
 
 class BoardMotor:
@@ -91,6 +91,7 @@ class BoardMotor:
         A setting whose answer is lost is repeated, which changes nothing. A start is not.
         """
         command = protocol.command(letter, self.axis, data)
+        # A start is not repeated blindly: begin() looks first whether the motor turns.
         tries = 1 if letter == "J" else self.tries
         refusal = self.talk.query(command, REPLY, _parse_order, tries, NoAnswerError, since)
         if refusal:
@@ -106,6 +107,7 @@ class BoardMotor:
         try:
             self.order("J", since=since)
         except NoAnswerError:
+            # The order arrived, its answer did not.
             if self.status().running:
                 return
             if not may_repeat:
@@ -120,6 +122,7 @@ class BoardMotor:
         if steps == 0:
             return
         fast = abs(angle_deg) > 1.0
+        # Mode, steps, where to brake, start: as the maker's app orders them.
         self.order("G", protocol.motion_mode(goto=True, fast=fast, backwards=steps < 0))
         self.order("H", protocol.low_first(abs(steps)))
         self.order("M", protocol.low_first(min(abs(steps) // 10 + 1, BREAK_STEPS)))
@@ -143,7 +146,7 @@ class BoardMotor:
             self.initialised = True
         if not status.running:
             return
-        self.order("K")
+        self.order("K")  # it asks for a stop: while the motor brakes, G is refused
         end = monotonic() + STOPPING_S
         while self.status().running:
             if monotonic() > end:
@@ -173,7 +176,7 @@ class SkyWatcher(MotorMount):
         super().start()
         self.has_index = False
         if not self.home_confirmed:
-            with suppress(RefusedError):
+            with suppress(RefusedError):  # a board may have sensors and refuse to reset them
                 self.has_index = all(motor.watch_index() for motor in self.motors)
 
     def find_motors(self) -> bool:
@@ -184,7 +187,7 @@ class SkyWatcher(MotorMount):
         if objection:
             raise RefusedError(objection)
         first = self.motors[0].status()
-        return first.running and not first.goto and not first.fast
+        return first.running and not first.goto and not first.fast  # slowly, and without an end
 
     def same_power(self) -> bool:
         """A board that was switched on is not initialised."""

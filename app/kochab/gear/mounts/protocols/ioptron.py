@@ -58,7 +58,7 @@ class PositionReply:
 
 def set_ra(ra_deg: float) -> bytes:
     """``:SRA%09d#`` in 0.01 arcsec."""
-    return b":SRA%09d#" % (round(ra_deg % 360.0 * PARTS_DEG) % 129600000)
+    return b":SRA%09d#" % (round(ra_deg % 360.0 * PARTS_DEG) % 129600000)  # a turn; 359.9999999 rounds to it
 
 
 def set_dec(dec_deg: float) -> bytes:
@@ -96,12 +96,13 @@ def parse_park_altitude(reply: bytes) -> float:
 
 def parse_status(reply: bytes) -> MountState:
     """``:GLS#``: sign, longitude 8, latitude 8, then six digits; the second is the status, the third the rate."""
+    # The seventeenth digit is the GPS's. A CEM25P sends 19 characters, which are refused.
     found = match(rb"[+-]\d{17}([0-7])([0-4])\d{3}#", reply, "status")
     status = int(found[1])
     return MountState(
-        slewing=status in (2, 4),
+        slewing=status in (2, 4),  # 4: a meridian flip
         parked=status == 6,
-        tracking=status in (1, 3, 5),
+        tracking=status in (1, 3, 5),  # without PEC, while guided, with PEC
         at_home=status == 7,
         rate=RATES[int(found[2])],
     )
@@ -126,6 +127,7 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
 
 def set_clock(now: datetime) -> tuple[bytes, bytes, bytes]:
     """``:SGsMMM#``, ``:SDS0#`` and ``:SUT%013d#``: minutes of the zone, summer time in them, and :func:`parse_time`."""
+    # utcoffset() has the summer time in it already, so the mount is told of none.
     minutes = round((now.utcoffset() or timedelta()) / timedelta(minutes=1))
     return b":SG%+04d#" % minutes, b":SDS0#", b":SUT%013d#" % round((now - J2000) / timedelta(milliseconds=1))
 
@@ -147,5 +149,6 @@ def move(direction: Direction) -> bytes:
 
 def pulse(direction: Direction, milliseconds: int) -> bytes:
     """``:ZS00500#``: S and Q are RA plus and minus, E and C Dec plus and minus."""
+    # Always five digits: an older iOptron ran a pulse of four for many times as long.
     letter = {"north": b"E", "south": b"C", "east": b"S", "west": b"Q"}[direction.value]
     return b":Z%s%05d#" % (letter, min(max(milliseconds, 0), 99999))

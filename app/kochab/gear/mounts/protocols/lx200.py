@@ -22,6 +22,7 @@ STOP, TOGGLE_PRECISION = b":Q#", b":U#"
 
 # -- To track, park and go home. ``:hF#`` aligns a Meade anew, and resets an OnStep as if it stood at home: never sent.
 
+# No :AP# or :AA#: they change how the mount stands, and an alt-azimuth Autostar loses its alignment.
 AUTOSTAR_COMMANDS = {Ability.SIDEREAL: b":TQ#", Ability.LUNAR: b":TL#", Ability.SOLAR: b":TS#", Ability.PARK: b":hP#"}
 TEN_MICRON_COMMANDS = {
     Ability.TRACKING: b":AL#",
@@ -80,7 +81,9 @@ GEMINI_COMMANDS = {
     Ability.UNPARK: b":hW#",
 }
 
+# Tenths of a minute in low precision, seconds in high; OnStepX has four decimals more.
 _RA = rb"\s*(\d{1,2}):(\d{2})(?:\.(\d)|:(\d{2})(?:[.,](\d{1,4}))?)#"
+# Between degrees and minutes stand *, : or ', or a degree sign: 0xDF of a Meade's display, 0xB0 of Latin-1.
 _ANGLE = rb"\s*([+-]?)(\d{1,3})[*:'\xdf\xb0](\d{2})(?:[:'](\d{2})(?:[.,](\d{1,3}))?'?)?#"
 REFUSALS = code_table(
     "1 below the horizon, 2 above the overhead limit, 3 the mount is in standby, "
@@ -108,6 +111,7 @@ NOT_TAKEN = ("match fail", "no object")  # 10micron, Gemini
 
 def set_ra(ra_deg: float, space: bool = False, decimals: int = 0) -> bytes:
     """``:SrHH:MM:SS#``, ``:SrHH:MM:SS.SSSS#``: to the nearest second of time, or part of it."""
+    # Rounded as a whole, so that no part becomes 60, nor the hour 24.
     ticks = round(ra_deg % 360.0 * 240.0 * 10**decimals) % (86400 * 10**decimals)
     return f":Sr{' ' * space}{_sixtieths(ticks, decimals, ':')}#".encode()
 
@@ -115,7 +119,7 @@ def set_ra(ra_deg: float, space: bool = False, decimals: int = 0) -> bytes:
 def set_dec(dec_deg: float, space: bool = False, decimals: int = 0) -> bytes:
     """``:SdsDD*MM:SS#``, to the nearest arcsecond, or part of it."""
     ticks = round(abs(dec_deg) * 3600.0 * 10**decimals)
-    sign = "-" if dec_deg < 0 and ticks else "+"
+    sign = "-" if dec_deg < 0 and ticks else "+"  # no -00*00:00
     return f":Sd{' ' * space}{sign}{_sixtieths(ticks, decimals, '*')}#".encode()
 
 
@@ -212,6 +216,7 @@ def parse_sync(reply: bytes, refusals: Mapping[int, str] = REFUSALS) -> str:
     text = parse_text(reply)
     if text.lower().startswith(NOT_TAKEN):
         return text.partition(":")[2].strip() or text
+    # Any other text is consent: a Meade names an object, an OnStepX says N/A.
     found = re.fullmatch("[eE]([0-9]{1,2})", text)
     return refusals.get(int(found[1]), f"code {int(found[1])}") if found else ""
 
@@ -223,6 +228,7 @@ def parse_flags(reply: bytes) -> MountState:
     """
     flags = parse_text(reply)
     require(re.fullmatch(r"[A-Za-z0-9/*+()&@^~\-_.'!<>:;,=?\"%$| ]+", flags) is not None, reply, "status")
+    # E is a German mount, not a side.
     side = {"T": PierSide.EAST, "W": PierSide.WEST}
     rates = {"(": TrackingRate.LUNAR, "O": TrackingRate.SOLAR, "k": TrackingRate.KING}
     return MountState(
@@ -232,6 +238,7 @@ def parse_flags(reply: bytes) -> MountState:
         pier_side=next((side[f] for f in flags if f in side), None),
         at_home="H" in flags and "h" not in flags,
         rate=next((rates[f] for f in flags if f in rates), TrackingRate.SIDEREAL),
+        # Of three digits at the end the last is the fault, those before are rates of guiding.
         fault=FAULTS.get(int(flags[-1]), "") if flags[-1].isdigit() else None,
     )
 
@@ -247,6 +254,7 @@ def parse_side(reply: bytes) -> MountState:
 
 def parse_zwo_status(reply: bytes) -> MountState:
     """``NGM011000211#``: n not tracking, H at home, Z alt-azimuth; the last digit 2 goto, 3 move, 4 home, 5 park."""
+    # Neither the side nor parked is in it: the side has a question of its own.
     flags, state = match(rb"([A-Za-z]*)\d*(\d)#", reply, "status").groups()
     return MountState(
         slewing=state in b"2345", tracking=b"n" not in flags, at_home=b"H" in flags, alt_azimuth=b"Z" in flags
@@ -262,7 +270,7 @@ def parse_gto(reply: bytes) -> MountState:
 def parse_gemini(reply: bytes) -> MountState:
     """``:Gv#``: N no movement, T tracking, G guiding, C centering, S slewing, ! stalled."""
     letter = match(rb"[NTGCS!]", reply, "state of a Gemini")[0]
-    if letter == b"N":
+    if letter == b"N":  # standing, or parked, which the next question tells
         return MountState(slewing=False, tracking=False)
     fault = "its motors have stalled" if letter == b"!" else ""
     return MountState(slewing=letter in b"CS", parked=False, tracking=letter in b"TG", fault=fault)
@@ -330,6 +338,7 @@ ALTITUDE, AZIMUTH = b":GA#", b":GZ#"
 
 def parse_longitude(reply: bytes) -> float:
     """Degrees, east positive, of ``DDD*MM#``."""
+    # A Meade counts from 0 to 360 westward, an OnStep from -180 to 180.
     angle = parse_angle(reply)
     require(abs(angle) <= 360.0, reply, "longitude")
     return wrapped(-angle)
@@ -361,6 +370,7 @@ def parse_time(reply: bytes) -> tuple[int, int, int]:
 
 def parse_date(reply: bytes) -> tuple[int, int, int]:
     """Year, month and day of ``MM/DD/YY#``, ``MM:DD:YY#`` or ``YYYY-MM-DD#``."""
+    # The last form is a 10micron's in ultra precision.
     found = match(rb"(\d{2})[/:](\d{2})[/:](\d{2})(?:\.\d+)?#|20(\d{2})-(\d{2})-(\d{2})#", reply, "date")
     month, day, year = (int(part) for part in (found.group(1, 2, 3) if found[1] else found.group(5, 6, 4)))
     require(1 <= month <= 12 and 1 <= day <= 31, reply, "date")
@@ -375,6 +385,7 @@ def set_clock(now: datetime) -> tuple[bytes, bytes, bytes]:
 
 def set_site(site: Site) -> tuple[bytes, bytes]:
     """``:StsDD*MM#`` and ``:SgDDD*MM#``, to the nearest arcminute."""
+    # In arcminutes; 21600 are a turn, to which a little less may be rounded.
     north, west = round(site.latitude_deg * 60.0), round(-site.longitude_deg % 360.0 * 60.0) % 21600
     latitude = f"{'-' if north < 0 else '+'}{abs(north) // 60:02d}*{abs(north) % 60:02d}"
     return f":St{latitude}#".encode(), f":Sg{west // 60:03d}*{west % 60:02d}#".encode()

@@ -36,6 +36,7 @@ def angle_hex(angle_deg: float) -> str:
 def goto(ra_deg: float, dec_deg: float, precise: bool = True) -> bytes:
     """``rXXXXXXXX,XXXXXXXX``, or ``RXXXX,XXXX`` for versions before 1.6."""
     letter, digits = ("r", 8) if precise else ("R", 4)
+    # Four digits are the upper half of the eight: 16 bits of a turn.
     return f"{letter}{angle_hex(ra_deg)[:digits]},{angle_hex(dec_deg)[:digits]}".encode()
 
 
@@ -107,6 +108,7 @@ def parse_pier(reply: bytes) -> PierSide:
 
 def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes:
     """``50 len board command d1 d2 d3 n``: eight bytes through the hand control to a motor."""
+    # Three data bytes always; the length counts the command and those that matter.
     return bytes([0x50, 1 + len(data), board, command, *(*data, 0, 0, 0)[:3], answer])
 
 
@@ -125,7 +127,7 @@ def parse_passed(reply: bytes, answer: int = 0) -> bytes:
 
 def guide(board: int, percent: int, hundredths: int) -> bytes:
     """A pulse of so many hundredths of a second (1 to 255) at a signed percentage of sidereal."""
-    return pass_through(board, GUIDE, percent % 256, hundredths)
+    return pass_through(board, GUIDE, percent % 256, hundredths)  # the percentage is a signed byte
 
 
 def track(mode: int) -> bytes:
@@ -163,7 +165,7 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
     """Universal time and the hours of the zone from the nine bytes of ``h``."""
     require(len(reply) == 9 and reply[8:] == b"#" and reply[7] <= 1, reply, "time")
     hour, minute, second, month, day, year, zone, summer = reply[:8]
-    offset = float((zone - 256 if zone > 127 else zone) + summer)
+    offset = float((zone - 256 if zone > 127 else zone) + summer)  # the zone is a signed byte
     require(abs(offset) <= 15.0, reply, "time")
     try:
         return utc_of(2000 + year, month, day, hour, minute, second, offset), offset
@@ -184,6 +186,7 @@ AUX_TURN = 1 << 24
 
 def aux(board: int, command: int, data: bytes = b"", sender: int = APP) -> bytes:
     """A frame to a motor board, or another device."""
+    # The bytes behind the head, checksum included, add up to 0 of 256.
     body = bytes([3 + len(data), sender, board, command]) + data
     return bytes([HEAD]) + body + bytes([-sum(body) % 256])
 
@@ -191,8 +194,10 @@ def aux(board: int, command: int, data: bytes = b"", sender: int = APP) -> bytes
 def aux_answer(asked: bytes, came: bytes) -> bytes | None:
     """The frame in ``came`` that answers ``asked``, or refuses it; None while it is not there."""
     for k, byte in enumerate(came):
+        # The length counts neither the head, itself nor the checksum. A 3b within a frame does not add up.
         end = k + came[k + 1] + 3 if byte == HEAD and k + 1 < len(came) else 0
         frame = came[k:end]
+        # Sender and receiver are swapped: neither our own echo nor another device's answer.
         if not 6 <= len(frame) == end - k or sum(frame[1:]) % 256 or frame[2:4] != asked[3:1:-1]:
             continue
         if frame[4] == asked[4] or (frame[4] == AUX_REFUSED and frame[5] == asked[4]):
