@@ -94,7 +94,7 @@ def open_mount(
     link = SerialLink(with_port(port, make.tcp_port), rate)
     try:
         if stop_first:
-            # Before the driver's first question, which may take seconds. Its reply is of no known length: thrown away.
+            # Ahead of the driver's questions, which may take seconds. The reply differs by make and is thrown away.
             Conversation(link).send_now((make.blind_stop, ()))
             link.discard(STOP_REPLY_S)
         mount = make(link, **settings)

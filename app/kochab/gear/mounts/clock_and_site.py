@@ -13,7 +13,7 @@ CLOCK_S, SITE_DEG = 120.0, 0.5  # in two minutes the sky turns by half a degree,
 SHIFTED_DEG = 0.5  # by a new clock or site
 ASKED = 2  # a mount that did not answer so often does not report them
 COMMANDS = {Ability.SET_CLOCK: "kochab mount set-clock", Ability.SET_SITE: "kochab mount set-site"}
-HOUR_S, ZONE_S, DAY_S = 3600.0, 1800.0, 86400.0  # nearly all zones are whole half hours apart
+HOUR_S, ZONE_S, DAY_S = 3600.0, 1800.0, 86400.0  # nearly all time zones differ by multiples of half an hour
 
 
 class ClockAndSite:
@@ -54,7 +54,7 @@ class ClockAndSite:
         except NoAnswerError:
             self._left -= 1
             return self._policy.doubt
-        self._left = 0  # it reports them: from here on asked again only while they contradict
+        self._left = 0  # it does report them: ask again only while they contradict
         said = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
         self.wrong = {ability: words for ability, words in said.items() if words and not self._trusted}
         self._policy.doubt = self._sentence(mount) if self.wrong else ""
@@ -81,7 +81,7 @@ class ClockAndSite:
         size_s = abs(ahead_s)
         if size_s <= CLOCK_S:
             return ""
-        if size_s > 1.5 * DAY_S:  # more than any zone: the date was never set
+        if size_s > 1.5 * DAY_S:  # no time zone explains it: the date is wrong
             return tr("its date is {date}", date=f"{report.time_utc:%Y-%m-%d}")
         zone = tr(" (summer time or zone?)") if abs(size_s - ZONE_S * round(size_s / ZONE_S)) < CLOCK_S else ""
         size = (
@@ -95,7 +95,7 @@ class ClockAndSite:
     def _site(self, report: SiteReport) -> str:
         if report.site is None or self._policy.site is None:
             return ""
-        # On a sphere, so that longitudes of 180 and -180, or any at a pole, are one place.
+        # As an angle on the sphere: longitudes 180 and -180 are the same place.
         pairs = [(one.longitude_deg, one.latitude_deg) for one in (report.site, self._policy.site)]
         if apart_deg(*pairs) <= SITE_DEG:
             return ""

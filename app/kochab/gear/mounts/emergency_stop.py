@@ -42,7 +42,7 @@ class EmergencyStop:
 
     def begin(self, seconds: float) -> None:
         """A motion lasts at most ``seconds``; ``inf`` until the mount reports its end."""
-        self._moves_until = max(self._moves_until, monotonic() + seconds)  # a pulse does not shorten a move
+        self._moves_until = max(self._moves_until, monotonic() + seconds)  # a short pulse must not cut a move
 
     def end(self) -> None:
         """Nothing moves any more, except by tracking."""
@@ -69,7 +69,7 @@ class EmergencyStop:
         try:
             try:
                 self.mount.stop()
-            except NoAnswerError:  # its reply was lost, or its bytes were
+            except NoAnswerError:  # the reply was lost, or the Stop itself
                 self.mount.stop()
         except DeviceError as error:
             self.unfinished = self.unfinished or self.moving
@@ -110,7 +110,7 @@ class EmergencyStop:
         Raises `NotStoppedError` when it still moves, or does not answer, after the second Stop.
         """
         try:
-            # Some mounts lose a Stop while they slew: one more is sent before anybody is alarmed.
+            # Some mounts lose a Stop while they slew: send one more before raising the alarm.
             if not self._comes_to_rest():
                 try:
                     self.halt()
@@ -120,7 +120,7 @@ class EmergencyStop:
                     self._log.add("stop", "failed", MAY_STILL_MOVE)
                     raise NotStoppedError("{may} It is still moving after two Stop commands.", may=tr(MAY_STILL_MOVE))
         finally:
-            self._confirmed = self._sent  # told once, however it ended
+            self._confirmed = self._sent  # the outcome is reported once
         self._log.add("stop", "done")
 
     def _comes_to_rest(self) -> bool:
@@ -165,7 +165,7 @@ class Watchdog:
     def arm(self, name: str, seconds: float, halt: Callable[[], None]) -> None:
         """Let the motion ``name`` last ``seconds``; arm before the motion begins."""
         timer = Timer(max(0.0, seconds), self._expire, (name, halt))
-        timer.daemon = True  # it must not hold up the program's end, where close() stops the mount
+        timer.daemon = True  # must not hold up the exit of the program, which stops the mount itself
         with self._lock:
             before, self._timers[name] = self._timers.get(name), timer
         if before is not None:
@@ -178,7 +178,7 @@ class Watchdog:
         over_s = monotonic() + seconds
         self.arm(name, seconds, halt)
         yield
-        # Its end went out before it, and would leave it running for good.
+        # The halt went out before the motion's own bytes: without another one it would run for good.
         if monotonic() >= over_s:
             self._expire(name, halt)
 

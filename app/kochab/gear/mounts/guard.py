@@ -297,7 +297,7 @@ class Guard:
         try:
             result = yield from arrival
             there = True
-        except LineLostError:  # its Stop is due when the line is back
+        except LineLostError:  # reconnect() sends its Stop
             self.emergency.unfinished = True
             raise
         finally:
@@ -335,7 +335,7 @@ class Guard:
             self._refuse("move", tr("A move is out of range: at most {most:g}°.", most=longest_deg))
         self._send(
             "move",
-            seconds + 2.0,  # motors run out of it
+            seconds + 2.0,  # and the time the motors take to stop
             lambda: self.mount.move(direction, rate_deg_s, seconds),
             self._allowed_move("move", direction, rate, seconds),
             stops,
@@ -474,10 +474,10 @@ class Guard:
     ) -> None:
         """Send once, not after a Stop since the count ``stops``; stop when the reply does not show what it does."""
         self.log.add(action, "sent", detail=detail)
-        if action != "sync":  # which moves nothing: a Stop before it is still to be checked
+        if action != "sync":  # a sync moves nothing, so an earlier Stop still needs its check
             self.emergency.expect_motion()
         if lasts_s:
-            self.supervisor.begin(motion)  # before its bytes: whoever looks from now on compares with it
+            self.supervisor.begin(motion)  # before the bytes: from now on every position is checked against it
             self.emergency.begin(lasts_s)
         try:
             if stops is not None:  # it was prepared with questions, which take their time
@@ -488,7 +488,7 @@ class Guard:
                 self.emergency.end()
             self.log.add(action, "failed", str(error))
             raise
-        except DeviceError as error:  # no answer: it may have begun all the same
+        except DeviceError as error:  # no answer: the motion may have begun all the same
             try:
                 if lasts_s:
                     self.emergency.unfinished = True

@@ -66,7 +66,7 @@ class Limits:
         if not self.horizon_deg:
             return low
         azimuths, altitudes = zip(*self.horizon_deg, strict=True)
-        # The period joins the last point to the first, over the north.
+        # The period interpolates through north, from the last point to the first.
         return np.asarray(np.maximum(low, np.interp(azimuths_deg, azimuths, altitudes, period=360.0)))
 
 
@@ -254,7 +254,7 @@ def by_axes(start_deg: Degrees, target_deg: Degrees) -> Floats:
 
 def over_the_pole(start_deg: Degrees, target_deg: Degrees, north: bool) -> Floats:
     """Unit vectors (N, 3) of a flip: the declination axis turns through the pole."""
-    # On the other side of the pier the same place has the RA axis half a turn on and the Dec axis past its pole.
+    # From the other side of the pier the same place has the RA axis turned by 180 deg and Dec taken past the pole.
     pole = 180.0 if north else -180.0
     ra_turn_deg = wrapped(target_deg[0] + 180.0 - start_deg[0])
     return turned(start_deg, ra_turn_deg, pole - target_deg[1] - start_deg[1])
@@ -262,7 +262,7 @@ def over_the_pole(start_deg: Degrees, target_deg: Degrees, north: bool) -> Float
 
 def turned(start_deg: Degrees, ra_turn_deg: float, dec_turn_deg: float) -> Floats:
     """Unit vectors (N, 3) of a move of the axes by so much."""
-    # t is how far an axis has turned; the shorter turn stands at its end while the longer goes on.
+    # t is the angle turned so far; the axis with the shorter way waits at its end for the other.
     longest = max(abs(ra_turn_deg), abs(dec_turn_deg))
     t = np.linspace(0.0, longest, _count(longest))
     ra = start_deg[0] + np.clip(ra_turn_deg, -t, t)

@@ -70,8 +70,8 @@ def agreement(plan: Plan) -> Findings:
 
 def slew_length(plan: Plan) -> Findings:
     """Refuse a slew beyond the cap: a longer one is a mistake."""
-    cap = 180.0 if plan.from_home else plan.limits.longest_slew_deg  # the first slew reaches whatever is up
-    if not plan.distance_deg <= cap:  # refuses a distance that is not a number, too
+    cap = 180.0 if plan.from_home else plan.limits.longest_slew_deg  # the first slew may go to whatever is up
+    if not plan.distance_deg <= cap:  # refuses NaN, too
         yield refuse(
             "The slew of {distance:.1f} deg is longer than the {cap:g} allowed.", distance=plan.distance_deg, cap=cap
         )
@@ -98,7 +98,7 @@ def horizon(plan: Plan) -> Findings:
         yield from _hour_angles(plan)
         return
     target = float(altitude_deg(np.atleast_2d(plan.target), plan.site, plan.time_utc)[0])
-    if not target >= 0.0:  # refuses what is not a number, too
+    if not target >= 0.0:  # refuses NaN, too
         yield refuse(
             "The sync is refused: that place is {target:.1f} deg below the horizon; check the site, the "
             "time and the solve.",
@@ -126,7 +126,7 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     for path in plan.paths:
         along, floors = seen(path)
         worst, top = int(np.argmin(along - floors)), float(along.max())
-        if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:  # too low already: no lower yet
+        if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:  # if it is too low already, no lower
             yield refuse(
                 "The path would dip to {along:.1f} deg, the limit is {floors:.3g} deg.",
                 along=along[worst],
@@ -192,7 +192,7 @@ ACROSS = tr_noop(
 def crosses(plan: Plan) -> bool:
     """Whether start and target lie on different sides of the meridian."""
     ends = plan.hour_angles_deg()
-    return ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0)  # the lower meridian counts, too
+    return ends is not None and (ends[0] < 0.0) != (ends[1] < 0.0)  # the lower meridian counts too
 
 
 def flip(plan: Plan) -> Findings:
@@ -367,7 +367,7 @@ def own_way(plan: Plan) -> Findings:
 
 REST_RULES = (readiness, own_way, horizon, sun)
 MOTION_RULES = (readiness, agreement, slew_length, horizon, sun, flip)
-MOVE_RULES = (readiness, agreement, horizon, past_meridian, sun)  # no flip: a move of one axis never does
+MOVE_RULES = (readiness, agreement, horizon, past_meridian, sun)  # no flip rule: moving one axis never flips
 TRACKING_RULES = (horizon, past_meridian)
 SYNC_RULES = (readiness, agreement, sync_step, sync_evidence, horizon, sync_across_meridian)
 

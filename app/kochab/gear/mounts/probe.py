@@ -20,7 +20,7 @@ from kochab.gear.mounts.drivers.nexstar import MAKER_SINCE, STARSENSE, VARIANTS
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
 
-PATIENCE_S = 0.8  # an Autostar took 0.63 s for its first answer
+PATIENCE_S = 0.8  # an Autostar took 0.63 s to answer after its port was opened
 NO_SITE = tr_noop("It stores no site: give --site LAT,LON.")
 SWITCH_ON = tr_noop("Switch the mount on and check its cable. Use the computer port, not the guide port.")
 
@@ -114,7 +114,6 @@ def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink)
     network = "://" in port
     # A network has no baud rate, and over UDP only Sky-Watcher's Wi-Fi answers.
     rounds = ((0, (ask_skywatcher,) if port.startswith(UDP) else ALL),) if network else QUESTIONS
-    # A line is opened anew for each baud rate; a question without an answer leaves it for the next one.
     for baud, questions in rounds:
         try:
             link = opener(port, baud or 9600)

@@ -109,6 +109,7 @@ class UdpPort:
             raise ValueError(address)
         (family, kind, number, _, where), *_ = socket.getaddrinfo(parts.hostname, parts.port, type=socket.SOCK_DGRAM)
         self._socket = socket.socket(family, kind, number)
+        # Connected, so that datagrams from other senders are dropped and a closed port is an error at once.
         self._socket.connect(where)
         self._came = b""
         self.close = self._socket.close
@@ -205,7 +206,7 @@ class SerialLink:
         got = bytearray()
         end = monotonic() + timeout_s
         while not complete(got):
-            # A byte at a time: a read of more would wait out its slice for those that do not come.
+            # One byte at a time: a longer read would sit out its whole time slice for bytes that never come.
             got += self._guarded(lambda: self._serial.read(1))
             if monotonic() > end and not complete(got):
                 if got:
@@ -236,7 +237,7 @@ class SerialLink:
 Reader = Callable[[SerialLink], bytes]
 Command = tuple[bytes, tuple[Reader, ...]]  # bytes, and how each answer to them is read
 QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
-LOSSY_TRIES = 12  # at a loss of 25 % either way, 12 tries are in vain once in 20,000
+LOSSY_TRIES = 12  # with 25 % of datagrams lost each way, all 12 fail once in 20,000
 DOUBT = 2  # exchanges: the first answer after a bad one may be that one, late
 
 
@@ -323,7 +324,7 @@ class Conversation:
         with self._exchange:
             tries = LOSSY_TRIES if self.link.lossy else 1
             while self._pending:
-                # What is sent again is answered again, so all of it is read anew; a second Stop does no harm.
+                # Everything is sent again and every answer read anew: a repeated Stop does no harm.
                 due, tries = list(self._pending), tries - 1
                 answered = [self._answered(read) for _, answers in due for read in answers]
                 if all(answered) or tries <= 0:
@@ -348,14 +349,14 @@ class Conversation:
             stale = self.link.discard(QUIET_S if self._doubt else 0.0)
             if stale:
                 logger.debug("%s < %r (unexpected)", self.link.port, stale)
-            # A Stop may be several commands, and nothing goes between them.
+            # A Stop may be several commands; nothing may go out between them.
             while self._stopping:
                 sleep(0.001)
             # before it is sent, so that a crash loses no byte; outside the lock, which a Stop needs
             logger.debug("%s > %r", self.link.port, command)
             with self._order:
                 stopped = since is not None and since != self.stops
-                if not stopped and not self._pending:  # else a Stop slipped in: its answer is read first
+                if not stopped and not self._pending:  # else a Stop slipped in: read its answer first
                     self.link.write(command)
                     return
             logger.debug("%s: %r was not sent, a Stop came first", self.link.port, command)

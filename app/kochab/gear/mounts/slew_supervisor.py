@@ -24,7 +24,7 @@ from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy, crosses, ho
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
 FASTEST_DEG_S = 20.0  # no mount slews faster
-THERE_DEG = 0.5  # so near its target a position is no jump, however soon it is reported
+THERE_DEG = 0.5  # this near the target no position counts as a jump
 LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
 POLL_S = 0.2  # between two looks at a slew
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
@@ -32,14 +32,14 @@ WOKE_UP = tr_noop(
     "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
     " Then put the tube at its home and switch it on there; or say that the mount is right (--trust-mount)."
 )
-SLEPT_S = 10.0  # a wait that took so much longer was a sleep of the computer
+SLEPT_S = 10.0  # a wait that overran by this much means that the computer slept
 SLEPT = tr_noop(
     "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
 )
 MISSES = 3  # positions that may be missed in a row during a slew
 FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
-GRID_DEG = 2.0  # well below ASIDE_DEG, so that no place between two points seems to lie aside
+GRID_DEG = 2.0  # well below ASIDE_DEG: no place between two grid points is aside
 FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed without a flip
 
 
@@ -69,7 +69,7 @@ class SupervisedMotion:
         # Where it will be at the next look, straight on; at a known rate the place itself.
         ahead = here + (here - self._here) * (self._ahead_s / max(passed_s, POLL_S))
         found = self._jump(here, passed_s) or self._aside(here) or self._limit(ahead, now_utc)
-        if found is None:  # a wrong position must not be what the next is compared with
+        if found is None:  # never compare the next position with a wrong one
             self._here, self._at, self._looked = here, now_utc, asked_s
         return found
 
@@ -96,12 +96,12 @@ class SupervisedMotion:
         return tr("it went the wrong way, {nearest:.0f} deg off its path", nearest=nearest)
 
     def _limit(self, here: Floats, now_utc: datetime) -> str | None:
-        # The rules that allowed the plan, for this place alone and for the present time.
+        # The rules that allowed the plan, applied to this one place at the present time.
         plan = replace(self.plan, paths=(np.atleast_2d(here / np.linalg.norm(here)),), time_utc=now_utc)
         for rule in RULES:
             for finding in rule(plan):
                 if finding.severity is Severity.REFUSE:
-                    return finding.sentence[:1].lower() + finding.sentence[1:].rstrip(".")  # it follows a colon
+                    return finding.sentence[:1].lower() + finding.sentence[1:].rstrip(".")  # follows a colon
         return None
 
 
@@ -127,7 +127,7 @@ class SlewSupervisor:
         """What stood when the line was lost stands there still, or was switched off and on meanwhile."""
         self.aim = None
         moved = self._emergency.moving or self._emergency.unfinished
-        # Seen in the future, no time has passed since: whatever jump there is was too fast for a motor.
+        # "Seen" in the future, so that no time has passed and any jump is too fast for a motor.
         self._seen = None if moved or self._seen is None else (self._seen[0], inf, datetime.max.replace(tzinfo=UTC))
 
     def position(self) -> Pointing:
@@ -164,12 +164,12 @@ class SlewSupervisor:
         state = self._state()
         motion = self._motion if self._emergency.moving else None
         if motion is not None and motion.side_finding(state.pier_side):
-            # Asked again as a position is: one late or garbled answer ends no slew.
+            # Ask twice, as for a position: one late answer must not end a slew.
             state = self._state()
             found = motion.side_finding(state.pier_side)
             if found:
                 self._stop(tr("{found}: allow the flip (Meridian, or --allow-flip), and watch the cables", found=found))
-        if motion is not None and motion.due and not state.parked:  # parked, some mounts are silent
+        if motion is not None and motion.due and not state.parked:  # some mounts are silent once parked
             self.position()
         return state
 
@@ -210,7 +210,7 @@ class SlewSupervisor:
             before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
             first = first or left
             unmoved = before is not None and abs(before - left) < 1e-3  # 3.6 arcsec
-            # A mount that does not report whether it slews is idle where it stands still.
+            # A mount that does not report slewing counts as idle while its position stands still.
             idle = idle + 1 if slewing is False or (slewing is None and unmoved) else 0
             if idle and left < FAR_DEG and side in (None, state.pier_side):
                 return here
@@ -244,7 +244,7 @@ class SlewSupervisor:
             still = before is not None and apart_deg(before, (here.ra_deg, here.dec_deg)) < STILL_DEG
             idle = idle + 1 if still and not state.slewing else 0
             before = here.ra_deg, here.dec_deg
-            if idle >= IDLE and there is None:  # it reports neither: standing still is all there is to see
+            if idle >= IDLE and there is None:  # not reported: standing still has to do
                 return
             if idle >= IDLE:
                 if action == "park":
@@ -264,7 +264,7 @@ class SlewSupervisor:
                 )
             try:
                 state = self.state()
-                here = None if state.parked else self.position()  # an Autostar that has parked is silent
+                here = None if state.parked else self.position()  # a parked Autostar is silent
             except NoAnswerError:
                 misses += 1
                 if misses >= MISSES:
@@ -276,7 +276,7 @@ class SlewSupervisor:
 
     def _state(self) -> MountState:
         state = self._emergency.mount.state()
-        if state.slewing is False and self._emergency.endless:  # moves and pulses are over by their time
+        if state.slewing is False and self._emergency.endless:  # moves and pulses end by their time limit
             self._emergency.end()
         return state
 

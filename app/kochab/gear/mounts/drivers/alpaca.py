@@ -207,7 +207,7 @@ class AlpacaMount(ServerMount):
 
     @making_sense()
     def _would_flip(self, ra_deg: float, dec_deg: float) -> bool:
-        if int(self._get("alignmentmode", GERMAN)) != GERMAN:  # not told: it may be German
+        if int(self._get("alignmentmode", GERMAN)) != GERMAN:  # if not reported, assume German
             return False
         try:
             after = self._link.get(f"{self._path}destinationsideofpier", query=_place(ra_deg, dec_deg))

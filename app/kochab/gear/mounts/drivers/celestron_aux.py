@@ -35,7 +35,7 @@ class AuxMotor:
 
     def __init__(self, talk: Conversation, board: int, timeout_s: float) -> None:
         self.talk, self.board, self.timeout_s = talk, board, timeout_s
-        # 180: no goto has been sent to the middle, where a counter that began anew stands.
+        # 180 stands for "no goto yet"; near 0 it would pass for a goto to where a fresh counter stands.
         self.seen_deg, self.aimed_deg = 0.0, 180.0
         self.follows = self.under_way = False
 
@@ -65,7 +65,7 @@ class AuxMotor:
         turn_deg = max(-LONGEST_DEG, min(LONGEST_DEG, angle_deg))
         self.aimed_deg = self.seen_deg + turn_deg
         command = protocol.GOTO_FAST if abs(turn_deg) > SLOW_DEG else protocol.GOTO_SLOW
-        # Before the order: where its answer is lost the board may have begun, and is asked.
+        # Before the order: if its answer is lost the board may have begun, and running() asks.
         self.under_way = True
         self.ask(command, protocol.parse_aux, protocol.aux_angle(self.aimed_deg), since)
 
@@ -127,7 +127,7 @@ class CelestronAux(MotorMount):
         before, _ = self.counters()
         sleep(SEEN_S)
         turned = wrapped(azm.angle_deg() - before) * (-1.0 if self.south else 1.0)
-        # More than half of what the sky turns in SEEN_S is tracking; a tenth of a degree and more is a slew.
+        # More than half the sky's turn is tracking; a tenth of a degree in 0.3 s is a slew.
         azm.follows = 0.5 * SIDEREAL_DEG_S * SEEN_S < turned < AT_HOME_DEG
         return azm.follows
 
@@ -166,7 +166,7 @@ class CelestronAux(MotorMount):
 
     def counters(self) -> Degrees:
         """Both angles as the boards count them; `RefusedError` when they begin anew."""
-        # A counter in the middle is no sign of a power cycle where it was near before, or was sent there.
+        # A counter at zero is no sign of a power cycle if it was near zero before, or was sent there.
         before = [abs(motor.seen_deg) > HOMED_DEG and abs(motor.aimed_deg) > SHORT_DEG for motor in self.motors]
         counters = super().counters()
         if any(before) and all(abs(angle) < AT_HOME_DEG for angle in counters):
@@ -192,7 +192,7 @@ class CelestronAux(MotorMount):
 
     def aim(self, ra_deg: float, dec_deg: float, ahead_s: float) -> Degrees:
         """The same, as far ahead as the last part of the slew took; a fork goes the shorter way round."""
-        # ahead_s of 0 asks for the place at this moment, to see what is left.
+        # An ahead_s of 0 asks for the place right now, to see what is left.
         first, second = super().aim(ra_deg, dec_deg, ahead_s and max(ahead_s, self.took_s))
         here = self.motors[0].seen_deg + self.offset_deg[0]
         return (wrapped(here) + wrapped(first - here) if self.wedge else first), second

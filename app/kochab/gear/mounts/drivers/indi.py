@@ -105,7 +105,7 @@ class IndiMount(ServerMount):
         asked = monotonic()
         if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
             self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
-        # An Alert that only answered a refused order says nothing of the place.
+        # An Alert that only answered a refused order says nothing about the place.
         if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
             raise NoAnswerError(
                 "{name} gets no position from its mount{said}.", name=self._device.name, said=self._device.said()
@@ -126,7 +126,7 @@ class IndiMount(ServerMount):
             slewing="Busy" in map(state, moves),
             parked=on("TELESCOPE_PARK", "PARK") and state("TELESCOPE_PARK") != "Busy",
             tracking=on("TELESCOPE_TRACK_STATE", "TRACK_ON"),
-            pier_side=sides[0] if len(sides) == 1 else None,  # both are off where it does not know
+            pier_side=sides[0] if len(sides) == 1 else None,  # both are off if the driver doesn't know
             alt_azimuth=on("MOUNT_TYPE", "ALTAZ") or on("MOUNT_TYPE", "MOUNT_TYPE_ALTAZ") or None,  # else a default
             rate=rates[0] if len(rates) == 1 else None,
         )
@@ -205,14 +205,14 @@ class IndiMount(ServerMount):
         self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S)
         try:
             self._answered(vector, sent, "stop")
-        except RefusedError as error:  # a refused Stop is tried again, as an unanswered one is
+        except RefusedError as error:  # so that the Stop is tried again
             raise NoAnswerError(str(error)) from error
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:
         """The driver itself ends it."""
         self.require(Ability.PULSE)
         axis = "NS" if direction.in_dec else "WE"
-        # Both directions of an axis are one vector: the other must be 0.
+        # One vector holds both directions of an axis: the other must be 0.
         members = {f"TIMED_GUIDE_{way}": "0" for way in axis} | {f"TIMED_GUIDE_{direction.name[0]}": str(milliseconds)}
         self._begin(f"TELESCOPE_TIMED_GUIDE_{axis}", members, "guide pulse")
         self._unsettled_s = monotonic() + milliseconds / 1000.0 + SETTLES_S
@@ -249,7 +249,7 @@ class IndiMount(ServerMount):
     def track(self, rate: TrackingRate) -> None:
         """The rate, then tracking on."""
         self.require(rate.ability)
-        # None where the driver has no choice of rates.
+        # None if the driver offers no choice of rates.
         if self._on("TELESCOPE_TRACK_MODE", f"TRACK_{rate.name}") is False:
             self._begin("TELESCOPE_TRACK_MODE", {f"TRACK_{rate.name}": "On"}, "tracking rate")
         switch = "TRACK_OFF" if rate is TrackingRate.OFF else "TRACK_ON"

@@ -83,7 +83,7 @@ class Ioptron(SerialMount):
 
     def stop_commands(self, moved: bool) -> list[Command]:
         """End a slew, and moves on both axes."""
-        # :Q# ends a slew and leaves a move of the arrow keys running.
+        # :Q# ends a slew but leaves a move, as by the arrow keys, running.
         commands = [protocol.STOP, *([protocol.HALT_RA, protocol.HALT_DEC] if moved else [])]
         return [(command, (self.reply(1),)) for command in commands]
 
@@ -110,7 +110,7 @@ class Ioptron(SerialMount):
 
     def track(self, rate: TrackingRate) -> None:
         """The rate, then tracking on."""
-        # :RTn# chooses a rate and starts nothing.
+        # :RTn# only chooses the rate.
         super().track(rate)
         if rate is not TrackingRate.OFF:
             self.require_accepted(protocol.TRACK_ON, tr_noop("The mount refuses to track."))

@@ -53,7 +53,7 @@ class Lx200(SerialMount):
         self.rates_deg_s = tuple(row.rates.values()) if row.rates_known else ()
         self.reads_back, self.unanswered = row.reads_back, set[bytes]()
         version = self.ask_version() if row.fine_since or row.pulse_since else ()
-        fine = version >= row.fine_since  # fine_since is () where every version is fine
+        fine = version >= row.fine_since  # an empty fine_since admits every version
         self.places = row.places if fine else (protocol.GET_RA, protocol.GET_DEC)
         self.decimals = row.decimals if fine else 0
         self.refine()
@@ -77,7 +77,7 @@ class Lx200(SerialMount):
             meade = AUTOSTAR if any(part in plain for part in AUTOSTAR.names) else CLONE
             return DIALECTS.get(named(self.product), meade) if self.product else CLASSIC
         row = self.only
-        tries = (self.ask_product(row.who) for _ in range(row.boot_s))  # of PRODUCT_S, 1 s, each
+        tries = (self.ask_product(row.who) for _ in range(row.boot_s))  # each waits PRODUCT_S, 1 s
         self.product = next(filter(None, tries), "").lstrip("0")  # which a board that boots may answer first
         if not self.product or (row.who == protocol.PRODUCT and DIALECTS.get(named(self.product)) is not row):
             raise NoAnswerError(
@@ -142,7 +142,7 @@ class Lx200(SerialMount):
         (command, size, parse), *others = self.dialect.questions
         try:
             found = self.query(command, parse, size)
-        except ProtocolError:  # garbled, but an answer: it is not silent
+        except ProtocolError:  # a garbled answer is not the silence of a parked mount
             raise
         except NoAnswerError:
             if not self.parking:
@@ -176,7 +176,7 @@ class Lx200(SerialMount):
         time = self.query(protocol.TIME, protocol.parse_time)
         try:
             return SiteReport(site, utc_of(*date, *time, offset), offset)
-        # Each number is in its range, but there is no such day.
+        # Every number is in range, but there is no such day.
         except ValueError:
             return SiteReport(site, None, offset)
 
@@ -193,12 +193,12 @@ class Lx200(SerialMount):
             raise RefusedError(ALIGNED_BY_CLOCK)
         for command in protocol.set_clock(now):
             self.require_accepted(command, tr_noop("The mount does not accept this time."))
-        # "Updating Planetary Data#" and a line of blanks with "#" would be taken for the next replies.
+        # "Updating Planetary Data#" and a second, blank text would be taken for the next replies.
         self.talk.link.discard(PRODUCT_S)
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:
         """Set the target, then match it; or both at once, which is not answered."""
-        # Rainbow alone; rounded before the remainder, so that 359.9999 is 0 and not 360.
+        # Only the Rainbow. Rounded before the modulo, so that 359.9999 is sent as 0 and not as 360.
         if b"%" in self.dialect.sync:
             self.talk.send(self.dialect.sync % (round(ra_deg, 3) % 360.0, dec_deg))
             return
@@ -241,7 +241,7 @@ class Lx200(SerialMount):
 
     def read_set(self, link: SerialLink) -> bytes:
         """A digit, or ``e`` with a number."""
-        # ZWO refuses with e and a number, and its "#" would be taken for the next reply.
+        # ZWO refuses with "e2#": read to its end, or the rest would be taken for the next reply.
         first = link.read_exact(1, self.timeout_s)
         return first if first != b"e" else first + link.read_until(b"#", 3, self.timeout_s)
 
@@ -255,7 +255,7 @@ class Lx200(SerialMount):
                 apart_deg((ra, self.query(protocol.GET_TARGET_DEC, protocol.parse_dec)), (ra_deg, dec_deg)) < SAME_DEG
             )
         except NoAnswerError:
-            # It does not know the question: it is not asked again.
+            # It does not know the question: don't ask it again.
             self.reads_back = False
             return True
 
@@ -265,7 +265,7 @@ class Lx200(SerialMount):
         if first not in b"123456789e":
             return first
         try:
-            # A Meade adds a text and "#", OnStep neither: a short wait tells them apart.
+            # A Meade adds a text and "#", OnStep sends the digit alone: wait only briefly for the rest.
             return first + link.read_until(b"#", 64, 0.5)
         except NoAnswerError:
             return first
@@ -284,7 +284,7 @@ class Lx200(SerialMount):
         """At the nearest of its rates."""
         since, rates = self.talk.stops, self.dialect.rates
         self.talk.send(min(rates, key=lambda command: abs(rates[command] - rate_deg_s)))
-        # Ends this axis alone where it can: a move of the other may be running.
+        # End this axis alone where the make can: the other may be moving too.
         halt = protocol.halt(direction) if self.dialect.halts_axes else protocol.STOP
         with self.bounded(direction, seconds, (halt, ())):
             self.talk.send(protocol.move(direction), since)

@@ -40,7 +40,7 @@ def to_sky(axes_deg: Degrees, south: bool) -> tuple[float, float, PierSide]:
     """Hour angle in [-180, 180), declination and side of the pier."""
     first, second = axes_deg[0], wrapped(axes_deg[1])
     west = second <= 0.0
-    # With the counterweight down, first angle 0, a tube on the west side turned off the pole looks at -6 h.
+    # With the counterweight down (first angle 0) a tube west of the pier, turned off the pole, looks at -6 h.
     hour_angle = first - 90.0 if west else first + 90.0
     dec = 90.0 - abs(second)
     side = PierSide.WEST if west else PierSide.EAST
@@ -162,7 +162,7 @@ class MotorMount(SerialMount):
             self.offset_deg = self.confirmed_offset(self.home)
         elif (kept := self.recall()) and self.same_power():
             self.zeros.append(kept.offset_deg)
-            # A board just switched on reads the same wherever its tube is.
+            # Any board that was just switched on reads this, wherever its tube is.
             fresh = any(reads(zero, kept.counters_deg) for zero in self.zeros_at.values())
             if not fresh and kept.holds(self.counters(), self.sky_rate, self.clock().timestamp()):
                 self.offset_deg, self.home_confirmed = kept.offset_deg, True
@@ -188,7 +188,7 @@ class MotorMount(SerialMount):
             return -first, -second
         if home not in self.zeros_at:
             raise RefusedError("This mount has no home of {home}: use --home now.", home=home)
-        # Counters that stand at another home than the one confirmed: a quarter turn of Dec would be wrong.
+        # Counters at a home other than the one confirmed would put Dec off by a quarter turn.
         for other, zero in self.zeros_at.items():
             if other is not home and reads(zero, self.counters()):
                 raise RefusedError(
@@ -286,12 +286,12 @@ class MotorMount(SerialMount):
             self.home_confirmed = True
         axes = self.axes()
         at, dec, side = self.to_sky(axes)
-        # Beside the pole either side may be meant: the one that turns the RA axis less.
+        # Beside the pole either side is possible: take the one that turns the RA axis less.
         sides = tuple(PierSide) if abs(wrapped(axes[1])) < BESIDE_POLE_DEG else (side,)
         wanted = (self.to_axes(hour_angle, dec_deg, one) for one in sides)
         turns = [(wrapped(w[0] - axes[0]), wrapped(w[1] - axes[1])) for w in wanted]
         first, second = min(turns, key=lambda turn: abs(turn[0]))
-        # A small step on the sky that would be a large turn of the RA axis.
+        # A small step on the sky, but a large turn of the RA axis.
         if abs(first) > AGREES_DEG >= apart_deg((at, dec), (hour_angle, dec_deg)):
             raise RefusedError(
                 "So near the pole this sync would turn the RA axis by {turn:+.0f}°. Home is confirmed: slew to a star"
@@ -339,7 +339,7 @@ class MotorMount(SerialMount):
         axes = self.axes()
         wanted = self.aim(ra_deg, dec_deg, 0.0)
         longest = max(abs(w - a) for w, a in zip(wanted, axes, strict=True))
-        # The sky turns on meanwhile: both motors go to where the target will be.
+        # The sky turns meanwhile: send both motors to where the target will be.
         ahead = longest / SLEW_DEG_S + 0.3 if longest > 0.1 else 0.1
         wanted = self.aim(ra_deg, dec_deg, ahead)
         for motor, to, axis in zip(self.motors, wanted, axes, strict=True):
@@ -363,7 +363,7 @@ class MotorMount(SerialMount):
                 self.target_deg, self.tracking = None, False
                 return
             self.approaches += 1
-            # What the sky turned in a slew of another length than predicted: approached again, each time by less.
+            # The slew took longer or shorter than predicted, so the sky has moved: approach again, by ever less.
             left = max(abs(w - a) for w, a in zip(self.aim(*target, 0.0), self.axes(), strict=True))
             if left > CLOSE_DEG and self.approaches < APPROACHES:
                 self.approach(*target, since)
@@ -403,7 +403,7 @@ class MotorMount(SerialMount):
             turn = angle if (direction is Direction.NORTH) is (self.side() is PierSide.WEST) else -angle
         else:
             turn = angle if (direction is Direction.WEST) is not self.south else -angle
-            # Tracking stands still during the goto: it makes up for the sky's turn.
+            # The axis doesn't track during the goto, so the goto makes up for the sky's turn.
             turn += self.sky_rate * (seconds + RESUMES_S) if self.tracking else 0.0
         motor = self.motors[direction.in_dec]
         motor.ensure_stopped()

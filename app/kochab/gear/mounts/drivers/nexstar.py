@@ -14,7 +14,7 @@ from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, SerialLink, exactly
 
-PRECISE_SINCE, MAKER_SINCE = (1, 6), (5, 28)  # since which they know e, r and z; and v
+PRECISE_SINCE, MAKER_SINCE = (1, 6), (5, 28)  # the versions that introduced e, r and z; and v
 VARIANT_S = 1.0
 EQUATORIAL = {"CGE", "CGE Pro", "CGEM DX", "AVX", "CGX", "CGXL", "Advanced GT"}
 GUIDE_PERCENT, GUIDE_LONGEST_MS = 50, 2550  # of sidereal; one byte of hundredths of a second
@@ -110,7 +110,7 @@ class NexStar(SerialMount):
             slewing=self.query(protocol.SLEWING, protocol.parse_digit, 2),
             aligned=self.query(protocol.ALIGNED, protocol.parse_flag, 2),
             tracking=(mode := self.byte(protocol.TRACKING)) != 0,
-            alt_azimuth=mode == 1 if mode else None,  # mode 0, not tracking, does not show it
+            alt_azimuth=mode == 1 if mode else None,  # mode 0 (off) doesn't show it
         )
 
     def site_report(self) -> SiteReport:
@@ -139,7 +139,7 @@ class NexStar(SerialMount):
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """``r``; without an alignment it would answer and stay."""
-        # A Stop while the alignment is asked for wins.
+        # Before the question below: a Stop meanwhile wins.
         since = self.talk.stops
         self.require_aligned()
         self.done(protocol.goto(ra_deg, dec_deg, self.version >= PRECISE_SINCE), since)
@@ -151,7 +151,7 @@ class NexStar(SerialMount):
 
     def stop_commands(self, moved: bool) -> list[Command]:
         """Cancel a goto, and end moves at a fixed rate on both axes."""
-        # M ends a goto alone, not a move at a fixed rate.
+        # M cancels a goto, not a move at a fixed rate.
         halts = [self.halt(board) for board in (protocol.AZM, protocol.ALT)] if moved else []
         return [(protocol.CANCEL, (self.reply(1),))] * self.cancels + halts
 
@@ -178,7 +178,7 @@ class NexStar(SerialMount):
     def track(self, rate: TrackingRate) -> None:
         """Off, or on in the mode it had."""
         self.require(rate.ability)
-        self._mode = self.byte(protocol.TRACKING) or self._mode  # the mode is lost where tracking is off
+        self._mode = self.byte(protocol.TRACKING) or self._mode  # with tracking off the mount no longer tells its mode
         self.done(protocol.track(0 if rate is TrackingRate.OFF else self._mode or self.usual_mode()))
 
     def usual_mode(self) -> int:

@@ -111,9 +111,9 @@ class SerialMount:
 
     def stop(self) -> None:
         """Stop every motion, from any thread; the answers are read later."""
-        self.talk.stopping()  # from here no other exchange begins before Stop is on the line
+        self.talk.stopping()  # holds back every other exchange until Stop is on the line
         try:
-            moved = self.watchdog.moving  # before disarm() forgets it
+            moved = self.watchdog.moving  # read before disarm() clears it
             self.watchdog.disarm()
             self.talk.send_now(*self.stop_commands(moved))
         finally:
@@ -157,12 +157,12 @@ class SerialMount:
     def bounded(self, direction: Direction, seconds: float, *halt: Command) -> AbstractContextManager[None]:
         """Within, a motion begins that is ended after ``seconds`` by these commands."""
         self.watchdog.check()
-        # The next move of the same axis takes the place of this one's timer; the other axis goes on.
+        # One timer an axis: a new move replaces that of the same axis and leaves the other alone.
         axis = "dec" if direction.in_dec else "ra"
 
         def end() -> None:
             self.talk.send_now(*halt)
-            # Over UDP the end itself may be lost: it is sent until it is answered.
+            # Over UDP the halt itself may be lost: it is sent until it is answered.
             if self.talk.link.lossy:
                 self.talk.read_pending()
 

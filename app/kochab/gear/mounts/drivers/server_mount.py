@@ -57,7 +57,7 @@ class ServerMount:
 
     def stop(self) -> None:
         """Stop every motion but tracking, from any thread."""
-        self._stops += 1  # before its bytes: an order that is just being sent sees it behind them
+        self._stops += 1  # before the bytes, so that an order being sent right now notices it afterwards
         self.watchdog.disarm()
         self.halt()
 

@@ -18,9 +18,9 @@ from kochab.gear.mounts.serial_line import LOSSY_TRIES, Command, Conversation, P
 T = TypeVar("T")
 TRIES = 5  # as INDI's driver
 REPLY = protocol.reader(0.3)  # a healthy EQ8-R took 0.27 s for a status
-BREAK_STEPS = 3500  # before its target a goto slows down
+BREAK_STEPS = 3500  # a goto slows down this far from its target
 STOPPING_S = 3.0  # how long a motor may run out
-STILL_STEPS = 3  # by which the counter of a standing motor may differ
+STILL_STEPS = 3  # the counter of a standing motor may vary by
 
 
 class BoardMotor:
@@ -91,7 +91,7 @@ class BoardMotor:
         A setting whose answer is lost is repeated, which changes nothing. A start is not.
         """
         command = protocol.command(letter, self.axis, data)
-        # A start is not repeated blindly: begin() looks first whether the motor turns.
+        # Never repeat a start blindly: begin() first checks whether the motor turns.
         tries = 1 if letter == "J" else self.tries
         refusal = self.talk.query(command, REPLY, _parse_order, tries, NoAnswerError, since)
         if refusal:
@@ -107,7 +107,7 @@ class BoardMotor:
         try:
             self.order("J", since=since)
         except NoAnswerError:
-            # The order arrived, its answer did not.
+            # The order arrived; only its answer was lost.
             if self.status().running:
                 return
             if not may_repeat:
@@ -146,7 +146,7 @@ class BoardMotor:
             self.initialised = True
         if not status.running:
             return
-        self.order("K")  # it asks for a stop: while the motor brakes, G is refused
+        self.order("K")  # K only begins to brake, and until the motor stands G is refused
         end = monotonic() + STOPPING_S
         while self.status().running:
             if monotonic() > end:
@@ -176,7 +176,7 @@ class SkyWatcher(MotorMount):
         super().start()
         self.has_index = False
         if not self.home_confirmed:
-            with suppress(RefusedError):  # a board may have sensors and refuse to reset them
+            with suppress(RefusedError):  # a board may have sensors but refuse to reset them
                 self.has_index = all(motor.watch_index() for motor in self.motors)
 
     def find_motors(self) -> bool:
@@ -187,7 +187,7 @@ class SkyWatcher(MotorMount):
         if objection:
             raise RefusedError(objection)
         first = self.motors[0].status()
-        return first.running and not first.goto and not first.fast  # slowly, and without an end
+        return first.running and not first.goto and not first.fast  # slow and open-ended: it tracks
 
     def same_power(self) -> bool:
         """A board that was switched on is not initialised."""

@@ -12,7 +12,7 @@ from kochab.gear.mounts.serial_line import ProtocolError
 
 def match(pattern: bytes, reply: bytes, what: str) -> re.Match[bytes]:
     """The match of the whole reply; `ProtocolError` when it is no ``what``."""
-    # The whole reply: what is left over, before or behind, belongs to another question.
+    # The whole reply must match: leftovers before or after it belong to another question.
     found = re.fullmatch(pattern, reply)
     if found is None:
         raise ProtocolError("{reply!r} is no {what}.", reply=reply, what=tr(what))

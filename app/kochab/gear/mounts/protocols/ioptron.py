@@ -58,7 +58,7 @@ class PositionReply:
 
 def set_ra(ra_deg: float) -> bytes:
     """``:SRA%09d#`` in 0.01 arcsec."""
-    return b":SRA%09d#" % (round(ra_deg % 360.0 * PARTS_DEG) % 129600000)  # a turn; 359.9999999 rounds to it
+    return b":SRA%09d#" % (round(ra_deg % 360.0 * PARTS_DEG) % 129600000)  # 359.9999999 rounds to a full turn
 
 
 def set_dec(dec_deg: float) -> bytes:
@@ -96,13 +96,13 @@ def parse_park_altitude(reply: bytes) -> float:
 
 def parse_status(reply: bytes) -> MountState:
     """``:GLS#``: sign, longitude 8, latitude 8, then six digits; the second is the status, the third the rate."""
-    # The seventeenth digit is the GPS's. A CEM25P sends 19 characters, which are refused.
+    # The 17th digit is the GPS's. A CEM25P sends only 19 characters, which don't match.
     found = match(rb"[+-]\d{17}([0-7])([0-4])\d{3}#", reply, "status")
     status = int(found[1])
     return MountState(
         slewing=status in (2, 4),  # 4: a meridian flip
         parked=status == 6,
-        tracking=status in (1, 3, 5),  # without PEC, while guided, with PEC
+        tracking=status in (1, 3, 5),  # PEC off, guiding, PEC on
         at_home=status == 7,
         rate=RATES[int(found[2])],
     )
@@ -127,7 +127,7 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
 
 def set_clock(now: datetime) -> tuple[bytes, bytes, bytes]:
     """``:SGsMMM#``, ``:SDS0#`` and ``:SUT%013d#``: minutes of the zone, summer time in them, and :func:`parse_time`."""
-    # utcoffset() has the summer time in it already, so the mount is told of none.
+    # utcoffset() already includes summer time.
     minutes = round((now.utcoffset() or timedelta()) / timedelta(minutes=1))
     return b":SG%+04d#" % minutes, b":SDS0#", b":SUT%013d#" % round((now - J2000) / timedelta(milliseconds=1))
 

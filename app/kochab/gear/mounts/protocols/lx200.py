@@ -22,7 +22,7 @@ STOP, TOGGLE_PRECISION = b":Q#", b":U#"
 
 # -- To track, park and go home. ``:hF#`` aligns a Meade anew, and resets an OnStep as if it stood at home: never sent.
 
-# No :AP# or :AA#: they change how the mount stands, and an alt-azimuth Autostar loses its alignment.
+# Never :AP# or :AA#: an aligned alt-azimuth Autostar switched to polar by :AP# fails every later goto.
 AUTOSTAR_COMMANDS = {Ability.SIDEREAL: b":TQ#", Ability.LUNAR: b":TL#", Ability.SOLAR: b":TS#", Ability.PARK: b":hP#"}
 TEN_MICRON_COMMANDS = {
     Ability.TRACKING: b":AL#",
@@ -81,9 +81,9 @@ GEMINI_COMMANDS = {
     Ability.UNPARK: b":hW#",
 }
 
-# Tenths of a minute in low precision, seconds in high; OnStepX has four decimals more.
+# Low precision has tenths of a minute, high has seconds, and OnStepX up to four decimals of them.
 _RA = rb"\s*(\d{1,2}):(\d{2})(?:\.(\d)|:(\d{2})(?:[.,](\d{1,4}))?)#"
-# Between degrees and minutes stand *, : or ', or a degree sign: 0xDF of a Meade's display, 0xB0 of Latin-1.
+# The separator may be *, : or ', or a degree sign: 0xDF on an LX200GPS, 0xB0 in Latin-1.
 _ANGLE = rb"\s*([+-]?)(\d{1,3})[*:'\xdf\xb0](\d{2})(?:[:'](\d{2})(?:[.,](\d{1,3}))?'?)?#"
 REFUSALS = code_table(
     "1 below the horizon, 2 above the overhead limit, 3 the mount is in standby, "
@@ -111,7 +111,7 @@ NOT_TAKEN = ("match fail", "no object")  # 10micron, Gemini
 
 def set_ra(ra_deg: float, space: bool = False, decimals: int = 0) -> bytes:
     """``:SrHH:MM:SS#``, ``:SrHH:MM:SS.SSSS#``: to the nearest second of time, or part of it."""
-    # Rounded as a whole, so that no part becomes 60, nor the hour 24.
+    # Round once, before splitting, so that no field becomes 60 and the hour never 24.
     ticks = round(ra_deg % 360.0 * 240.0 * 10**decimals) % (86400 * 10**decimals)
     return f":Sr{' ' * space}{_sixtieths(ticks, decimals, ':')}#".encode()
 
@@ -216,7 +216,7 @@ def parse_sync(reply: bytes, refusals: Mapping[int, str] = REFUSALS) -> str:
     text = parse_text(reply)
     if text.lower().startswith(NOT_TAKEN):
         return text.partition(":")[2].strip() or text
-    # Any other text is consent: a Meade names an object, an OnStepX says N/A.
+    # Any other text means yes: a Meade names an object, an OnStepX says N/A.
     found = re.fullmatch("[eE]([0-9]{1,2})", text)
     return refusals.get(int(found[1]), f"code {int(found[1])}") if found else ""
 
@@ -238,7 +238,7 @@ def parse_flags(reply: bytes) -> MountState:
         pier_side=next((side[f] for f in flags if f in side), None),
         at_home="H" in flags and "h" not in flags,
         rate=next((rates[f] for f in flags if f in rates), TrackingRate.SIDEREAL),
-        # Of three digits at the end the last is the fault, those before are rates of guiding.
+        # Of the three digits at the end the last is the fault; the other two are guide rates.
         fault=FAULTS.get(int(flags[-1]), "") if flags[-1].isdigit() else None,
     )
 
@@ -254,7 +254,7 @@ def parse_side(reply: bytes) -> MountState:
 
 def parse_zwo_status(reply: bytes) -> MountState:
     """``NGM011000211#``: n not tracking, H at home, Z alt-azimuth; the last digit 2 goto, 3 move, 4 home, 5 park."""
-    # Neither the side nor parked is in it: the side has a question of its own.
+    # Neither pier side nor parked is in it; :Gm# asks for the side.
     flags, state = match(rb"([A-Za-z]*)\d*(\d)#", reply, "status").groups()
     return MountState(
         slewing=state in b"2345", tracking=b"n" not in flags, at_home=b"H" in flags, alt_azimuth=b"Z" in flags
@@ -270,7 +270,7 @@ def parse_gto(reply: bytes) -> MountState:
 def parse_gemini(reply: bytes) -> MountState:
     """``:Gv#``: N no movement, T tracking, G guiding, C centering, S slewing, ! stalled."""
     letter = match(rb"[NTGCS!]", reply, "state of a Gemini")[0]
-    if letter == b"N":  # standing, or parked, which the next question tells
+    if letter == b"N":  # standing or parked: the next question tells which
         return MountState(slewing=False, tracking=False)
     fault = "its motors have stalled" if letter == b"!" else ""
     return MountState(slewing=letter in b"CS", parked=False, tracking=letter in b"TG", fault=fault)
@@ -338,7 +338,7 @@ ALTITUDE, AZIMUTH = b":GA#", b":GZ#"
 
 def parse_longitude(reply: bytes) -> float:
     """Degrees, east positive, of ``DDD*MM#``."""
-    # A Meade counts from 0 to 360 westward, an OnStep from -180 to 180.
+    # A Meade reports 0 to 360 west, an OnStep -180 to 180.
     angle = parse_angle(reply)
     require(abs(angle) <= 360.0, reply, "longitude")
     return wrapped(-angle)
@@ -385,7 +385,7 @@ def set_clock(now: datetime) -> tuple[bytes, bytes, bytes]:
 
 def set_site(site: Site) -> tuple[bytes, bytes]:
     """``:StsDD*MM#`` and ``:SgDDD*MM#``, to the nearest arcminute."""
-    # In arcminutes; 21600 are a turn, to which a little less may be rounded.
+    # Arcminutes; 21600 are a full turn, which rounding may reach.
     north, west = round(site.latitude_deg * 60.0), round(-site.longitude_deg % 360.0 * 60.0) % 21600
     latitude = f"{'-' if north < 0 else '+'}{abs(north) // 60:02d}*{abs(north) % 60:02d}"
     return f":St{latitude}#".encode(), f":Sg{west // 60:03d}*{west % 60:02d}#".encode()

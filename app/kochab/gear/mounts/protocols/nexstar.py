@@ -108,7 +108,7 @@ def parse_pier(reply: bytes) -> PierSide:
 
 def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes:
     """``50 len board command d1 d2 d3 n``: eight bytes through the hand control to a motor."""
-    # Three data bytes always; the length counts the command and those that matter.
+    # Always three data bytes; the length counts the command and those in use.
     return bytes([0x50, 1 + len(data), board, command, *(*data, 0, 0, 0)[:3], answer])
 
 
@@ -186,7 +186,7 @@ AUX_TURN = 1 << 24
 
 def aux(board: int, command: int, data: bytes = b"", sender: int = APP) -> bytes:
     """A frame to a motor board, or another device."""
-    # The bytes behind the head, checksum included, add up to 0 of 256.
+    # All bytes after the head, checksum included, add up to 0 modulo 256.
     body = bytes([3 + len(data), sender, board, command]) + data
     return bytes([HEAD]) + body + bytes([-sum(body) % 256])
 
@@ -194,7 +194,7 @@ def aux(board: int, command: int, data: bytes = b"", sender: int = APP) -> bytes
 def aux_answer(asked: bytes, came: bytes) -> bytes | None:
     """The frame in ``came`` that answers ``asked``, or refuses it; None while it is not there."""
     for k, byte in enumerate(came):
-        # The length counts neither the head, itself nor the checksum. A 3b within a frame does not add up.
+        # The length leaves out head, itself and checksum. A 3b inside a frame fails the checksum.
         end = k + came[k + 1] + 3 if byte == HEAD and k + 1 < len(came) else 0
         frame = came[k:end]
         # Sender and receiver are swapped: neither our own echo nor another device's answer.

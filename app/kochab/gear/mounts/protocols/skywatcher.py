@@ -123,7 +123,7 @@ def motion_mode(goto: bool, fast: bool, backwards: bool) -> str:
 
 def step_period(rate_deg_s: float, steps_turn: int, timer_hz: int) -> int:
     """Timer ticks a step at a rate."""
-    # The board steps once in so many ticks of its timer: the longer the period, the slower.
+    # The period is in ticks of the board's timer: one step each.
     steps_s = abs(rate_deg_s) / 360.0 * steps_turn
     if steps_s <= 0.0:
         return 0xFFFFFF
