@@ -36,8 +36,8 @@ DRIVERS: Registry[Mount] = Registry(
 )
 
 
-SERVERS = ("indi", "alpaca")  # drivers of mounts behind a server, which is found by its address in place of a port
-STOP_REPLY_S = 0.5  # the reply to the Stop that opens a line has come by then
+SERVERS = ("indi", "alpaca")  # drivers of mounts behind a server, found by its address instead of a port
+STOP_REPLY_S = 0.5  # by then the reply to the opening Stop has come
 
 
 @dataclass(frozen=True, slots=True)

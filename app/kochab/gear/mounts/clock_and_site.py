@@ -10,8 +10,8 @@ from kochab.core.mount import Ability, Mount, Pointing, SiteReport
 from kochab.gear.mounts.motion_policy import MotionPolicy
 
 CLOCK_S, SITE_DEG = 120.0, 0.5  # in two minutes the sky turns by half a degree, too
-SHIFTED_DEG = 0.5  # by a new clock or site
-ASKED = 2  # a mount that did not answer so often does not report them
+SHIFTED_DEG = 0.5  # a new clock or site that shifts the position by more calls for a sync
+ASKED = 2  # unanswered questions after which the mount counts as not reporting them
 COMMANDS = {Ability.SET_CLOCK: "kochab mount set-clock", Ability.SET_SITE: "kochab mount set-site"}
 HOUR_S, ZONE_S, DAY_S = 3600.0, 1800.0, 86400.0  # nearly all time zones differ by multiples of half an hour
 
@@ -26,7 +26,7 @@ class ClockAndSite:
     def forget(self) -> None:
         """Compare again before the next slew: the site is another, or the mount was switched on again."""
         self._left, self._trusted, self._policy.doubt, self._policy.until_sync = ASKED, False, "", ""
-        self.wrong: dict[Ability, str] = {}  # what would mend it, and what is wrong
+        self.wrong: dict[Ability, str] = {}  # what would mend it -> what is wrong
 
     def trust(self) -> None:
         """A person says that the mount is right."""

@@ -65,7 +65,7 @@ class EmergencyStop:
 
     def halt(self) -> None:
         """Send Stop, twice when the first is not answered; `LineLostError` when neither went out."""
-        self._log.add("stop", "sent", journal=False)  # no disk holds up a Stop
+        self._log.add("stop", "sent", journal=False)  # a slow disk must not delay a Stop
         try:
             try:
                 self.mount.stop()
@@ -114,7 +114,7 @@ class EmergencyStop:
             if not self._comes_to_rest():
                 try:
                     self.halt()
-                finally:  # afterwards: no disk holds up a Stop
+                finally:  # afterwards: a slow disk must not delay a Stop
                     self._log.add("stop", "failed", "The mount kept moving after a Stop.")
                 if not self._comes_to_rest():
                     self._log.add("stop", "failed", MAY_STILL_MOVE)
@@ -141,7 +141,7 @@ class EmergencyStop:
                     then, at, there = before
                     passed_s = max(sent - then, (now - at).total_seconds())
                     moved = apart_deg((here.ra_deg, here.dec_deg), (there.ra_deg, there.dec_deg))
-                    # the position of a mount that does not track drifts at the sidereal rate
+                    # The position of a mount that does not track drifts at the sidereal rate.
                     if moved <= STILL_DEG + 2.0 * SIDEREAL_DEG_S * passed_s:
                         return True
                 before = sent, now, here
@@ -210,7 +210,7 @@ class Watchdog:
             else:
                 self.failure = None
                 break
-        if failure := self.failure:  # the journal after all tries: no disk holds them up
+        if failure := self.failure:  # logged after all tries: a slow disk must not delay them
             logger.error("The %s motion could not be ended.", name, exc_info=failure)
         with self._lock:
             self._timers.pop(name, None)

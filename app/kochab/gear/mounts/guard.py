@@ -29,7 +29,7 @@ from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 
 UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
-FASTER, OVERRUN = 4.0, 1.25  # at an unknown rate a move may go so many times as far; and how much further any may
+FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
 
 
 T = TypeVar("T")
@@ -480,7 +480,7 @@ class Guard:
             self.supervisor.begin(motion)  # before the bytes: from now on every position is checked against it
             self.emergency.begin(lasts_s)
         try:
-            if stops is not None:  # it was prepared with questions, which take their time
+            if stops is not None:  # the questions before it took time, in which a Stop may have come
                 self.check_not_stopped(stops, action)
             do()
         except RefusedError as error:
@@ -494,6 +494,6 @@ class Guard:
                     self.emergency.unfinished = True
                     self.halt()
                     self.emergency.unfinished = False
-            finally:  # afterwards: no disk holds up a Stop
+            finally:  # afterwards: a slow disk must not delay a Stop
                 self.log.add(action, "failed", str(error))
             raise

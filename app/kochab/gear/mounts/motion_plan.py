@@ -32,7 +32,7 @@ class Limits:
     """
 
     lowest_altitude_deg: float = 5.0
-    horizon_deg: Horizon = ()  # what stands higher: azimuth and altitude, by azimuth
+    horizon_deg: Horizon = ()  # obstacles above it: azimuth and altitude, sorted by azimuth
     highest_altitude_deg: float = 90.0
     hour_angle_deg: tuple[float, float] = (-180.0, 180.0)  # only its owner knows where the pier is
     past_meridian_deg: float = 15.0  # for a move of the axis, which never flips

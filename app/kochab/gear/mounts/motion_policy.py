@@ -41,9 +41,9 @@ from kochab.gear.mounts.motion_plan import (
 
 Findings = Iterator[RuleFinding]
 AHEAD_S = 60.0  # tracking ends so long before its limit
-HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # from the pole; of its hour angle from counterweight down
+HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # distances from the pole; hour angle from ±90
 PARKED_DEG = 1.0  # as exactly as a mount parks
-NUDGE_DEG = 5.0  # so far the axes may be moved while the mount's clock or site is in doubt
+NUDGE_DEG = 5.0  # the longest move while the mount's clock or site is in doubt
 
 
 def readiness(plan: Plan) -> Findings:
@@ -116,7 +116,7 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
         return np.degrees(np.arcsin(np.clip(up, -1.0, 1.0))), floors
 
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
-    leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may creep back into the allowed range
+    leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may return towards the allowed range
     if target < low and not (leaving and target >= start):
         yield refuse("The target is {target:.1f} deg high, the limit is {low:.3g} deg.", target=target, low=low)
         return
@@ -280,7 +280,7 @@ def past_meridian(plan: Plan) -> Findings:
 def sync_step(plan: Plan) -> Findings:
     """Refuse beyond the largest step; ask beyond the smaller one."""
     limits, step = plan.limits, plan.distance_deg
-    guessed = plan.state.home_confirmed is False  # the step is from a guess: it proves nothing
+    guessed = plan.state.home_confirmed is False  # a step from a guessed position proves nothing
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
     # Switched on with its tube anywhere a mount reports its home: a sync would tell it the place, not the pier side.
@@ -292,7 +292,7 @@ def sync_step(plan: Plan) -> Findings:
             "there.",
             step=step,
         )
-    elif (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a step of nothing here is one of everything elsewhere
+    elif (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a tiny step here may shift RA by any angle
         yield refuse(
             "So near the pole this sync would shift right ascension by {turn:+.0f}° everywhere. Slew to "
             "a star farther from the pole and sync there.",
@@ -323,7 +323,7 @@ def sync_evidence(plan: Plan) -> Findings:
     allowed = limits.solves_agree_arcsec
     centres = [unit_vectors(*centre) for centre in e.centres_deg]
     target = unit_vectors(*plan.target_icrs_deg)
-    # NumPy's extremes keep what is not a number; Python's lose it behind the first value.
+    # np.max and np.min keep a NaN; Python's max() and min() may lose one that does not come first.
     apart = float(np.max([separation_deg(a, b) for a, b in combinations(centres, 2)])) * 3600.0
     away = float(np.min([separation_deg(target, centre) for centre in centres])) * 3600.0
     if not apart <= allowed:

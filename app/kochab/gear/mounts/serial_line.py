@@ -94,7 +94,7 @@ def with_port(address: str, usual: int | None) -> str:
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 SLICE_S = 0.05  # a read returns this often, so that a closed line is seen at once
-WRITE_S = 2.0  # a line that takes no more bytes for so long is broken
+WRITE_S = 2.0  # a line that takes no bytes for this long is broken
 
 
 class UdpPort:
@@ -225,7 +225,7 @@ class SerialLink:
         try:
             return action()
         except (OSError, TypeError, ValueError) as error:
-            # pyserial reports a port closed under it as TypeError or ValueError
+            # pyserial reports a port closed under it as TypeError or ValueError.
             self._lost = True
             raise LineLostError("Lost the mount on {port}. Check its cable and power.", port=self.port) from error
 
@@ -236,9 +236,9 @@ class SerialLink:
 
 Reader = Callable[[SerialLink], bytes]
 Command = tuple[bytes, tuple[Reader, ...]]  # bytes, and how each answer to them is read
-QUIET_S = 0.3  # after a bad answer the line must be silent so long before it is trusted again
+QUIET_S = 0.3  # after a bad answer the line must be silent this long before it is trusted again
 LOSSY_TRIES = 12  # with 25 % of datagrams lost each way, all 12 fail once in 20,000
-DOUBT = 2  # exchanges: the first answer after a bad one may be that one, late
+DOUBT = 2  # exchanges: what is read after a bad answer may still be that answer, late
 
 
 class ProtocolError(NoAnswerError):
@@ -316,7 +316,7 @@ class Conversation:
                 self.link.write(command)
                 if answers:
                     self._pending.append((command, answers))
-        for command, _ in commands:  # after all of them: no disk holds up a Stop
+        for command, _ in commands:  # after all of them: a slow disk must not delay a Stop
             logger.debug("%s > %r", self.link.port, command)
 
     def read_pending(self) -> None:
@@ -352,7 +352,7 @@ class Conversation:
             # A Stop may be several commands; nothing may go out between them.
             while self._stopping:
                 sleep(0.001)
-            # before it is sent, so that a crash loses no byte; outside the lock, which a Stop needs
+            # Logged before it is sent, so that a crash hides no byte; outside the lock, which a Stop needs.
             logger.debug("%s > %r", self.link.port, command)
             with self._order:
                 stopped = since is not None and since != self.stops

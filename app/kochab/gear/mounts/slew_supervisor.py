@@ -25,7 +25,7 @@ RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
 FASTEST_DEG_S = 20.0  # no mount slews faster
 THERE_DEG = 0.5  # this near the target no position counts as a jump
-LOOK_S = 1.5  # a moving mount whose state is read is asked for its position as often
+LOOK_S = 1.5  # how old the position of a moving mount may be before state() asks for it
 POLL_S = 0.2  # between two looks at a slew
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
 WOKE_UP = tr_noop(
@@ -37,10 +37,10 @@ SLEPT = tr_noop(
     "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
 )
 MISSES = 3  # positions that may be missed in a row during a slew
-FAR_DEG, IDLE = 0.5, 8  # so far away it may be that the slew has not begun yet
+FAR_DEG, IDLE = 0.5, 8  # beyond FAR_DEG an idle mount may not have begun yet: it gets IDLE looks
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
 GRID_DEG = 2.0  # well below ASIDE_DEG: no place between two grid points is aside
-FOLLOWED_DEG = 30.0  # so far beyond the meridian a mount may have followed without a flip
+FOLLOWED_DEG = 30.0  # a mount may have tracked this far past the meridian without a flip
 
 
 class SupervisedMotion:
@@ -64,7 +64,7 @@ class SupervisedMotion:
     def finding(self, reported: Pointing, now_utc: datetime, asked_s: float) -> str | None:
         """What is wrong with the position asked for at ``asked_s`` (`monotonic`); None when nothing is."""
         here = unit_vectors(*of_date(reported, now_utc))
-        # by the clock that ran more: one of them may be simulated
+        # By whichever clock advanced more: one of them may be simulated.
         passed_s = max(monotonic() - self._looked, (now_utc - self._at).total_seconds())
         # Where it will be at the next look, straight on; at a known rate the place itself.
         ahead = here + (here - self._here) * (self._ahead_s / max(passed_s, POLL_S))
@@ -110,10 +110,10 @@ class SlewSupervisor:
 
     def __init__(self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy) -> None:
         self.strayed = ""  # why the last motion was stopped on its way
-        self.aim: Aim | None = None  # a pointing model's, while the mount's coordinates are those it was made in
+        self.aim: Aim | None = None  # of a pointing model; dropped when the mount's coordinates change
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
-        self._seen: tuple[Floats, float, datetime] | None = None  # where it stood, on both clocks
+        self._seen: tuple[Floats, float, datetime] | None = None  # the last position, and its time on both clocks
 
     def begin(self, motion: SupervisedMotion | None) -> None:
         """A motion begins; a new one replaces what was supervised before."""
@@ -290,7 +290,7 @@ class SlewSupervisor:
         self.strayed = text.format(found=found)
         try:
             self._emergency.halt()
-        finally:  # afterwards: no disk holds up a Stop
+        finally:  # afterwards: a slow disk must not delay a Stop
             self._log.add("stray", "failed", self.strayed)
         raise StrayedError(self.strayed)
 
@@ -311,7 +311,7 @@ def allowed_region(plan: Plan) -> Floats:
         # An alt-azimuth mount may go either way round in azimuth.
         regions.append(_between(here, there, both_ways=plan.limits.crosses_meridian) @ level.T)
     if may_flip(plan):
-        # a flip goes over the pole, wherever the other axis is then
+        # A flip goes over the pole, wherever the other axis is then.
         north = plan.site is None or plan.site.latitude_deg >= 0.0
         decs = (start[1], target[1])
         regions.append(_grid(0.0, 360.0, *((min(decs), 90.0) if north else (-90.0, max(decs)))))

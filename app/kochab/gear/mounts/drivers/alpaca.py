@@ -68,7 +68,7 @@ class AlpacaMount(ServerMount):
         for number, rate in enumerate(RATES):
             if Ability.TRACKING in self._lacks or number not in offered:
                 self._lacks[rate.ability] = tr_noop("The mount's Alpaca driver has no command for this rate.")
-        for ability in (Ability.PARK, Ability.UNPARK, Ability.HOME):  # older drivers answer only when they are there
+        for ability in (Ability.PARK, Ability.UNPARK, Ability.HOME):  # older drivers block until they are there
             self._lacks[ability] = NOT_BY_ALPACA
         if Ability.GOTO in self._lacks:  # a move is a short slew here
             self._lacks[Ability.MOVE] = self._lacks[Ability.GOTO]
@@ -184,7 +184,7 @@ class AlpacaMount(ServerMount):
                 link.put(self._path + "abortslew", {})
             except RefusedError:
                 if link.get(self._path + "slewing"):
-                    raise  # else nothing moves, as of a mount that is parked
+                    raise  # otherwise nothing moves: a parked mount may refuse, too
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:
         """The server itself ends it."""

@@ -23,10 +23,10 @@ from kochab.gear.mounts.serial_line import Command, Conversation
 
 T = TypeVar("T")
 TRIES = 2
-SLOW_DEG, LONGEST_DEG = 0.1, 120.0  # of a goto: shorter ones are slow, and a flip goes in parts, so none is ambiguous
-SHORT_DEG = 0.5  # a goto that ended farther from its target was ended by something else
-HOMED_DEG = 1.0  # counters that were so far from the middle and are in it without a goto were switched off and on
-SEEN_S = 0.3  # in which tracking shows
+SLOW_DEG, LONGEST_DEG = 0.1, 120.0  # shorter gotos are slow; longer ones go in parts, so that the way round is clear
+SHORT_DEG = 0.5  # a goto that ends farther from its target was cut short
+HOMED_DEG = 1.0  # a counter that goes from beyond this to zero without a goto was switched off and on
+SEEN_S = 0.3  # long enough to see tracking
 MODES = {TrackingRate.SIDEREAL: b"\xff\xff", TrackingRate.SOLAR: b"\xff\xfe", TrackingRate.LUNAR: b"\xff\xfd"}
 
 

@@ -19,7 +19,7 @@ from kochab.gear.servers.indi_link import CALL_S, PORT, POWER_UP_S, SET_S, TELES
 STOP_S = 1.0  # how long a driver may take to acknowledge a Stop before it is sent again
 SETTLES_S = 3.0  # after a motion its position is not trusted before the driver has asked the mount again
 MORE_S = 0.3
-LATE_S = 1.5  # a driver on a busy computer may be late with a report by
+LATE_S = 1.5  # how late a driver's report may be on a busy computer
 NEAR_DEG = 0.02
 PLACES = {"EQUATORIAL_EOD_COORD": Epoch.DATE, "EQUATORIAL_COORD": Epoch.J2000}
 PARTS = {
@@ -71,8 +71,8 @@ class IndiMount(ServerMount):
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
-            asked = monotonic()  # a driver just turned on, or told its site, reports a place of before that
-            unread = new and not any(device.number(self._at, member) for member in ("RA", "DEC"))  # as drivers begin
+            asked = monotonic()  # a driver just connected, or told its site, still reports an older position
+            unread = new and not any(device.number(self._at, member) for member in ("RA", "DEC"))  # nothing read yet
             patience_s = POWER_UP_S if unread else CALL_S if new else self._poll_s
             if not link.wait(lambda: bool(self._told(self._at, asked)), patience_s) and unread:
                 raise silent
@@ -139,7 +139,7 @@ class IndiMount(ServerMount):
         """The driver's site, and its time where it was set since this mount was opened: INDI's does not run."""
         number = self._device.number
         latitude, longitude = number("GEOGRAPHIC_COORD", "LAT"), number("GEOGRAPHIC_COORD", "LONG")
-        site = None  # 0, 0 is where a driver stands that was told no site
+        site = None  # a driver that was never told its site reports 0, 0
         if latitude is not None and longitude is not None and (latitude or longitude):
             site = site_of(latitude, longitude, number("GEOGRAPHIC_COORD", "ELEV") or 0.0)
         utc, offset = self._device.value("TIME_UTC", "UTC"), self._device.value("TIME_UTC", "OFFSET")

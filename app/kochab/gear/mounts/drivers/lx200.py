@@ -17,7 +17,7 @@ from kochab.gear.mounts.protocols import lx200 as protocol
 from kochab.gear.mounts.serial_line import Command, ProtocolError, SerialLink, until
 
 T = TypeVar("T")
-PRODUCT_S = 1.0  # a classic does not know the question and stays silent
+PRODUCT_S = 1.0  # a classic doesn't know the question and stays silent
 SAME_DEG = 0.1  # a target in low precision is rounded to 0.025 deg
 
 
@@ -78,7 +78,7 @@ class Lx200(SerialMount):
             return DIALECTS.get(named(self.product), meade) if self.product else CLASSIC
         row = self.only
         tries = (self.ask_product(row.who) for _ in range(row.boot_s))  # each waits PRODUCT_S, 1 s
-        self.product = next(filter(None, tries), "").lstrip("0")  # which a board that boots may answer first
+        self.product = next(filter(None, tries), "").lstrip("0")  # a booting board may answer "0" first
         if not self.product or (row.who == protocol.PRODUCT and DIALECTS.get(named(self.product)) is not row):
             raise NoAnswerError(
                 OTHER_NAME if self.product else NO_NAME,

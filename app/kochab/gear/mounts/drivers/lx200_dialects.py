@@ -145,14 +145,14 @@ DIALECTS = {
         "Astro-Physics GTO",
         ("vcp",),
         who=b":V#",
-        precise=b":U#",  # one way
+        precise=b":U#",  # here it doesn't toggle
         decimals=1,
         spaces=(True,),
         pulse=b":M%c%03d#",
         longest_pulse_ms=999,
         rates=times((b":RC0#", 12), (b":RC1#", 64)),  # the faster ones differ by make and version
         questions=((b":GOS#", 0, protocol.parse_gto), SIDE),
-        takes_site=False,  # other words, and another answer to each
+        takes_site=False,  # other commands, with other answers
         sync=b":CMR#",  # which keeps the side of the pier
         commands=protocol.GTO_COMMANDS,
     ),

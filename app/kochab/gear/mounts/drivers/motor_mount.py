@@ -63,15 +63,15 @@ def natural_side(hour_angle_deg: float) -> PierSide:
 
 
 NO_PARK = tr_noop("This mount knows no park position: slew where you want it, then stop tracking.")
-SLEW_DEG_S = 3.0  # predicts where the sky will be
-REACH_DEG = 105.0  # of the first axis from the counterweight's lowest place
+SLEW_DEG_S = 3.0  # assumed, to predict where the target will be
+REACH_DEG = 105.0  # how far the RA axis may turn from counterweight down
 CLOSE_DEG, APPROACHES = 2.0 / 3600.0, 4
 LEAST_S, RESUMES_S = 1.0, 0.5  # a short goto is over by then; tracking resumes so long after it
 
 AT_HOME_DEG = 0.1  # a counter that was set there and has not turned since
 AGREES_DEG = 15.0  # home is set by eye, and the polar axis may be some degrees off
-NUDGE_DEG = 2.0  # so far it may be moved while home is not confirmed
-BESIDE_POLE_DEG = 5.0  # so near the pole the second angle does not show the side of the pier
+NUDGE_DEG = 2.0  # the longest move while home is not confirmed
+BESIDE_POLE_DEG = 5.0  # this near the pole the second angle doesn't show the pier side
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +275,7 @@ class MotorMount(SerialMount):
             pier_side=self.side() if self.home_confirmed else None,
             home_confirmed=self.home_confirmed,
             rate=self.rate,
-            alt_azimuth=False,  # or it was refused
+            alt_azimuth=False,  # alt-azimuth mounts are refused
         )
 
     def sync(self, ra_deg: float, dec_deg: float) -> None:

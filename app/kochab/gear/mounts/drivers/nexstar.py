@@ -34,7 +34,7 @@ class HandControl:
 
 NEXSTAR = HandControl((4, 10), (4, 15), reversed_in_south=(5, 24))
 STARSENSE = HandControl((1, 18), (1, 18))
-SYNSCAN = HandControl((), (inf,))  # the side never: only newer versions report it
+SYNSCAN = HandControl((), (inf,))  # never asked for the pier side: only newer versions report it
 VARIANTS = {0x13: STARSENSE}
 """Reply to ``v``; a StarSense has version numbers of its own. Source: INDI's celestrondriver.h and celestrongps.cpp."""
 
@@ -241,7 +241,7 @@ class SynScan(NexStar):
     default_epoch = Epoch.J2000
     timeout_s = 3.0
     models = MODELS
-    cancels = 2  # the first may be lost while it slews
+    cancels = 2  # the first may be lost during a slew
     control = SYNSCAN
 
     def start(self) -> None:

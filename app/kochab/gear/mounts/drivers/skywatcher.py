@@ -56,7 +56,7 @@ class BoardMotor:
         """Begin to wait for the axis to come over its home index; whether it has one."""
         if not self.query("q", protocol.parse_features, protocol.FEATURES) & protocol.HAS_INDEX:
             return False
-        self.order("W", protocol.RESET_INDEX)  # what it kept may be of counters that were set since
+        self.order("W", protocol.RESET_INDEX)  # the index it holds may predate a change of the counter
         return True
 
     def index_deg(self) -> float | None:

@@ -23,7 +23,7 @@ COMMANDS = {
     Ability.UNPARK: b":MP0#",
     Ability.HOME: b":MH#",
 }
-RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING, None)  # the last: its own
+RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING, None)  # 4: a custom rate
 HALT_DEC, HALT_RA = b":qD#", b":qR#"
 PARTS_DEG = 360000.0  # 0.01 arcsec
 

@@ -177,7 +177,7 @@ def parse_time(reply: bytes) -> tuple[datetime, float]:
 # Source: A. Paquette, NexStar AUX Command Set (2003), INDI's celestronaux, captures of real mounts. Angles are 24 bits
 # of a turn. Wi-Fi sends each command back before its answer, and every device on the bus may speak in between.
 
-HEAD, APP = 0x3B, 0x20  # we are what the maker's app is
+HEAD, APP = 0x3B, 0x20  # APP: our address on the bus, that of the maker's app
 POSITION, AUX_MODEL, GOTO_FAST, GUIDE_POSITIVE, GUIDE_NEGATIVE = 0x01, 0x05, 0x02, 0x06, 0x07
 SLEW_DONE, GOTO_SLOW, AUX_VERSION, AUX_REFUSED = 0x13, 0x17, 0xFE, 0xF0
 LONGEST_CHATTER = 256

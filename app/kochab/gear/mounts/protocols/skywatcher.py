@@ -19,7 +19,7 @@ EQUATORIAL = code_table(
 """Mount code -> equatorial mount: INDI's skywatcher.cpp, and the newer boards of owners' logs."""
 ALT_AZIMUTH = range(0x80, 0x91)  # GT, MF, 114GT, StarSeeker, Dobsonians
 AZ_GTI = 0xA5  # alt-azimuth or, on a wedge, equatorial: the code does not show which
-FOREIGN_LINES = 4  # before an answer
+FOREIGN_LINES = 4  # echoes and chatter to skip before an answer
 FEATURES, INDEX, RESET_INDEX = "010000", "000000", "080000"  # of ``q``, ``q`` and ``W`` (INDI's skywatcher.h)
 HAS_INDEX = 0x000004  # the feature: a home sensor on the axis
 BELOW, ABOVE = 0, 0xFFFFFF  # the index, while the axis has not come over it since it was reset
