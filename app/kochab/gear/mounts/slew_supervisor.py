@@ -276,7 +276,7 @@ class SlewSupervisor:
 
     def _state(self) -> MountState:
         state = self._emergency.mount.state()
-        if state.slewing is False and self._emergency.endless:  # moves and pulses end by their time limit
+        if state.slewing is False and self._emergency.endless:  # all but a goto end by their time limit
             self._emergency.end()
         return state
 
