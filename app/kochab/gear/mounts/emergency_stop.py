@@ -125,6 +125,7 @@ class EmergencyStop:
 
     def _comes_to_rest(self) -> bool:
         """Whether it reports one position twice in a row, and not that it slews."""
+        # Two readings in a row must agree: one alone shows no motion, and a late reply may be of before the Stop.
         begun, before = monotonic(), None
         for look in range(LOOKS):
             if look:

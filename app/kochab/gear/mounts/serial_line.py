@@ -344,6 +344,7 @@ class Conversation:
         return True
 
     def _send(self, command: bytes, since: int | None = None) -> None:
+        # Clear the line, let every Stop go first, then send. A Stop that slipped in leaves an answer: start over.
         while True:
             self.read_pending()
             stale = self.link.discard(QUIET_S if self._doubt else 0.0)

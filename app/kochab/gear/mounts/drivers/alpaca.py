@@ -179,6 +179,7 @@ class AlpacaMount(ServerMount):
 
     def halt(self) -> None:
         """``AbortSlew``, over a connection of its own."""
+        # The other link may be waiting for an answer in another thread.
         with closing(AlpacaLink(self._where, "telescope")) as link:
             try:
                 link.put(self._path + "abortslew", {})

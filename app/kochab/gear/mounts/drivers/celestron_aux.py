@@ -124,6 +124,7 @@ class CelestronAux(MotorMount):
         if self.wedge:
             self.reach_deg = 360.0
         self._lacks[Ability.KING] = tr_noop("A Celestron has no King rate.")
+        # No question tells whether it tracks: see whether the counter turns as the sky does.
         before, _ = self.counters()
         sleep(SEEN_S)
         turned = wrapped(azm.angle_deg() - before) * (-1.0 if self.south else 1.0)

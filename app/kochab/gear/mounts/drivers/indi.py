@@ -61,6 +61,7 @@ class IndiMount(ServerMount):
             self._device = device = IndiDevice(link, chosen(names, where, "INDI", "telescope"))
             begun = monotonic()
             new = device.power_up()
+            # A driver defines its properties one by one and never says which is the last: wait until no more come.
             link.wait(lambda: monotonic() - max(link.defined_s, begun) > MORE_S and self._place() in PLACES, CALL_S)
             self._at = self._place()
             silent = NoAnswerError(
@@ -103,6 +104,7 @@ class IndiMount(ServerMount):
         self.watchdog.check()
         self._device.check()
         asked = monotonic()
+        # A driver reports a place about once a second: what it has now may be older than the motion.
         if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
             self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
         # An Alert that only answered a refused order says nothing about the place.
@@ -267,6 +269,7 @@ class IndiMount(ServerMount):
         """Of drivers that park by altitude or hour angle; others tell the counts of their encoders."""
         told = {name: self._device.number("TELESCOPE_PARK_POSITION", f"PARK_{name}") for name in ("ALT", "HA", "DEC")}
         latitude = self._device.number("GEOGRAPHIC_COORD", "LAT")
+        # From hour angle and declination by the spherical triangle of pole, zenith and place.
         if told["ALT"] is not None or told["HA"] is None or told["DEC"] is None or latitude is None:
             return told["ALT"]
         hour, dec, north = map(radians, (told["HA"] * 15.0, told["DEC"], latitude))

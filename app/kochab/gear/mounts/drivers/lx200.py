@@ -52,6 +52,7 @@ class Lx200(SerialMount):
         row = self.dialect
         self.rates_deg_s = tuple(row.rates.values()) if row.rates_known else ()
         self.reads_back, self.unanswered = row.reads_back, set[bytes]()
+        # Asked only where the precision or the pulses depend on it.
         version = self.ask_version() if row.fine_since or row.pulse_since else ()
         fine = version >= row.fine_since  # an empty fine_since admits every version
         self.places = row.places if fine else (protocol.GET_RA, protocol.GET_DEC)

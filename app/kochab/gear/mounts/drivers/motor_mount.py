@@ -288,6 +288,7 @@ class MotorMount(SerialMount):
         at, dec, side = self.to_sky(axes)
         # Beside the pole either side is possible: take the one that turns the RA axis less.
         sides = tuple(PierSide) if abs(wrapped(axes[1])) < BESIDE_POLE_DEG else (side,)
+        # The sync is the difference between where the axes are and where they would have to be.
         wanted = (self.to_axes(hour_angle, dec_deg, one) for one in sides)
         turns = [(wrapped(w[0] - axes[0]), wrapped(w[1] - axes[1])) for w in wanted]
         first, second = min(turns, key=lambda turn: abs(turn[0]))
@@ -347,6 +348,7 @@ class MotorMount(SerialMount):
 
     def continue_motion(self) -> None:
         """Finish a slew whose motors have stopped; resume tracking after a move."""
+        # While a move is under way its motor must be sent nothing else.
         if self.watchdog.moving:
             return
         with suppress(StoppedError):  # a question for the position must not raise the Stop of a motion

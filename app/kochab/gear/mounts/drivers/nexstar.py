@@ -95,6 +95,7 @@ class NexStar(SerialMount):
 
     def angles(self, precise: bytes, coarse: bytes) -> tuple[float, float]:
         """Two angles, degrees, as precisely as the version can."""
+        # The angles are read by their length: 8 or 4 digits each, a comma and "#".
         command, length = (precise, 18) if self.version >= PRECISE_SINCE else (coarse, 10)
         return self.query(command, protocol.parse_position, length)
 

@@ -125,6 +125,7 @@ class SerialMount:
 
     def close(self) -> None:
         """Stop a bounded motion that still runs, and give the port back."""
+        # The motion's timer dies with the program, and its end would never be sent.
         if self.watchdog.moving:
             with suppress(DeviceError):
                 self.stop()

@@ -212,6 +212,7 @@ class SkyWatcher(MotorMount):
 
     def find_index(self) -> None:
         """Both axes have been nudged over their home indexes: home is where they are."""
+        # The indexes are in the same steps as the counters: their places become the zero of both axes.
         first, second = (motor.index_deg() for motor in self.motors)
         if first is not None and second is not None:
             self.offset_deg, self.home_confirmed = (-first, -second), True
