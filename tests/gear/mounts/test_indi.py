@@ -301,11 +301,12 @@ ON = """<setSwitchVector device="T" name="CONNECTION" state="Ok"><oneSwitch name
 <oneSwitch name="DISCONNECT">Off</oneSwitch></setSwitchVector>"""
 READ = """<setNumberVector device="T" name="EQUATORIAL_EOD_COORD" state="Ok"><oneNumber name="RA">5.5</oneNumber>
 <oneNumber name="DEC">-5</oneNumber></setNumberVector>"""
+ZERO = READ.replace("Ok", "Idle").replace("5.5", "0").replace("-5", "0")
 
 
-@pytest.mark.parametrize("reads", [READ, ""])
-def test_a_driver_just_turned_on_is_believed_when_it_has_read_its_mount_however_late(reads, monkeypatch) -> None:
-    """A driver begins at 0 h, 0 deg, which is where it points only when it says so."""
+@pytest.mark.parametrize(("tells", "reads"), [("", READ), (ZERO, READ), ("", "")])
+def test_a_driver_just_turned_on_is_believed_when_it_has_read_its_mount_however_late(tells, reads, monkeypatch) -> None:
+    """A driver begins at 0 h, 0 deg; LX200 Basic says so itself before it has asked its mount."""
     monkeypatch.setattr("kochab.gear.mounts.drivers.indi.CALL_S", 0.4)
     monkeypatch.setattr("kochab.gear.mounts.drivers.indi.POWER_UP_S", 20.0 if reads else 0.5)
     with socket.create_server(("127.0.0.1", 0)) as ear:
@@ -317,7 +318,9 @@ def test_a_driver_just_turned_on_is_believed_when_it_has_read_its_mount_however_
                 while b"newSwitchVector" not in line.recv(1 << 16):
                     pass
                 line.sendall(ON.encode())
-                time.sleep(1.5)
+                time.sleep(0.75)
+                line.sendall(tells.encode())
+                time.sleep(0.75)
                 line.sendall(reads.encode())
                 while line.recv(1 << 16):
                     pass

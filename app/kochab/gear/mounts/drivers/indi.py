@@ -73,9 +73,14 @@ class IndiMount(ServerMount):
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
             asked = monotonic()  # a driver just connected, or told its site, still reports an older position
-            unread = new and not any(device.number(self._at, member) for member in ("RA", "DEC"))  # nothing read yet
-            patience_s = POWER_UP_S if unread else CALL_S if new else self._poll_s
-            if not link.wait(lambda: bool(self._told(self._at, asked)), patience_s) and unread:
+
+            def unread() -> bool:
+                return new and not any(device.number(self._at, member) for member in ("RA", "DEC"))
+
+            patience_s = POWER_UP_S if unread() else CALL_S if new else self._poll_s
+            # LX200 Basic tells of 0 h, 0 deg while it connects, before it has asked its mount.
+            link.wait(lambda: bool(self._told(self._at, asked)) and not unread(), patience_s)
+            if unread() and not self._told(self._at, asked):
                 raise silent
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
