@@ -57,6 +57,7 @@ class SkyCamera:
         self.site = site
         self.weather = weather
         self._stars = StarPaths(catalogue, site)
+        # a stream of its own for each purpose: more frames do not move the hot pixels
         self._rng = np.random.default_rng([seed, 11])
         hot, size = np.random.default_rng([seed, 12]), config.width * config.height
         self._hot = hot.choice(size, round(config.hot_per_mp * size / 1e6), replace=False).astype(np.intp)

@@ -99,6 +99,7 @@ class SimulatedCamera(CameraSource):
             done = int((self.rig.clock.now_unix() - self._began) / exposure)
             if done > self._given:
                 self._given = done
+                # the newest whole exposure; those missed before it are dropped, as a camera that is polled late does
                 start = self._began + (done - 1) * exposure
                 return self.rig.frame_since(start, exposure, 1.0 / (self._settings.gain or 1.0))
             if not self._wait(self._began + (done + 1) * exposure, until):

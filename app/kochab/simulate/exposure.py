@@ -218,5 +218,6 @@ def star_list(light: ExposureLight, fwhm_px: float, read_noise_e: float, rng: np
 def _over_time(values: Floats) -> Floats:
     """The mean over an exposure of values (K, ...) at equal steps, its ends counted half."""
     weights = np.ones(len(values))
+    # the trapezoid rule: the end samples stand for half a step
     weights[[0, -1]] = 0.5
     return np.asarray(np.tensordot(weights / weights.sum(), values, axes=1))

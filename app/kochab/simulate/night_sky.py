@@ -135,6 +135,7 @@ def surface_mag(directions: Floats, light: SunAndMoon) -> Floats:
     masses = np.minimum(airmass(directions), 10.0)
     flux = 10.0 ** (-0.4 * DARK_MAG) * (1.0 + LIGHT_POLLUTION * (masses - 1.0))
     sun = float(altitude_deg(light.sun))
+    # darker than 24 mag per square arcsec adds nothing to a sky of 20.5
     if sun > TWILIGHT_DEG[0]:
         flux = flux + 10.0 ** (-0.4 * float(np.interp(sun, TWILIGHT_DEG, TWILIGHT_MAG)))
     if light.moon[2] > 0.0:
@@ -201,6 +202,7 @@ class Weather:
         rng = np.random.default_rng([seed, 71])
         turn, size = rng.uniform(0, 2 * np.pi, 9), np.geomspace(1.5, 25.0, 9)
         self._waves = np.stack([size * np.cos(turn), size * np.sin(turn)], axis=1)
+        # scaled so that the sum of the sines has variance 1, as the normal quantile below assumes
         self._heights = size**-0.6 / np.sqrt(0.5 * (size**-1.2).sum())
         self._phases = rng.uniform(0, 2 * np.pi, 9)
         self._drift = rng.normal(0.0, 0.004, 2)  # cloud heights a second
@@ -214,6 +216,7 @@ class Weather:
         if config.cloud_cover > 0.0:
             from scipy.special import ndtri
 
+            # where the line of sight meets a flat layer at height 1; 0.08 keeps it finite at the horizon
             overhead = directions[..., :2] / np.maximum(directions[..., 2:], 0.08)
             phase = (overhead - self._drift * t) @ self._waves.T + self._phases
             height = np.sin(phase) @ self._heights  # about normal, variance 1
@@ -285,5 +288,6 @@ class SimulatedClock:
     def _now(self) -> float:
         real_s = time.monotonic()
         self._base_unix_s += self.rate * min(real_s - self._base_real_s, self.most_s)
+        # each look starts a new base, so that most_s bounds every gap by itself
         self._base_real_s = real_s
         return self._base_unix_s

@@ -100,6 +100,7 @@ def score(rig: PracticeRig, first: Score | None = None) -> Score:
 
 def _share(value: float, began: float, goal: float) -> float:
     worst = max(began, WORST_ARCSEC)
+    # logarithms: halving an error earns the same wherever it stands
     left = math.log(max(value, goal) / goal) / math.log(worst / goal)
     return 1.0 - min(left, 1.0)
 

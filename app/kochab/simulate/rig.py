@@ -229,6 +229,7 @@ def random_place(
     latitude, lowest = np.radians([latitude_deg, lowest_deg])
     while True:
         hour, dec = rng.uniform(*hours_deg), np.arcsin(rng.uniform(-most_sine, most_sine))
+        # by rejection: even over the sky that is left
         if erfa.hd2ae(np.radians(hour), dec, latitude)[1] > lowest:
             return float(hour), float(np.degrees(dec))
 
@@ -267,6 +268,7 @@ def misaligned(config: RigConfig, total_arcmin: float | None, lost_deg: float = 
     total = drawn if total_arcmin is None else total_arcmin
     turn = float(rng.uniform(0.0, 2.0 * np.pi))
     latitude = math.radians(config.site.latitude_deg)
+    # a turn about the vertical moves the axis by only cos(latitude) of it; 0.05 bounds it near the poles
     knob = total * math.sin(turn) / max(math.cos(latitude), 0.05)
     mount = replace(config.mount, misalignment_arcmin=(total * math.cos(turn), knob))
     return replace(config, mount=mount, lost_deg=lost_deg)

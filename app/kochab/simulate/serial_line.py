@@ -37,7 +37,9 @@ class PtyEnd:
         if self._fds is not None:
             return
         master, slave = pty.openpty()
+        # cooked mode would echo, translate CR and eat control bytes of a binary protocol
         tty.setraw(slave)
+        # a program that does not read must not stop the thread that serves it
         os.set_blocking(master, False)
         self._fds = (master, slave)
         self.port = os.ttyname(slave)
@@ -135,6 +137,7 @@ class SocketEnd:
             peer, _ = listener.accept()
             self._hang_up()
             peer.setblocking(False)
+            # replies are a few bytes: Nagle's algorithm would hold the parts of a split one together
             peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._peer = peer
 
@@ -215,6 +218,7 @@ class Faults:
         if self.happens(Fault.WRONG):
             earlier = [sent for sent in self._sent if sent != reply]
             reply = self._random.choice(earlier) if earlier else b"?#"
+        # the true one is kept, so that a wrong answer is always one that was right before
         self._sent.append(true_reply)
         if self.happens(Fault.GARBAGE):
             reply = self._random.randbytes(len(reply))

@@ -183,6 +183,7 @@ def _read_out(
         np.clip(read, 0.0, sensor.saturation, out=read)
         return np.asarray(read, dtype=np.uint16)
     noise = rng.standard_normal(light.shape, dtype=np.float32)
+    # Poisson numbers are slow to draw, so only for small frames with faint light; above 30 e normal is close enough
     if 0 < light.size <= 4_000_000 and float(light.min()) < 30.0:
         read = rng.poisson(light).astype(np.float32) + np.float32(sensor.read_noise_e) * noise
     else:

@@ -26,6 +26,7 @@ def julian_years(time_utc: datetime) -> float:
 
 def julian_date_tt(time_utc: datetime) -> float:
     """Julian date in TT of an aware time."""
+    # Unix time has 86400 s in every day, so leap seconds are counted separately: 12 s in 1990 are 6 arcsec of the Moon.
     days = time_utc.astimezone(UTC).timestamp() / 86400.0
     leaps_to_come = len(LEAP_DAYS_UNIX) - bisect_right(LEAP_DAYS_UNIX, days)
     return JD_UNIX + days + (TT_MINUS_UTC_S - leaps_to_come) / 86400.0
@@ -78,5 +79,6 @@ def apparent(vectors: Floats, time_utc: datetime) -> Floats:
 
 def from_apparent(vectors: Floats, time_utc: datetime) -> Floats:
     """Catalogue directions (N, 3) on ICRS axes of apparent directions of date."""
+    # row vectors: multiplying by the matrix itself applies its transpose, which is its inverse
     back = np.asarray(vectors, dtype=np.float64) @ of_date_matrix(time_utc)
     return without_aberration(back, time_utc)

@@ -34,6 +34,7 @@ def candidates(ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats
     dec0 = float(np.arctan2(centre[2], np.hypot(centre[0], centre[1])))
     ra0 = float(np.arctan2(centre[1], centre[0]))
     edge = 1e-9  # stored positions are rounded to 1.5e-9 rad
+    # a superset is enough: Catalogue._inside checks each star exactly
     radius = min(radius + edge, np.pi)
     first = int(np.clip((dec0 - radius + np.pi / 2) / ZONE_RAD, 0, ZONES - 1))
     last = int(np.clip((dec0 + radius + np.pi / 2) / ZONE_RAD, 0, ZONES - 1))
@@ -61,8 +62,10 @@ def _bisect(ra: NDArray[np.uint32], start: Ints, stop: Ints, value: int, right: 
     """``searchsorted`` in many slices at once: first row >= (or, right, >) the value."""
     low, high = start.copy(), stop.copy()
     last = len(ra) - 1
+    # all slices halve together, until the longest is down to one row
     for _ in range(int(np.max(stop - start, initial=0)).bit_length()):
         middle = (low + high) >> 1
+        # middle may be one past the last row in a slice that is already done
         here = ra[np.minimum(middle, last)]
         below = (here <= value) if right else (here < value)
         open_ = low < high
@@ -108,6 +111,7 @@ class Catalogue:
             return False
         if len(self._zones) != (len(TIER_EDGES_MMAG) + 1) * ZONES + 1 or self._zones.dtype.kind not in "iu":
             return False
+        # ascending first rows, the last of them the number of stars: otherwise a slice could run out of the columns
         steps = np.diff(self._zones.astype(np.int64), append=len(self._ra))
         return bool((steps >= 0).all()) and int(steps[-1]) == 0
 
@@ -122,6 +126,7 @@ class Catalogue:
         sin_ra, cos_ra, sin_dec, cos_dec = np.sin(ra), np.cos(ra), np.sin(dec), np.cos(dec)
         place = np.stack([cos_dec * cos_ra, cos_dec * sin_ra, sin_dec], axis=-1)
         span = (year - EPOCH) * MAS
+        # at J2000 the motion is nothing: save the arithmetic
         if span == 0.0:
             return place
         east, north = self._pm_ra[rows] * span, self._pm_dec[rows] * span
@@ -155,6 +160,7 @@ class Catalogue:
 
         ``mag_limit`` keeps V <= limit, and then leaves the tiers of fainter stars unread.
         """
+        # one tier more than edges: the last holds everything fainter than V 11
         tiers = range(len(TIER_EDGES_MMAG) + 1)
         if mag_limit is not None:
             tiers = range(int(np.searchsorted(TIER_EDGES_MMAG, mag_limit * 1e3, "right")) + 1)
@@ -166,6 +172,7 @@ class Catalogue:
         centre = np.asarray(vector, dtype=np.float64)
         found: list[Ints] = []
         have = 0
+        # tiers run from bright to faint, so the first that fill the list hold the brightest
         for tier in range(len(TIER_EDGES_MMAG) + 1):
             found.append(self._inside(centre, radius_rad, range(tier, tier + 1), None, year))
             have += len(found[-1])
@@ -177,6 +184,7 @@ class Catalogue:
         return np.asarray(rows[np.argsort(self._mag[rows], kind="stable")])
 
     def _inside(self, centre: Floats, radius: float, tiers: range, limit: float | None, year: float) -> Ints:
+        # rows are indexed at J2000, so widen the search by what the fastest star may have moved
         pad = abs(year - EPOCH) * np.radians(self.max_pm_arcsec / 3600.0)
         rows = candidates(self._ra, self._zones, centre, radius + pad, tiers)
         if limit is not None:

@@ -56,6 +56,7 @@ def fetch(folder: Path) -> Task[Path]:
     for step, (name, version) in enumerate(PACKAGES.items()):
         yield Progress("Fetching the sources", step / len(PACKAGES), f"{name} {version}")
         target, part = folder / f"{name}_{version}", folder / f"{name}.part"
+        # a folder gets its name only when it is complete, so a broken download is fetched again
         if target.is_dir():
             continue
         shutil.rmtree(part, ignore_errors=True)
@@ -109,6 +110,7 @@ def _client(command: list[str], folder: Path, name: str) -> Task[None]:
     """Run a registry's client in ``folder``, yielding while it works; closing ends it."""
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         try:
+            # communicate with a timeout empties the pipe, so a talkative client cannot block on it
             while True:
                 try:
                     _, said = process.communicate(timeout=0.2)

@@ -56,6 +56,7 @@ class Container:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise damaged from None
         ends = [o + t.itemsize * n for o, t, n in self._sections.values()]
+        # columns carry no checksum here; the exact length shows a file that was cut. manifest.json has SHA-256
         if len(self._map) != self._start + max(ends, default=0):
             raise CatalogueError("The star catalogue {path} is cut short or has been altered.", path=path)
 
@@ -94,6 +95,7 @@ def write_container(path: Path, facts: Mapping[str, Any], columns: Mapping[str, 
         dtype = column.dtype.newbyteorder("<")
         sections[name] = [offset, dtype.str, len(column)]
         offset = _aligned(offset + dtype.itemsize * len(column))
+    # sorted keys: the same input must give the same bytes, for the SHA-256 in the manifest
     text = json.dumps({**facts, "sections": sections}, sort_keys=True).encode("ascii")
     head = MAGIC + struct.pack("<II", len(text), zlib.crc32(text)) + text
     write_whole(path, _aligned_parts(head, columns.values()))
@@ -103,6 +105,7 @@ def _aligned_parts(head: bytes, columns: Iterable[Array]) -> Iterator[bytes]:
     at = len(head)
     yield head
     for column in columns:
+        # -at % ALIGN is the padding up to the next multiple
         part = b"\0" * (-at % ALIGN) + np.ascontiguousarray(column, column.dtype.newbyteorder("<")).tobytes()
         at += len(part)
         yield part
@@ -190,16 +193,20 @@ def write_deep(path: Path, stars: StarList, link: Ints | None = None) -> None:
     ra = np.rint(np.arctan2(y, x) / (2 * np.pi) * TURN).astype(np.int64) % 2**32
     dec = np.rint(np.arctan2(z, np.hypot(x, y)) / (2 * np.pi) * TURN).astype(np.int64)
     mmag = np.rint(stars.mag * 1e3).astype(np.int64)
+    # tiers and zones from the rounded numbers that are stored, so that a reader finds them again
     tier = np.searchsorted(TIER_EDGES_MMAG, mmag, side="right")
     zone = zone_of(np.asarray(dec * (2 * np.pi / TURN), dtype=np.float64))
     order = np.lexsort((dec, ra, zone, tier))
     step = np.rint((np.nan_to_num(stars.bv, nan=0.0) - BV_LOWEST) / BV_STEP)
     colour = np.where(np.isnan(stars.bv), BV_UNKNOWN, np.clip(step, 0, BV_UNKNOWN - 1))
+    # int16 of mas/yr reaches 32.8 arcsec/yr; Barnard's star moves by 10.4
     pm = np.clip(np.rint(stars.pm), -32767, 32767)
+    # the inverse of order: links name rows as they were given, the file has them sorted
     place = np.empty(len(order), dtype=np.int64)  # of each star in the file
     place[order] = np.arange(len(order))
     link = np.zeros((0, 2), dtype=np.int64) if link is None else link
     deep = place[link[:, 0]]
+    # stable: of several bright rows of one deep row the brightest stays first
     rank = np.argsort(deep, kind="stable")
     columns = {
         "zones": zone_index(tier, zone),

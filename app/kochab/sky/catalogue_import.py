@@ -83,9 +83,11 @@ def decode(data: bytes, name: str) -> NDArray[np.float64]:
     mark = ra == MARK
     if len(rows) and not mark[0]:
         raise CatalogueError("{name} does not begin with a section, so it is damaged.", name=name)
+    # the row of the latest section header before each star
     section = np.maximum.accumulate(np.where(mark, np.arange(len(rows)), 0))
     star = ~mark
     high, mag = rows[section, 3] - 128, (rows[section, 4] - 16) / 10.0
+    # high is signed, so the shift keeps the sign of the declination
     dec = high << 16 | rows[:, 4] << 8 | rows[:, 3]
     colour = np.full(len(rows), np.nan)
     if size == 6:
@@ -174,6 +176,7 @@ def read_indexes(files: list[Path]) -> Task[ForeignStars]:
         parts.append(np.column_stack([vector, columns[name].astype(np.float64)]))
     if len(names) != 1:
         raise CatalogueError("The index files are of different series: import one at a time.")
+    # neighbouring index files of a series repeat the stars along their borders
     table = np.unique(np.concatenate(parts), axis=0)
     name = names.pop()
     v = table[:, 3] + (-0.10 if name == "MAG_VT" else 0.2)
@@ -277,6 +280,7 @@ def _absent(shipped: Catalogue, place: Floats, year: float) -> Bools:
     """Which of ``place`` (N, 3) no shipped star stands at, in ``year``."""
     from scipy.spatial import cKDTree
 
+    # taken to the foreign epoch, as the shipped stars have motions and foreign ones may not
     tree = cKDTree(shipped.vectors(np.arange(len(shipped)), year))
     distance, _ = tree.query(place, distance_upper_bound=SAME * ARCSEC)
     return np.asarray(~np.isfinite(distance))

@@ -220,9 +220,11 @@ def join(stars: StarList, listed: dict[int, float]) -> tuple[StarList, Ints]:
     pairs = cKDTree(stars.vector).query_pairs(JOIN * ARCSEC, output_type="ndarray")
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, group = connected_components(graph, directed=False)
+    # groups together, the brightest of each first; the row number breaks ties, so that the build repeats
     rank = np.lexsort((np.arange(n), stars.mag, group))
     first = np.concatenate([[True], np.diff(group[rank]) > 0])
     head, start = rank[first], np.flatnonzero(first)
+    # photocentre and mean motion weigh each component by its light
     flux = 10.0 ** (-0.4 * stars.mag[rank])
     total = np.add.reduceat(flux, start)
     place = np.add.reduceat(flux[:, None] * stars.vector[rank], start)

@@ -92,6 +92,7 @@ def _type1(rows: Bytes) -> tuple[Ints, ...]:
 
 
 def _signed(value: Ints, bits: int) -> Ints:
+    # two's complement: the top bit counts negative
     return value - ((value >> (bits - 1)) << bits)
 
 
@@ -103,6 +104,7 @@ def _positions(level: int, kind: int, zone: Ints, x: Ints, y: Ints) -> tuple[Flo
     north = np.cross(centre, east)
     offset = corners - centre[:, None]
     along = np.stack([np.einsum("zck,zk->zc", offset, axis) for axis in (east, north)], axis=-1)
+    # from the sine of the angle to its tangent, the distance on the touching plane
     reach = np.abs(along) / np.sqrt(1.0 - np.sum(along**2, axis=-1, keepdims=True))
     scale = reach.max() / FULL[kind]
     plane = np.stack([x, y], axis=1) * scale
@@ -245,6 +247,7 @@ def _listed(path: Path) -> Listed:
 
 def row_of(number: Ints, among: Ints) -> tuple[Ints, Bools]:
     """The row of each ``number`` (N,) ``among`` ascending ones, and whether it is there at all."""
+    # a number beyond the last would index past the end
     row = np.minimum(np.searchsorted(among, number), len(among) - 1)
     return row, among[row] == number
 
@@ -280,6 +283,7 @@ def _cross(path: Path) -> dict[int, tuple[int, int, int]]:
     table: dict[int, tuple[int, int, int]] = {}
     for line in _lines(path):
         cells = [int(re.sub(r"\D.*", "", c) or 0) for c in (line + "\t" * 4).split("\t")[:5]]
+        # a double star has a line for each component: later ones only fill what the first lacks
         old = table.get(cells[0], (0, 0, 0))
         table[cells[0]] = (old[0] or cells[2], old[1] or cells[3], old[2] or cells[4])
     table.pop(0, None)
@@ -341,6 +345,7 @@ POLE_SIN = np.sin(np.radians(85.0))  # nearer the poles the independent list has
 def tangent(vector: Floats) -> tuple[Floats, Floats]:
     """Unit vectors (N, 3) to the east and the north at ``vector`` (N, 3)."""
     x, y = vector[:, 0], vector[:, 1]
+    # at a pole itself east is undefined; any direction will do, but not NaN
     flat = np.maximum(np.hypot(x, y), 1e-15)
     east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)
     return east, np.asarray(np.cross(vector, east), dtype=np.float64)
@@ -372,6 +377,7 @@ def early_by_list(vector: Floats, pm_mas: Floats, listed: Floats) -> Bools:
     Rows of ``listed`` are NaN for stars it lacks. Where motion over eight years is too small to
     tell, the answer is no, and no harm is done.
     """
+    # there the independent list stands at Hipparcos' epoch for want of motion
     near_pole = np.abs(vector[:, 2]) > POLE_SIN
     epoch = np.where(near_pole, SUPPLEMENT, LIST_EPOCH)
     seen = offsets(vector, listed)

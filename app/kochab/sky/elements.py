@@ -136,6 +136,7 @@ def sbdb_row(given: Mapping[str, Any]) -> Row:
 def mpc_asteroid(line: str) -> Row:
     """A line of MPCORB (minorplanetcenter.net/iau/info/MPOrbitFormat.html)."""
     packed, a = line[20:25], float(line[92:103])
+    # packed dates: I, J, K are the centuries 18, 19, 20; month and day 1 to 9, then A to V (31)
     year = 100 * "IJK".index(packed[0]) + 1800 + int(packed[1:3])
     epoch = julian_date(year, _packed(packed[3]), _packed(packed[4]))
     e = float(line[70:79])
@@ -180,6 +181,7 @@ def perihelion_jd(epoch_jd: float, mean_anomaly_deg: float, q: float, e: float) 
     if not 0.0 <= e < 1.0:
         raise ValueError
     motion = math.degrees(math.sqrt(GM["sun"] / (q / (1.0 - e)) ** 3))
+    # to -180..180 deg, so that the nearer perihelion is taken
     return epoch_jd - ((mean_anomaly_deg + 180.0) % 360.0 - 180.0) / motion
 
 

@@ -42,6 +42,7 @@ class Series:
         along = (jd_tdb - self.start_jd) / self.days
         interval = np.clip(along.astype(np.int64), 0, len(self.coefficients) - 1)
         degrees = np.arange(self.coefficients.shape[2])
+        # T_k(x) = cos(k arccos x)
         values = np.cos(degrees * np.arccos(np.clip(2.0 * (along - interval) - 1.0, -1.0, 1.0))[:, None])
         return np.asarray(np.einsum("mk,mak->ma", values, self.coefficients[interval]) * self.unit)
 
@@ -61,6 +62,7 @@ class Ephemeris:
         A planet with moons is their centre of mass, up to 0.1 arcsec from its disc; ``earth`` is without the Moon.
         """
         if body in ("earth", "moon"):
+            # the Moon is at barycentre + (1 - share) of the Earth-Moon vector, the Earth at - share of it
             share = 1.0 / (1.0 + EARTH_MOON_RATIO) - (body == "moon")
             return self.series["earth_moon"].at(jd_tdb) - share * self.series["moon"].at(jd_tdb)
         return self.series[body].at(jd_tdb)

@@ -83,6 +83,7 @@ def bodies_in_frame(
         disc_px = body.diameter_arcsec / 2.0 / camera.scale_arcsec_px
         if not (-disc_px <= x <= camera.width - 1 + disc_px and -disc_px <= y <= camera.height - 1 + disc_px):
             continue
+        # three sigma of the fit, of half a pixel of centroid, and of the body's own place
         reach = disc_px + 3.0 * float(np.hypot(solution.rms_px + 0.5, body.sigma_arcsec / camera.scale_arcsec_px))
         its = (
             free
@@ -141,6 +142,7 @@ def _unknown(
     if len(zero) < FEWEST:
         return ()
     zero_point = float(np.median(zero))
+    # the median absolute deviation of a normal distribution is sigma / 1.4826
     scatter = float(1.4826 * np.median(np.abs(zero - zero_point)))
     found = []
     for k in np.flatnonzero(free & ~detections.blended & (detections.flux > 0.0)).tolist():

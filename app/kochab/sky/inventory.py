@@ -150,9 +150,11 @@ def coverage(
 
     centres = even_points(fields)
     counts = np.zeros(fields, dtype=np.int64)
+    # fields are squares on the tangent plane; the cone below reaches their corners
     half = np.tan(np.radians(fov_deg) / 2.0)
     chord = 2.0 * np.sin(np.arctan(np.sqrt(2.0) * half) / 2.0)
     tree = cKDTree(stars, balanced_tree=False, compact_nodes=False)
+    # chord^2 / 4 is the cone's share of the sphere, so this is the mean number of pairs a field
     step = max(1, int(PAIRS / max(1.0, len(stars) * chord * chord / 4.0)))
     for first in range(0, fields, step):
         some = slice(first, first + step)

@@ -233,6 +233,7 @@ def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach
     radius = min(1.05 * reach, np.pi - 1e-3)
     half = np.arccos(np.clip(np.cos(radius) / flat, -1.0, 1.0))
     middle = np.arctan2(y, x)
+    # middle is in -pi..pi while the arc runs from 0 up: the stretch may lie a turn away
     for turn in (-2.0 * np.pi, 0.0, 2.0 * np.pi):
         low, high = np.maximum(middle + turn - half, 0.0), np.minimum(middle + turn + half, length)
         rows = np.flatnonzero((high > low) & (length > 1e-9))
@@ -245,6 +246,7 @@ def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach
         angle = (low[arc] + share * (high - low)[arc])[:, None]
         xy = solution.pixels_of(np.cos(angle) * first[arc] + np.sin(angle) * side[arc])
         for part in np.split(xy, ends[:-1]):
+            # the solution gives NaN outside the lens model's domain, where the distortion would fold back
             good = part[np.isfinite(part[:, 0])]
             if len(good) > 1:
                 yield good

@@ -139,6 +139,7 @@ class StarNames:
         """
         tables: list[dict[str, int]] = [{}, {}, {}, {}, {}]
         exact, first, proper, given, short = tables
+        # ascending, as searchsorted and the rows of the bright list are by HIP number
         hips = np.array(sorted(self.table))
         numbers = self.bright.column("hip")
         mag = self.bright.column("mag")[np.searchsorted(numbers, hips)]

@@ -184,6 +184,7 @@ def named_by_both(
 
 def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]:
     """OpenNGC's objects with Stellarium's numbers, and sizes where they lack one, and what only Stellarium has."""
+    # reversed, so that the first object of a name is the one that is kept
     known = {one.name: one for one in reversed(objects)}
     known |= {one.messier.replace("M", "M ", 1): one for one in objects if one.messier}
     brought: dict[str, SkyObject] = {}

@@ -35,7 +35,9 @@ def two_body(state: Floats, days: Floats) -> Floats:
     r0 = np.linalg.norm(place, axis=1)
     outward = np.einsum("na,na->n", place, velocity) / root
     bound = inverse_axis(state)
+    # inverse_axis is 1/a: positive for an ellipse, 0 for a parabola, negative for a hyperbola
     period = 365.25 * period_years(state)
+    # whole revolutions change nothing; without them chi is small and converges soon
     turns = np.where(np.isfinite(period), np.rint(days / period) * np.nan_to_num(period, posinf=0.0), 0.0)
     target = root * (days - turns)
     x = np.sign(target) * np.minimum(np.abs(target) / r0, np.cbrt(6.0 * np.abs(target)))
@@ -44,6 +46,7 @@ def two_body(state: Floats, days: Floats) -> Floats:
         missing = outward * x**2 * c + (1.0 - bound * r0) * x**3 * s + r0 * x - target
         r = outward * x * (1.0 - bound * x * x * s) + (1.0 - bound * r0) * x * x * c + r0
         bend = outward * (1.0 - bound * x * x * c) + (1.0 - bound * r0) * x * (1.0 - bound * x * x * s)
+        # Laguerre with n = 5; the abs keeps the root real, so any start converges
         step = 5.0 * missing / (r + np.sign(r) * np.sqrt(np.abs(16.0 * r * r - 20.0 * missing * bend)))
         x = x - step
         if np.all(np.abs(step) < 1e-12 * (1.0 + np.abs(x))):
@@ -65,6 +68,7 @@ def inverse_axis(state: Floats) -> Floats:
 def period_years(state: Floats) -> Floats:
     """Periods (N,) of heliocentric states (N, 6), infinite of what does not return."""
     bound = inverse_axis(state)
+    # 1/a below this is a parabola within rounding: its period would be 1e13 years or more
     closed = bound > 1e-9
     return np.where(closed, np.where(closed, bound, 1.0) ** -1.5 * 2.0 * np.pi / np.sqrt(GM["sun"]) / 365.25, np.inf)
 
@@ -72,6 +76,7 @@ def period_years(state: Floats) -> Floats:
 def stumpff(z: Floats) -> tuple[Floats, Floats]:
     """The functions C and S (N,) of universal variables."""
     root = np.sqrt(np.abs(z))
+    # the closed forms subtract nearly equal numbers there; the series is exact to 1e-13
     near = np.abs(z) < 1e-3
     safe = np.where(near, 1.0, root)
     ellipse = z > 0.0
@@ -93,6 +98,7 @@ def carried(
     days = to_jd - from_jd
     if not len(state) or not days.any():
         return state
+    # one common date: the planets are needed for one moment a step, not for one of each body
     together = np.all(days == days[0])
     first, span = (from_jd[:1], days[:1]) if together else (from_jd, days)
 
@@ -121,6 +127,7 @@ def carried(
 def acceleration(places: Floats, planets: Floats) -> Floats:
     """Pull (N, 3), au/day^2, of the Sun and ``planets`` (N or 1, 8, 3) on bodies at heliocentric places (N, 3) au."""
     gap = planets - places[:, None]
+    # the second term is the Sun's own acceleration: the frame is heliocentric, not inertial
     pull = gap / _cubed(gap) - planets / _cubed(planets)
     return np.asarray(np.einsum("p,npa->na", MASSES, pull) - GM["sun"] * places / _cubed(places))
 

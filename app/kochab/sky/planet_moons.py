@@ -69,6 +69,7 @@ def from_planet(planet: str, name: str, jd_tdb: Floats) -> Floats:
     size, turn = _angles(moon["inclination"], t, swings)
     q, p = np.cos(turn) @ size, np.sin(turn) @ size
     anomaly = longitude
+    # Newton's method for Kepler's equation in longitudes, k = e cos, h = e sin of the pericentre
     for _ in range(8):
         c, s = np.cos(anomaly), np.sin(anomaly)
         anomaly = anomaly + (longitude - anomaly + k * s - h * c) / (1.0 - k * c - h * s)

@@ -136,6 +136,7 @@ def topocentric_km(orbits: Sequence[Any], observer: Observer, seconds: Floats) -
 
     assert observer.site is not None
     date = JD_UNIX + observer.time_utc.timestamp() / 86400.0
+    # day and fraction apart: one float of a Julian date resolves only 40 microseconds
     whole = np.full(len(seconds), np.floor(date) + 0.5)
     part = date - whole + seconds / 86400.0
     failed, places, velocities = SatrecArray(list(orbits)).sgp4(whole, part)
@@ -160,6 +161,7 @@ def _passing(ways: Floats, centre: Floats, radius_rad: float) -> Bools:
     last = ways[:, 1:] if ways.shape[1] > 1 else ways
     begin = ways[:, : last.shape[1]]
     along = last - begin
+    # the nearest point of each chord, not its ends: a satellite crosses a small field between two steps
     share = np.sum((centre - begin) * along, axis=2) / np.maximum(np.sum(along**2, axis=2), 1e-30)
     nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
     return np.asarray(np.linalg.norm(nearest - centre, axis=2) <= 2.0 * np.sin(min(radius_rad, np.pi) / 2.0))

@@ -146,6 +146,7 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
     folder = folder or shipped_folder()
     names = StarNames(folder)
     objects, stars = read_objects(folder / "objects.tsv"), _named_stars(names)
+    # reversed, so that the first row of a name is the one that is kept
     row_of = {name: row for row, name in reversed([*enumerate(objects.name.tolist())])}
     row_of |= {name.replace("M", "M ", 1): row for row, name in enumerate(objects.messier.tolist()) if name}
     outlines: dict[int, tuple[Floats, ...]] = {}

@@ -114,6 +114,7 @@ class SmallBodies:
         """The bodies as :func:`bodies_near` has them: only those that may be in the field are carried."""
         ephemeris, jd = shipped_ephemeris(), float(observer.jd_tdb[0])
         sun = ephemeris("sun", observer.jd_tdb)
+        # all bodies first, cheaply, by two-body orbits; only those that may be in the field are integrated
         about = two_body(self.state, jd - self.epoch_jd)[:, :3]
         vectors = about + sun - observer.place
         years = np.abs(jd - self.epoch_jd) / 365.25

@@ -83,6 +83,7 @@ class Observer:
         ``where`` gives barycentric places (N, 3) au at Julian dates TDB, (1,) or one a body.
         """
         jd = self.jd_tdb
+        # light time: each pass gains a factor of v/c, 1e-4
         for _ in range(3):
             vectors = where(jd) - self.place
             jd = self.jd_tdb - np.linalg.norm(vectors, axis=1) / LIGHT_AU_DAY

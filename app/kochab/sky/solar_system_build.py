@@ -68,6 +68,7 @@ def fitted(series: Series, days: int, terms: int) -> Floats:
     starts = np.arange(FIRST_JD, LAST_JD, days)
     jd = starts[:, None] + (nodes + 1.0) / 2.0 * days
     places = series.at(jd.ravel()).reshape(len(starts), len(order), 3)
+    # discrete orthogonality of Chebyshev polynomials at their own nodes gives the coefficients as sums
     weights = np.cos(np.pi * order[:terms, None] * (order + 0.5) / len(order)) * (2.0 / len(order))
     weights[0] /= 2.0
     return np.asarray(np.einsum("kj,nja->nak", weights, places), dtype=np.float64)

@@ -54,11 +54,13 @@ def trapezoid(way: float, rate: float, top: float, brake: float) -> list[tuple[f
     """Pieces (s, deg/s^2) that cover ``way`` degrees from ``rate`` and end at rest."""
     pieces: list[tuple[float, float]] = []
     stopping = rate * abs(rate) / (2.0 * brake)
+    # moving away, too fast to stop in time, or above the top rate: brake to rest first, then start anew
     if rate and (rate * way < 0.0 or abs(stopping) > abs(way) or abs(rate) > top):
         pieces.append((abs(rate) / brake, copysign(brake, -rate)))
         way, rate = way - stopping, 0.0
     forward = copysign(1.0, way)
     way, rate = abs(way), abs(rate)
+    # the triangle's peak, (rate^2 + 2 a way) / 2 = peak^2; capped at top it becomes a trapezoid
     peak = min(top, sqrt(brake * way + rate * rate / 2.0))
     up, down = (peak - rate) / brake, peak / brake
     cruise = way - (peak * peak - rate * rate / 2.0) / brake
@@ -181,6 +183,7 @@ class MotorAxis:
         load, extra = self._carried(held, t)
         here = Segment(t, held.angle(t), held.rate(t), held.acceleration, load, extra + degrees)
         self._push(here)
+        # what was planned goes on, with the load and slips worked out anew from here
         for segment in future:
             self._append(segment.start, segment.angle_deg, segment.rate_deg_s, segment.acceleration)
 
@@ -216,6 +219,7 @@ class MotorAxis:
         way, half = segment.way(t), self.gear.backlash_deg / 2.0
         load = segment.load_deg
         for angle in way:
+            # the driven side stays until the motor has crossed the backlash and pushes it
             load = min(max(load, angle - half), angle + half)
         if segment.fast:
             turned = sum(abs(b - a) for a, b in pairwise(way))

@@ -182,6 +182,7 @@ class EquatorialMount:
         low, high = -180.0, 180.0  # a fork's whole turn
         if self.config.german:  # weights down by half a turn
             low, high = -self.config.past_meridian_deg, 180.0 + self.config.past_meridian_deg
+        # an offset may carry the angle past a turn: take the turn that is within the stops
         allowed = [h for k in (-2, -1, 0, 1, 2) if low <= (h := hour + 360.0 * k) <= high]
         return (min(allowed, key=lambda h: abs(h - motors[0])), dec) if allowed else None
 
