@@ -69,7 +69,9 @@ class SkyCamera:
         """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
         zero_point_e_s, pixel = self.config.zero_point_e_s, self.optics.scale_arcsec_px**2
         dark = electrons(np.array(DARK_MAG), zero_point_e_s, exposure_s) * pixel
+        # the noise-equivalent area of a Gaussian, 4 pi sigma^2 px
         area = 4.0 * np.pi * (self.config.fwhm_px / FWHM_PER_SIGMA) ** 2
+        # signal-to-noise 2 of the background alone
         lost = 2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2))
         mag = 2.5 * np.log10(zero_point_e_s * exposure_s / lost)
         return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
@@ -109,6 +111,7 @@ class SkyCamera:
     def _noise(self, size: int) -> Floats32:
         if not self.config.cheap:
             return self._rng.standard_normal(size, dtype=np.float32)
+        # the pool is 262,144 numbers longer than a frame, so that each frame starts elsewhere in it
         if self._pool is None or len(self._pool) < size:
             self._pool = self._rng.standard_normal(size + (1 << 18), dtype=np.float32)
         first = int(self._rng.integers(0, len(self._pool) - size + 1))

@@ -91,6 +91,7 @@ class StarPaths:
         if self._near is not None:
             old, old_radius, old_faintest, old_time = self._near
             away = float(np.linalg.norm(centre - old))
+            # not much narrower either: else a frame of a narrow field would carry a wide field's stars
             fits = away + radius < old_radius and radius > 0.4 * old_radius
             if fits and faintest == old_faintest and abs(unix_s - old_time) < 86400.0:
                 return
@@ -188,11 +189,13 @@ def star_list(light: ExposureLight, fwhm_px: float, read_noise_e: float, rng: np
     xy, flux = _over_time(light.paths.xy), starlight(light)
     away = light.paths.xy - xy
     xx, yy, both = (_over_time(away[..., i] * away[..., j]) for i, j in ((0, 0), (1, 1), (0, 1)))
+    # the major axis of the second moments; one angle for all, as stars trail nearly alike
     angle = 0.5 * float(np.arctan2(2.0 * both.sum(), xx.sum() - yy.sum()))
     middle, half = (xx + yy) / 2.0, np.hypot((xx - yy) / 2.0, both)
     spread = np.stack([middle + half, np.maximum(middle - half, 0.0)], axis=1)  # px^2, along, across
     level = float(np.median(sky_electrons(light)))
     core = (fwhm_px / FWHM_PER_SIGMA) ** 2
+    # noise-equivalent area of an elongated Gaussian: 4 pi times the two sigmas
     areas = 4.0 * np.pi * np.sqrt((core + spread[:, 0]) * (core + spread[:, 1]))
     snr = flux / np.sqrt(flux + areas * (level + read_noise_e**2))
     seen = (snr > FAINTEST_SNR) & (xy > -0.5).all(axis=1)

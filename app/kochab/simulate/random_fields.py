@@ -62,6 +62,7 @@ def random_field(catalogue: Catalogue, rng: np.random.Generator, plan: FieldPlan
         cx, cy = (n - 1) / 2.0 + plan.axis_off * n * rng.normal(size=2)
         camera = replace(camera, cx=float(cx), cy=float(cy))
     radius = float(np.arctan(np.sqrt(2.0) * n / 2.0 / focal))
+    # the circle is wider than the square, and some of its stars go missing
     rows = catalogue.brightest(attitude.boresight, radius, 6 * plan.brightest)
     xy = camera.project(catalogue.vectors(rows) @ attitude.matrix.T)
     with np.errstate(invalid="ignore"):

@@ -301,11 +301,13 @@ class Line:
         if not data:
             return
         now = time.monotonic()
+        # a program that died in mid-command must not spoil the first command of the next
         if now - self._heard_at > IDLE_S:
             self._responder.idle()
         self._heard_at = now
         self.transcript.append(("<", data))
         reply = self._responder.feed(data)
+        # the command has been carried out: only its answer is lost
         if self.faults.happens(Fault.UNPLUG):
             self.unplug()
         elif reply:

@@ -161,6 +161,7 @@ def _gaussian(dx: Floats, dy: Floats, image: RenderedStar) -> Floats:
 def _moffat(dx: Floats, dy: Floats, image: RenderedStar) -> Floats:
     beta = image.beta or 4.765
     core2 = (image.fwhm_px / 2.0) ** 2 / (2.0 ** (1.0 / beta) - 1.0)
+    # Gauss-Legendre nodes of three points on a pixel of width 1, weights 5/18, 8/18, 5/18
     node = 0.5 * np.sqrt(0.6)
     total = np.zeros((len(dx), dy.shape[1], dx.shape[1]))
     for sx, wx in ((-node, 5 / 18), (0.0, 8 / 18), (node, 5 / 18)):

@@ -90,6 +90,7 @@ def bodies_in_frame(
             & (np.hypot(*(detections.xy - (x, y)).T) <= reach)
             & (body.sigma_arcsec <= SEEN_ARCSEC or body.kind is BodyKind.MOON)
         )
+        # a detection belongs to one body: the brightest, as bodies come in that order
         free &= ~its
         bodies.append(BodyInFrame(body, x, y, bool(its.any())))
     return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, julian_years(time_utc), catalogue))

@@ -92,6 +92,7 @@ def name_of_field(solution: Solution) -> str:
     reach = min(0.6 * np.radians(np.hypot(wide, narrow)), 1.5)  # past it a lens's model may fold back into the frame
     near = np.flatnonzero(known.vectors @ solution.centre_vector > np.cos(reach))
     away = 2.0 * np.abs(solution.pixels_of(known.vectors[near]) / size - 0.5).max(axis=1)  # 0 centre, 1 edge
+    # an object that surrounds the centre counts as central wherever its own middle lies
     around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
     away = np.where(around, 0.0, away)
     seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)

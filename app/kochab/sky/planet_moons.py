@@ -90,6 +90,7 @@ def planet_moons(observer: Observer, planet: Body) -> list[Body]:
             return ephemeris(planet.name.lower(), jd) + from_planet(planet.name, name, jd)
 
         vectors, jd = observer.sees(where)
+        # at the date when the light left, as the moon's own place is
         from_sun = (observer.place + vectors - ephemeris("sun", jd))[0]
         distance, solar = float(np.linalg.norm(vectors)), float(np.linalg.norm(from_sun))
         ra, dec = radec_deg(vectors[0])
@@ -106,6 +107,7 @@ def planet_moons(observer: Observer, planet: Body) -> list[Body]:
             sigma_arcsec=observer.sigma_arcsec(distance, sigma),
         )
         apart = angle_between(body.vector, planet.vector) * ARCSEC
+        # hidden only when farther than the planet and within its disc
         if distance < planet.distance_au or apart > planet.diameter_arcsec / 2.0:
             found.append(body)
     return found

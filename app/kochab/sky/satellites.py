@@ -109,16 +109,19 @@ class Satellites:
         if not len(steps):
             return None
         if len(seconds) > 1:
+            # finely over the pass alone: the search's steps are too coarse to draw
             seconds = np.linspace(seconds[steps[0]], seconds[steps[-1] + 1], TRAIL + 1)
         (places,), (speed_km_s,) = topocentric_km(self.orbits[k : k + 1], observer, seconds)
         lit = np.flatnonzero(_sunlit(places, observer))
         if not len(lit):
             return None
         trail = [radec_deg(vector) for vector in without_aberration(unit(places[lit]), observer.time_utc)]
+        # nearest to mid-exposure; while it is lit, as the rest leaves no light in the frame
         middle = int(np.argmin(np.abs(seconds[lit])))
         ra, dec = trail[middle]
         km = float(np.linalg.norm(places[lit[middle]]))
         sigma = float(np.degrees(np.hypot(sigma_km, CLOCK_S * speed_km_s[lit[middle]]) / km)) * 3600.0
+        # not <=, so that NaN is refused too
         if not sigma <= MOST_ARCSEC:
             return None
         kind, moved = BodyKind.SPACECRAFT, tuple(trail) if len(trail) > 1 else ()
@@ -143,6 +146,7 @@ def topocentric_km(orbits: Sequence[Any], observer: Observer, seconds: Floats) -
     places = np.where(failed[:, :, None] == 0, places, np.nan)
     apparent = erfa.gst06a(whole, part, whole, observer.jd_tdb[0] - whole + seconds / 86400.0)
     site = observer.site
+    # ellipsoid 1 is WGS 84
     ground = erfa.gd2gc(1, np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m) / 1e3
     here = _turned(np.broadcast_to(ground, (len(seconds), 3)), apparent)
     there = _turned(places, apparent - erfa.gmst82(whole, part))
@@ -158,6 +162,7 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
 
 def _passing(ways: Floats, centre: Floats, radius_rad: float) -> Bools:
     """Which steps (S, N - 1) between directions (S, N, 3) come within a radius of the centre; (S, 1) when N is 1."""
+    # a single moment is a step of no length
     last = ways[:, 1:] if ways.shape[1] > 1 else ways
     begin = ways[:, : last.shape[1]]
     along = last - begin
@@ -240,6 +245,7 @@ def _orbit(given: Any) -> Any:
     else:
         orbit = Satrec()
         omm.initialize(orbit, {key: str(value) for key, value in given.items()})
+    # the dates are 1941 to 2105; sgp4 at the elements' own date shows orbits that it cannot carry at all
     date = orbit.jdsatepoch, orbit.jdsatepochF
     if orbit.error or not 2.43e6 < sum(date) < 2.49e6 or not np.isfinite(orbit.a * orbit.ndot) or orbit.sgp4(*date)[0]:
         raise ValueError

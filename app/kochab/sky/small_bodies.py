@@ -93,6 +93,7 @@ class SmallBodies:
     def sigma_arcsec(self, jd_tdb: float) -> Floats:
         """1 sigma (N,) of places at a date, seen from 1 au or farther."""
         fitted = np.maximum(self.epoch_jd, self.solved_jd)
+        # after the fit, or before the elements' date; between them the orbit was observed
         years = np.maximum(0.0, np.maximum(jd_tdb - fitted, self.epoch_jd - jd_tdb)) / 365.25
         known = np.array([name[:1].isdigit() for name in self.names], dtype=np.bool_)[:, None]
         first, yearly = np.where(known, NUMBERED, OTHERS).T
@@ -258,6 +259,7 @@ def magnitudes(table: SmallBodies, from_observer: Floats, from_sun: Floats) -> t
     """
     distance, solar = np.linalg.norm(from_observer, axis=1), np.linalg.norm(from_sun, axis=1)
     angle = np.arccos(np.clip(np.einsum("na,na->n", unit(from_observer), unit(from_sun)), -1.0, 1.0))
+    # the tangent grows without bound at 180 deg
     bend = np.tan(np.minimum(angle, np.radians(170.0)) / 2.0)
     slope = np.where(table.comet, 0.15, table.slope)
     dimmed = (1.0 - slope) * np.exp(-3.33 * bend**0.63) + slope * np.exp(-1.87 * bend**1.22)

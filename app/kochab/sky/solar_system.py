@@ -129,6 +129,7 @@ def observer_at(time_utc: datetime, site: Site | None, exposure_s: float = 0.0) 
 
         ut1 = JD_UNIX + time_utc.timestamp() / 86400.0
         ground = erfa.gd2gc(1, np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
+        # from the turning Earth to the true equator of date; of_date_matrix on the right then takes it to ICRS
         of_date = erfa.rz(-erfa.gst06a(ut1, 0.0, jd[0], 0.0), np.eye(3)) @ ground
         place = place + of_date @ of_date_matrix(time_utc) / (1e3 * AU_KM)
     return Observer(time_utc, site, jd, place, exposure_s)
@@ -211,6 +212,7 @@ def magnitude(name: str, from_observer: Floats, from_sun: Floats, phase_angle: f
     powers = next(powers for limit, powers in MAGNITUDES[name] if phase_angle <= limit)
     value = float(np.polynomial.polynomial.polyval(phase_angle, powers)) + distances
     if name == "saturn":
+        # sines of the ring's tilt to us and to the Sun: of opposite sign we see its dark side
         tilt, lit = -unit(from_observer) @ SATURN_POLE, -unit(from_sun) @ SATURN_POLE
         ring = math.sqrt(max(0.0, float(tilt * lit)))
         value -= ring * (1.825 + 0.378 * math.exp(-2.25 * phase_angle))

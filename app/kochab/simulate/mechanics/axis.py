@@ -172,6 +172,7 @@ class MotorAxis:
         if t >= self.busy_until():
             self.run(t, self.motor_rate_deg_s(t) + change_deg_s, gently=False)
         else:
+            # the last segment is what goes on after all planned motion
             last = self._segments[-1]
             self._segments[-1] = replace(last, rate_deg_s=last.rate_deg_s + change_deg_s)
 

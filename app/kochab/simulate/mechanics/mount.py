@@ -48,6 +48,7 @@ class EquatorialMount:
         self._north = site.latitude_deg >= 0.0
         self._lock = threading.RLock()
         t = clock.now_unix()
+        # the refracted pole, so that without misalignment the axis points where a polar scope would show it
         pole = LocalSky(site, t).pole_enu()
         self.wedge = Wedge(float(altitude_deg(pole)), self._north, config.misalignment_arcmin, config.bolts)
         self._home_deg = (90.0, 90.0 if self._north else -90.0)

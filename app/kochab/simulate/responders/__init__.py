@@ -54,6 +54,7 @@ class Controller:
 
     def feed(self, data: bytes) -> bytes:
         """Answer every command that ``data``, whole commands or parts, completes, in order."""
+        # bytes come in any pieces: keep what is not yet a whole command
         self._pending += data
         replies = bytearray()
         while self._pending:
@@ -63,6 +64,7 @@ class Controller:
             elif self._pending[0] in self.begins and len(self._pending) <= self.longest:
                 break
             else:
+                # noise, or a command that has grown too long to be one: look again from the next byte
                 self._pending = self._pending[1:]
         return bytes(replies)
 
