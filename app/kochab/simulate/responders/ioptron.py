@@ -28,6 +28,7 @@ TAKEN = (
 class IoptronResponder(Controller):
     """What is not known is not answered. A sync while it slews is answered and ignored."""
 
+    # a second colon before the # begins anew: what stood before it is lost
     command = re.compile(rb":(?:[^#]*:)?([^:#]*)#")
     begins = b":"
     done = b"1"
@@ -126,6 +127,7 @@ class IoptronResponder(Controller):
 
     def sync(self) -> None:
         """``1`` in any case."""
+        # it answers 1 all the same, so only reading back tells
         if not self.telescope.slewing:
             self._sync(*self.target_deg)
 
@@ -187,4 +189,5 @@ class IoptronResponder(Controller):
         """Milliseconds since J2000; 13 digits of them end in the year 2316."""
         wanted = datetime.fromtimestamp(int(text) / 1000.0 + J2000_UNIX, UTC)
         self.settings.clock_error += wanted - self.settings.utc()
+        # no earlier than 9000 days ago: the reply counts from J2000 and has no sign
         self.settings.clock_error = max(self.settings.clock_error, timedelta(days=-9000))

@@ -68,9 +68,11 @@ class Lx200Responder(Controller):
     Longitudes and the hours of the zone grow westward.
     """
 
+    # 0x06, the question for the alignment, is the one command without colon and #
     command = re.compile(rb"\x06|:+([^#]*)#")
     begins = b"\x06:"
     wrong = b"0"
+    # the degree sign of the hand controller's display, which classic Meades send
     mark = b"\xdf"
     decimals = 0
     precise = False
@@ -298,6 +300,7 @@ class OnStepResponder(Lx200Responder):
         """``:GU#``: what is not so has a letter too."""
         t = self.telescope
         out = (b"" if t.tracking else b"n") + (b"" if t.slewing else b"N")
+        # parking ends when the motion does, by arrival or by a stop
         self.parking &= t.slewing
         out += (b"I" if self.parking else b"P" if t.parked else b"p") + b"E"
         out += b"H" if not t.tracking and max(map(abs, t.from_home_deg())) < HOME_DEG else b""

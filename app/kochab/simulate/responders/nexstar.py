@@ -22,6 +22,7 @@ def written_angle(angle_deg: float, digits: int) -> bytes:
     """Four digits, or eight of which the last two are zero as on the real ones."""
     if digits == 4:
         return b"%04X" % (round(angle_deg / 360.0 * 65536.0) % 65536)
+    # 24 bits: 0.08 arcsec
     return b"%06X00" % (round(angle_deg / 360.0 * 16777216.0) % 16777216)
 
 
@@ -163,6 +164,7 @@ class NexStarResponder(Controller):
     def time(self) -> bytes:
         """Hour, minute, second, month, day, year - 2000, zone east in two's complement, summer."""
         t = self.settings.local()
+        # the protocol has whole hours only: a zone of 5.5 h is told as 5
         zone = int(self.settings.utc_offset_h) % 256
         return bytes([t.hour, t.minute, t.second, t.month, t.day, t.year - 2000, zone, 0])
 
@@ -179,6 +181,7 @@ class NexStarResponder(Controller):
         """A motor's own answer and ``#``; with no such device an extra 0 stands before the #."""
         size, device, order, *values, count = text
         reply = self.motor(device, order, bytes(values[: max(0, size - 1)]))
+        # zeros to the length asked for and one more: no such device
         if reply is None:
             return bytes(count % 16 + 1) + b"#"
         return (reply + bytes(16))[: count % 16] + b"#"
@@ -197,6 +200,7 @@ class NexStarResponder(Controller):
         if order == GUIDE and len(values) == 2:
             signed = values[0] - 256 if values[0] > 127 else values[0]  # percent of sidereal
             direction = MOVES[device, MOVE_UP if signed >= 0 else MOVE_DOWN]
+            # hundredths of a second at a percentage: a pulse at the own 50 % that moves it as far
             self.telescope.pulse(direction, values[1] * 10.0 * abs(signed) / GUIDE_PERCENT)
             return b""
         known = {0xFE: bytes(self.version), 0x27: b"\x00", 0x47: b"\x80", 0x46: b""}

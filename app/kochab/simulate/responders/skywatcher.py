@@ -104,6 +104,7 @@ class BoardMotor:
             self.telescope.turn_axis_to(self.axis, self._slewing_to)
             return
         self._slewing_to, self._turning = None, True
+        # the timer gives one step each period; a fast slew makes fast_ratio steps of it
         steps_s = timer_hz / self.period * (fast_ratio if self.mode[0] == FAST_SLEW else 1)
         rate = steps_s / self.steps_deg
         self.telescope.turn_axis(self.axis, -rate if self._backwards else rate)
@@ -135,6 +136,7 @@ _SIZES |= {b"F": 0, b"J": 0, b"K": 0, b"L": 0}
 class SkyWatcherResponder(Controller):
     """An EQ6's board: no home sensors, no encoders, no ``features`` to ask for (``q``), until some are given to it."""
 
+    # a second colon before the CR begins anew: what stood before it is lost
     command = re.compile(rb":(?:[^\r]*:)?([^:\r]*)\r")
     begins = b":"
     longest = 16
@@ -145,6 +147,7 @@ class SkyWatcherResponder(Controller):
         self.features = 0
         north = telescope.latitude_deg >= 0.0
         self.motors = (
+            # in the south the axis turns the other way for the same counter
             BoardMotor(telescope, 0, STEPS_TURN * (1.0 if north else -1.0) / 360.0),
             BoardMotor(telescope, 1, -STEPS_TURN / 360.0),
         )
