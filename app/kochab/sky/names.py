@@ -206,6 +206,7 @@ def _shortened(designation: str) -> str:
 def position_name(vector: Floats) -> str:
     """A name made of a J2000 position: ``J183656.3+384701``, cut off rather than rounded."""
     ra, dec = radec_deg(vector)
+    # tenths of a second of time: 24 h are 864,000
     tenths = int(ra * 2400.0) % 864000
     seconds = int(abs(dec) * 3600.0)
     hours, minutes = divmod(tenths // 600, 60)

@@ -101,6 +101,7 @@ def read_stellarium(path: Path) -> list[SkyObject]:
         def text() -> str:
             nonlocal at
             (length,) = struct.unpack_from(">I", data, at)
+            # Qt's null string has this length and no bytes
             length = 0 if length == 0xFFFFFFFF else length
             at += 4 + length
             return data[at - length : at].decode("utf-16-be").strip()

@@ -70,8 +70,10 @@ def _drooped(camera: Floats, flexure_arcsec: float) -> Floats:
         return camera
     e, n, _ = camera[:, 2]
     level = float(np.hypot(e, n))
+    # straight up: gravity pulls along the tube and bends it nowhere
     if level < 1e-9:
         return camera
+    # level is the cosine of the altitude, the share of gravity that acts across the tube
     angle = radians(flexure_arcsec / 3600.0) * level
     # Right-handed about the direction to the right of the boresight this would raise it.
     return np.asarray(about(np.array([n, -e, 0.0]) / level, -angle) @ camera)
@@ -112,6 +114,7 @@ class Wedge:
         half = np.array(self._bolts.backlash_arcmin) / 2.0
         wanted = self._slack + np.array([altitude_arcmin, azimuth_arcmin])
         self._slack = np.clip(wanted, -half, half)
+        # only what is left of a turn beyond the backlash moves the axis
         moved = wanted - self._slack
         first, second = self._bolts.coupling
         self.error_arcmin = self.error_arcmin + moved + np.array([second * moved[1], first * moved[0]])

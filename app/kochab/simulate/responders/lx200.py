@@ -14,6 +14,7 @@ _NUMBERS = re.compile(rb"\s*([+-]?)(\d{1,3})(?:[^0-9.+-](\d{1,2})(?:\.(\d)|[^0-9
 def hours(ra_deg: float, precise: bool, decimals: int = 0) -> bytes:
     """``HH:MM:SS`` or, not precise, ``HH:MM.T``."""
     if not precise:
+        # rounded first, then taken apart: never 60 seconds, and 24 h is 0 h
         tenths = round(ra_deg % 360.0 * 40.0) % 14400
         return b"%02d:%02d.%d" % (tenths // 600, tenths // 10 % 60, tenths % 10)
     unit = 10**decimals
@@ -28,6 +29,7 @@ def degrees(
     unit = 10**decimals if precise else 1
     ticks = round(abs(angle_deg) * (3600 * unit if precise else 60))
     minutes = ticks // unit // 60 if precise else ticks
+    # no minus before an angle that rounds to zero
     sign = (b"-" if angle_deg < 0 and ticks else b"+") if signed else b""
     text = sign + b"%0*d" % (width, minutes // 60) + mark + b"%02d" % (minutes % 60)
     return text + b":" + _seconds(ticks, decimals) if precise else text
