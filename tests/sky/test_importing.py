@@ -72,9 +72,11 @@ GAIA = """source_id,ra,dec,pmra,pmdec,phot_g_mean_mag,bp_rp,ref_epoch
 """
 
 
+@pytest.mark.parametrize("begin", ["# a comment of ECSV\n", "\ufeff"])
 @pytest.mark.parametrize("name", ["g.csv", "g.csv.gz"])
-def test_gaia_tables_are_read(tmp_path, name):
-    data = ("# a comment of ECSV\n" + GAIA).encode()
+def test_gaia_tables_are_read(tmp_path, name, begin):
+    """Spreadsheets write a byte order mark."""
+    data = (begin + GAIA).encode()
     (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
     foreign = run(read_foreign(tmp_path / name))
     stars = foreign.stars
@@ -100,6 +102,7 @@ def test_the_sun_has_its_colour():
         ("g.csv", b"", "lacks the column ra"),
         ("g.csv", b"ra,dec,phot_g_mean_mag\n", "holds no stars"),
         ("g.csv.gz", b"not gzip", "cannot be read"),
+        ("g.csv.gz", gzip.compress(GAIA.encode())[:10] + b"\x07" + 20 * b"\0", "cannot be read"),
         ("g.csv", b"\xff\xfe\x00", "cannot be read"),
         ("g.csv", GAIA.replace("2016.0\n2", "2015.5\n2").encode(), "mixes epochs"),
         ("x.fits", b"SIMPLE", "not an index"),

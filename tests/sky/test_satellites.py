@@ -248,6 +248,14 @@ def test_the_same_elements_are_read_in_each_form(tmp_path):
     np.testing.assert_allclose(rates, rates[0], rtol=1e-6)
 
 
+def test_satellites_of_one_name_are_all_read(tmp_path):
+    """Rocket bodies share theirs."""
+    first, second = EARLY.read_text().splitlines()[:6][1:3], EARLY.read_text().splitlines()[:6][4:6]
+    table = table_of(tmp_path, "a.tle", "\n".join(["SL-16 R/B", *first, "SL-16 R/B", *second]))
+    assert list(table.names) == 2 * ["SL-16 R/B"]
+    assert len({orbit.satnum for orbit in table.orbits}) == 2
+
+
 def test_kept_files_are_read_the_newest_first_and_again_when_they_change(tmp_path, monkeypatch):
     monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
     assert kept_elements() == []

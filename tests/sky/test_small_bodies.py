@@ -198,6 +198,30 @@ def test_the_minor_planet_centers_lines_are_read(tmp_path):
     assert np.degrees(np.linalg.norm(unit(ours[0, :3]) - unit(ceres.state[0, :3]))) * 3600 < 5.0
 
 
+@pytest.mark.parametrize("number", ["K07Tf8A", "~000a  ", "K14Un1N"])
+def test_an_asteroid_with_a_letter_where_comets_have_theirs_is_an_asteroid(tmp_path, number):
+    """2007 TA418 and 2014 UN271 as the Minor Planet Center packs them, and a number past 620,000."""
+    (tmp_path / "MPCORB.DAT").write_text(number + ORB[7:] + "\n")
+    table = read_elements(tmp_path / "MPCORB.DAT")
+    assert table.epoch_jd.tolist() == [2460800.5]
+    assert not table.comet.any()
+
+
+def test_two_nights_at_once_keep_their_own_places():
+    """Two threads look at two dates: the places of one passed for the other's."""
+    dates, rows = (2461000.0, 2461030.0), np.array([0, 1])
+    keys = ("name", "epoch", "q", "e", "i", "node", "peri", "tp")
+    known = [{"mag": 0.0, "slope": 0.15, **dict(zip(keys, row, strict=True))} for row in TRUTH[:2]]
+    table, alone = bodies_of(known), bodies_of(known)
+    expected = [run(alone.on_night(rows, date))[0] for date in dates]
+    first = table.on_night(rows, dates[0])
+    next(first)  # under way
+    second, _ = run(table.on_night(rows, dates[1]))
+    np.testing.assert_allclose(run(first)[0], expected[0], rtol=1e-9)
+    np.testing.assert_allclose(second, expected[1], rtol=1e-9)
+    np.testing.assert_allclose(run(table.on_night(rows, dates[1]))[0], expected[1], rtol=1e-9)
+
+
 def test_the_minor_planet_centers_comets_are_read(tmp_path):
     (tmp_path / "comets.txt").write_text(COM + "\n")
     comet = read_elements(tmp_path / "comets.txt")

@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -115,7 +116,7 @@ def read_gaia(path: Path) -> Task[ForeignStars]:
         for i, block in enumerate(_blocks(path)):
             yield Progress("Reading the catalogue", None, f"{i * STEP:,} stars")
             blocks.append(block)
-    except (OSError, EOFError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError, csv.Error) as error:
         raise CatalogueError("{name} cannot be read as CSV ({error}).", name=path.name, error=error) from error
     if not blocks:
         raise CatalogueError("{name} holds no stars.", name=path.name)
@@ -135,7 +136,7 @@ def read_gaia(path: Path) -> Task[ForeignStars]:
 
 def _blocks(path: Path) -> Iterator[Floats]:
     opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "rt", encoding="utf-8", newline="") as file:
+    with opener(path, "rt", encoding="utf-8-sig", newline="") as file:
         rows = csv.reader(line for line in file if not line.startswith("#"))
         head = [name.strip().lower() for name in next(rows, [])]
         lacking = [name for name in NEEDED if name not in head]

@@ -4,7 +4,7 @@ import csv
 import json
 import math
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ def read_elements(path: Path) -> "SmallBodies | Satellites":
     CatalogueError with one sentence, the first bad line named, when one of them cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError):
         raise CatalogueError("Can't read {name}: not a text file of orbital elements.", name=path.name) from None
     from kochab.sky.satellites import are_satellites, read_satellites
@@ -106,7 +106,9 @@ def _lines(path: Path, text: str) -> Iterator[tuple[str, Any]]:
     begin = next((k + 1 for k, line in enumerate(lines) if line.startswith("-----")), 0)  # after MPCORB's preface
     for number, line in enumerate(lines[begin:], begin + 1):
         if line.strip():
-            yield f"line {number}", lambda line=line: mpc_comet(line) if line[4:5].isalpha() else mpc_asteroid(line)
+            # A comet has the year of its perihelion there, an asteroid G with its point, or blanks.
+            read = mpc_comet if line[14:18].isdigit() else mpc_asteroid
+            yield f"line {number}", partial(read, line)
 
 
 def sbdb_json(path: Path, text: str) -> list[dict[str, Any]]:

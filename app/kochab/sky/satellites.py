@@ -193,17 +193,17 @@ def are_satellites(text: str) -> bool:
 
 def read_satellites(name: str, text: str) -> Satellites:
     """The satellites of the text of the file called ``name``; CatalogueError, the bad line named, when one is bad."""
-    found: dict[str, Any] = {}
+    found: dict[tuple[str, int], Any] = {}
     where = "line 1"
     try:
         for where, called, given in _elements(text):  # noqa: B007
             orbit = _orbit(given)
-            found[called or f"NORAD {orbit.satnum}"] = orbit
+            found[called or f"NORAD {orbit.satnum}", orbit.satnum] = orbit  # rocket bodies share their names
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError):
         raise CatalogueError(
             "Can't read {name}: {where} has no usable elements of a satellite.", name=name, where=where
         ) from None
-    return Satellites(list(found), list(found.values()))
+    return Satellites([called for called, _ in found], list(found.values()))
 
 
 def _elements(text: str) -> Iterator[tuple[str, str, Any]]:

@@ -82,8 +82,7 @@ class SmallBodies:
     magnitude: Floats
     slope: Floats
     solved_jd: float = 0.0
-    _night: int = field(default=0, init=False)
-    _carried: dict[int, Floats] = field(default_factory=dict, init=False)
+    _carried: tuple[int, dict[int, Floats]] = field(default_factory=lambda: (0, {}), init=False)
 
     @property
     def comet(self) -> Bools:
@@ -102,14 +101,14 @@ class SmallBodies:
 
     def on_night(self, rows: Indices, jd_tdb: float) -> Task[tuple[Floats, float]]:
         """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; kept for that night."""
-        night = round(jd_tdb)
-        if night != self._night:
-            self._night, self._carried = night, {}
-        new = np.array([row for row in rows.tolist() if row not in self._carried], dtype=np.intp)
+        night, (kept, known) = round(jd_tdb), self._carried
+        if night != kept:  # another thread may look at another night meanwhile: each keeps to its own dictionary
+            night, known = self._carried = night, {}
+        new = np.array([row for row in rows.tolist() if row not in known], dtype=np.intp)
         for some in (new[self.comet[new]], new[~self.comet[new]]):  # a comet at its perihelion takes small steps
             states = yield from carried(self.state[some], self.epoch_jd[some], float(night), shipped_ephemeris())
-            self._carried.update(zip(some.tolist(), states, strict=True))
-        return np.array([self._carried[row] for row in rows.tolist()]).reshape(-1, 6), float(night)
+            known.update(zip(some.tolist(), states, strict=True))
+        return np.array([known[row] for row in rows.tolist()]).reshape(-1, 6), float(night)
 
     def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
         """The bodies as :func:`bodies_near` has them: only those that may be in the field are carried."""
