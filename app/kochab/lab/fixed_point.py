@@ -59,6 +59,7 @@ class Format:
         """``values`` (integers) unchanged, or FixedPointOverflowError."""
         numbers = np.asarray(values, dtype=np.int64)
         if numbers.size:
+            # If the extremes fit all do, and the message can name one value.
             self.check(int(numbers.min()))
             self.check(int(numbers.max()))
         return numbers
@@ -72,6 +73,7 @@ class Format:
     def of(self, values: ArrayLike) -> Ints:
         """Floats as numbers of this format; what is below the last bit is cut off (section 3.3)."""
         scaled = np.trunc(np.asarray(values, dtype=np.float64) * (1 << self.fraction))
+        # Beyond 2^53 a float skips integers, and astype wraps round silently beyond 2^63.
         if not np.isfinite(scaled).all() or (np.abs(scaled) > 2.0**53).any():
             raise FixedPointOverflowError(f"A value does not fit a {self} fixed-point number.")
         return self.fits(scaled.astype(np.int64))
@@ -101,6 +103,7 @@ class Format:
         if (below == 0).any():
             raise FixedPointOverflowError("A fixed-point number is divided by zero.")
         wide = of_a.fits(a) << shift
+        # // alone rounds towards minus infinity; signs apart it cuts off towards zero.
         return self.fits(np.sign(wide) * np.sign(below) * (np.abs(wide) // np.abs(below)))
 
 
@@ -115,6 +118,7 @@ def square_root(wide: ArrayLike) -> Ints:
     bits = np.frexp(values.astype(np.float64))[1]
     root = np.left_shift(np.int64(1), ((bits + 1) // 2).astype(np.int64))  # never below the root
     while True:
+        # From above, Newton's steps fall until they reach the integer root, then stay or rise by one.
         better = (root + values // np.maximum(root, 1)) >> 1
         if (better >= root).all():
             return np.asarray(root, dtype=np.int64)

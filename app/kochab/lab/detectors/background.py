@@ -66,6 +66,7 @@ def without_background(frame: Frame) -> Flat | None:
     step = 1 if frame.bayer is None else 2
     for phase in np.ndindex(step, step):
         part = tuple(slice(first, None, step) for first in phase)
+        # Of large frames every n-th row and column: about a million pixels do for a median.
         every = max(1, int(np.ceil(np.sqrt(image[part].size / SAMPLES))))
         good = image[part][::every, ::every][~broken[part][::every, ::every]]
         good = good if len(good) else image[part][~broken[part]]
@@ -74,6 +75,7 @@ def without_background(frame: Frame) -> Flat | None:
         levels.append(level)
         noises.append(PER_MAD * float(np.median(np.abs(good - level))) if len(good) else 0.0)
     image[broken] = 0.0
+    # Broken pixels are 0 here and would lower it; dividing by the root of the good share undoes that.
     spread = float(np.std(image, dtype=np.float64) / np.sqrt(np.mean(~broken)))
     if not spread > 0:
         return None
@@ -138,6 +140,7 @@ def _shapes(flat: Flat, xy: Floats) -> tuple[Floats, Floats, Floats]:
         for k in range(0, len(xy), BATCH):
             shapes = adaptive_moments(flat.stamps(xy[k : k + BATCH], HALF), 1.5, 8)
             major, minor, angle = shapes.axes()
+            # A pixel widens every image by its own variance; 0.04 is a floor of 0.2 px for stars narrower than that.
             minor = np.sqrt(np.maximum(minor**2 - PIXEL_VARIANCE, 0.04))
             major = np.maximum(np.sqrt(np.maximum(major**2 - PIXEL_VARIANCE, 0.04)), minor)
             part = np.stack([major, minor, angle])

@@ -42,6 +42,7 @@ class MaximaDetector:
             return no_detections(frame)
         top = flat.image == maximum_filter(flat.image, size=self.box_px)
         top &= flat.image > flat.threshold(self.sigmas, self.clipped)
+        # Corners touch as well, so that a flat top is one plateau, at its middle.
         plateaus, count = label(top, np.ones((3, 3)))
         places = center_of_mass(top, plateaus, np.arange(1, count + 1))
         xy = np.array(places, dtype=np.float64).reshape(-1, 2)[:, ::-1]
@@ -49,6 +50,7 @@ class MaximaDetector:
         xy, flux, pixels = _apart(flat, xy, half, half + 0.5)
         if self.refined:
             stamps = flat.stamps(xy, half)
+            # Negative pixels around a faint star would push the centre out of the box.
             light = np.maximum(stamps.value, 0.0)
             total = np.maximum(light.sum(axis=(1, 2)), 1e-30)
             dx = (light.sum(axis=1) @ stamps.offsets) / total

@@ -73,6 +73,7 @@ def _number(value: float) -> int:
 
 def _moved(centre: int, place: int, part: int, total: int) -> int:
     step = PLACE.check(place - centre) * part
+    # Divided without the sign: // rounds towards minus infinity, and the centre would creep to the upper left.
     share = abs(step) // max(total, 1)
     return PLACE.check(centre + (share if step > 0 else -share))
 
@@ -162,6 +163,7 @@ def _clusters(
         new_x, new_y = chosen.place
         before = (int(old_x // tau), int(old_y // tau))
         after = (int(new_x // tau), int(new_y // tau))
+        # A centre moves as pixels join it; in the wrong cell the search around a pixel would miss it.
         if before != after:
             cells[before].remove(chosen)
             cells.setdefault(after, []).append(chosen)

@@ -71,9 +71,11 @@ def join(finalists: Ints, pivots: Ints, once: bool = True) -> tuple[Ints, Ints]:
     ranked = flat[order]
     start = np.searchsorted(ranked, finalists.ravel(), "left")
     stop = np.searchsorted(ranked, finalists.ravel(), "right")
+    # Checked before anything is allocated; two rows may share c keys and so be counted c times.
     if int((stop - start).sum()) > MOST_FINALISTS * c:
         raise OverflowError
     asked, place = spread(start, stop)
+    # A pair of rows as one integer: row of the first times the second table's length, plus its row.
     both = asked // c * len(pivots) + order[place] // c
     both = np.unique(both) if once else both
     return both // max(1, len(pivots)), both % max(1, len(pivots))
@@ -100,6 +102,7 @@ def pivot(order: Ints, candidates: list[Ints], keys: Ints, as_printed: bool = Fa
             new = candidates[step][b]
             if as_printed and len(new) > len(finalists):
                 return Chain(order[: step + 1], None, step - 1, compared)
+            # The figures of the chain are all different, so their entries must be as well.
             fresh = (finalists[a] != new[:, None]).all(axis=1) | as_printed
             finalists = np.column_stack([finalists[a], new])[fresh]
         if len(finalists) == 1:
@@ -157,12 +160,14 @@ class PivotingMethod(AngularMethod):
         yield Progress("identify", 0.5, "pivots")
         camera = Camera.centred(detections.width, detections.height, focal)
         body = camera.unproject(detections.xy[: self.stars])
+        # The thesis' error is that of its sensor; a detection list is rarely better than sigma_px.
         sigma = max(self.sigma_urad * 1e-6, self.sigma_px / focal)
         figures, chain = self.recognise(body, table, sigma)
         if chain.entries is not None:
             pairs, ways = table.pairs, factorial(self.corners)
             stars_of = self.named(figures[chain.figures], table.stars[chain.entries], body, pairs.vectors)
             # a star that the chain names in two ways is left out, and so is a name given twice
+            # s holds one star here; min() takes it out of the set.
             sure = {d: min(s) for d, s in stars_of.items() if len(s) == 1}
             once = [d for d, s in sorted(sure.items()) if list(sure.values()).count(s) == 1]
             seen, star = (np.array(a, dtype=np.int64) for a in (once, [sure[d] for d in once]))
@@ -208,10 +213,13 @@ class Angles(PivotingMethod):
     def recognise(self, body: Floats, table: FigureTable, sigma: float) -> tuple[Ints, Chain]:
         """The angles (F, 2) of directions ``body`` (n, 3) and the chain that pivoting gives."""
         figures = np.stack(np.triu_indices(len(body), 1), axis=1).astype(np.int64)
+        # Rounding puts cosines of coincident directions above 1, where arccos is NaN.
         cosine = np.clip((body[figures[:, 0]] * body[figures[:, 1]]).sum(axis=1), -1.0, 1.0)
         angle = np.arccos(cosine)
         bound = self.bound_sigma * np.sqrt(2.0) * sigma  # equation 2.15
+        # The table is in cosines, which fall as the angle grows: the larger angle is the lower end.
         start, stop = between(table.values, np.cos(angle + bound), np.cos(np.maximum(angle - bound, 0.0)))
+        # Beyond the limit the table has no entries, and an angle cut by its edge would look rare.
         use = (angle < np.radians(self.limit_deg)) & (stop - start <= self.most)
         figures, angle, start, stop = figures[use], angle[use], start[use], stop[use]
         if len(figures) == 0:
@@ -223,6 +231,7 @@ class Angles(PivotingMethod):
     def named(self, figures: Ints, entries: Ints, body: Floats, sky: Floats) -> dict[int, set[int]]:
         """By the star that two neighbours of a chain of angles (F, 2) share, and those they do not."""
         stars_of: dict[int, set[int]] = {}
+        # One angle does not say which of its two stars is which; the next one, which shares a star, does.
         for k in range(len(figures) - 1):
             ours, theirs = ([set(map(int, pair)) for pair in part[k : k + 2]] for part in (figures, entries))
             for mine, its in (

@@ -63,6 +63,7 @@ def confirm(
     witnesses = seen[:WITNESSES]
     corner = float(np.hypot(*half)) + 3.0 * reach_px
     catalogue = open_catalogue()
+    # The 3 reaches and a tenth cover a pointing that is still a little off; 1.4 rad keeps well within a half sphere.
     radius = min(1.1 * float(np.arctan(corner / focal_px)), 1.4)
     rows = catalogue.brightest(start.matrix[2], radius, 2 * len(witnesses) + 5, year)
     sky = catalogue.vectors(rows, year)
@@ -70,12 +71,16 @@ def confirm(
     named = seen[names.detection]
     pairs = np.stack(np.triu_indices(len(named), 1), axis=1)
     widest = np.argsort(-np.hypot(*(named[pairs[:, 0]] - named[pairs[:, 1]]).T), kind="stable")
+    # Two stars fix rotation and focal length, and the widest pair fixes them best. Only two propose, so that
+    # all other detections are left as independent witnesses.
     for two in pairs[widest[:PROPOSERS]]:
         pointing = _refitted(start, named[two], names.vectors[two])
+        # The scale is a premise of these methods: a pair that needs a focal length 10 % off is wrong.
         if abs(np.log(pointing.focal / focal_px)) < 0.1:
             others = np.delete(witnesses, names.detection[two][names.detection[two] < WITNESSES], 0)
             strange = ~np.isin(rows, names.rows[two])  # in a clump any detection finds the star that proposed
             best = min(best, _tail(pointing, others, sky[strange], half, reach_px))
+    # Separations alone fit both parities, and _start picks the better one: that is two chances.
     parities = 2 if names.mirrored is None else 1
     alarm = min(0.0, best + np.log10(max(1, names.tried * parities)))
     if alarm > ACCEPT_LOG10:
@@ -94,6 +99,7 @@ def _start(detections: Detections, names: CandidateNames, focal_px: float) -> Ca
     tried = []
     for mirrored in (False, True) if names.mirrored is None else (names.mirrored,):
         camera = Camera.centred(detections.width, detections.height, focal_px, mirrored)
+        # A rotation cannot mirror, so the wrong parity leaves large residuals, unless there are only two stars.
         body = camera.unproject(detections.xy[names.detection])
         matrix = wahba(body, names.vectors).matrix
         left = float(np.square(body - names.vectors @ matrix.T).sum())
@@ -112,6 +118,7 @@ def _tail(pointing: CandidatePointing, seen: Floats, sky: Floats, half: Floats, 
     """log10 of the chance that one pointing agrees so well with stars that did not propose it."""
     places, _ = pointing.project(sky)
     xy = places[(np.abs(places) < half).all(axis=1)]
+    # free=0: nothing was fitted to these stars.
     return chance_of(pair(seen, xy, reach_px)[2], seen, places, half, reach_px, free=0)[0]
 
 
@@ -122,6 +129,7 @@ def _fitted(start: CandidatePointing, seen: Floats, vectors: Floats, reach_px: f
     """
     pointing, kept = start, np.arange(len(seen))
     while len(kept) >= FEWEST:
+        # Each round starts over from the first pointing, so that a star that was dropped leaves no trace.
         pointing = _refitted(start, seen[kept], vectors[kept])
         off = np.hypot(*(pointing.project(vectors[kept])[0] - seen[kept]).T)
         if off.max() <= min(reach_px, max(ODD_PX, ODD * float(np.median(off)))):

@@ -90,9 +90,11 @@ def neighbourhoods(vectors: Floats, certain: Bools, exchange_deg: float) -> tupl
     while True:
         distance, near = _nearest(vectors, count)
         # how far the first and the second neighbour of each star may be, degrees
+        # Certain stars counted outwards: the first and the second neighbour end where the count is 1 and 2.
         order = np.cumsum(certain[near], axis=1)
         ends = [np.where(order >= n, distance, 180.0).min(axis=1) for n in (1, 2)]
         limits = np.stack(ends, axis=1) + exchange_deg
+        # A star whose second certain neighbour is beyond those asked for needs more: the count doubles.
         short = (limits[:, 1] > distance[:, -1]).any()
         if not short or count == len(vectors):
             break
@@ -115,6 +117,7 @@ def _nearest(vectors: Floats, count: int) -> tuple[Floats, Ints]:
     shape = len(vectors), count - 1
     chord, near = chord[~own].reshape(shape), near[~own].reshape(shape)
     distance = np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
+    # Two stars in one place would divide by zero in the error of the angle.
     return np.maximum(distance, 1e-6), near.astype(np.int64)
 
 
@@ -233,6 +236,7 @@ class Neighbours(AngularMethod):
 
     def entries(self, first_deg: Floats, second_deg: Floats, angle_deg: Floats) -> tuple[Ints, Ints]:
         """Every class that true features (T,) can be measured in: which feature, and the key."""
+        # Both ends of a distance may be off by the tolerance.
         reach = int(np.ceil(2.0 * self.tolerance_deg / self.distance_step_deg - 1e-9))
         beside = np.arange(-reach, reach + 1)
         error = self.angle_errors * 2.0 * np.degrees(self.tolerance_deg * (1 / first_deg + 1 / second_deg))
@@ -255,6 +259,7 @@ class Neighbours(AngularMethod):
         the rim of the picture.
         """
         detection, star = self.candidates(body, rim_deg, table)
+        # The matrices below are square in the candidates: 1,500 are 2.25 million pairs.
         if not 0 < len(star) <= MOST_CANDIDATES:
             return [], 0
         sky = table.vectors[star]

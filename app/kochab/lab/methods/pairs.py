@@ -79,6 +79,7 @@ def spread(start: Ints, stop: Ints) -> tuple[Ints, Ints]:
     """
     length = stop - start
     which = np.repeat(np.arange(len(start), dtype=np.int64), length)
+    # Where each slice begins in the result.
     before = np.cumsum(length) - length
     return which, np.arange(int(length.sum()), dtype=np.int64) - before[which] + start[which]
 
@@ -97,9 +98,12 @@ def make_pairs(rows: Ints, vectors: Floats, max_rad: float) -> Pairs:
             f"{len(vectors)} stars make too many pairs of up to {np.degrees(max_rad):.3g} degrees:"
             " take fewer stars, or a smaller field."
         )
+    # The tree measures chords: for unit vectors as good as angles, and monotonic in them.
     found = cKDTree(vectors).query_pairs(chord, output_type="ndarray").astype(np.int32)
+    # Stars are numbered brightest first, so the smaller number is the brighter star.
     first, second = found.min(axis=1), found.max(axis=1)
     angle = angles_between(vectors[first], vectors[second])
+    # Ties are broken by the stars, so that the table does not depend on the tree's order.
     order = np.lexsort((second, first, angle))
     return Pairs(rows, vectors, first[order], second[order], angle[order], max_rad)
 

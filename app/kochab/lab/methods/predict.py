@@ -78,19 +78,23 @@ class Predict(AngularMethod):
 
     def _trials(self, centre: Attitude, camera: Camera, radius_rad: float, reach_px: float) -> Floats:
         """Attitudes (T, 3, 3) no further than the reach from any that may be meant."""
+        # On a grid of 1.2 reaches no place is farther than 0.85 reaches from a node.
         step = 1.2 * reach_px / camera.focal_px
         across = int(np.ceil(radius_rad / step))
         if self.roll_deg is None:
             half = float(np.hypot(camera.width, camera.height)) / 2.0
+            # 0.7 of the half diagonal: there a step of roll moves a star by 1.2 reaches.
             turns = max(8, int(np.ceil(2.0 * np.pi * 0.7 * half / (1.2 * reach_px))))
             rolls = np.arange(turns) * 360.0 / turns
         else:
             rolls = np.array([self.roll_deg])
         if (2 * across + 1) ** 2 * len(rolls) > self.most:
+            # Never tried: the caller sees that there are more than most and refuses. It spares making them all.
             return np.zeros((self.most + 1, 3, 3))
         steps = np.arange(-across, across + 1) * step
         dx, dy = (g.ravel() for g in np.meshgrid(steps, steps))
         inside = np.hypot(dx, dy) <= radius_rad + step
+        # Nearest to the told place first, so that a tie of votes goes to the likelier one.
         order = np.argsort(np.hypot(dx, dy)[inside], kind="stable")
         axes = np.stack([dx[inside], dy[inside], np.ones(int(inside.sum()))], axis=1)[order]
         places = [radec_deg(axis) for axis in axes @ centre.matrix]
@@ -131,6 +135,7 @@ def _supported(
             sky = np.einsum("ni,tij->tnj", body, part)
             distance, _ = tree.query(sky, distance_upper_bound=reach_px / lens.focal_px)
             votes = np.isfinite(distance).sum(axis=1)
+            # No batch can give more than the LOOKED_AT that are kept, so the others are dropped at once.
             best = np.argsort(-votes, kind="stable")[:LOOKED_AT]
             found.extend((int(votes[t]), part[t], lens) for t in best)
         found = sorted(found, key=lambda f: -f[0])[:LOOKED_AT]

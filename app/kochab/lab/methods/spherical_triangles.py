@@ -32,6 +32,7 @@ def sides(corners: Floats) -> Floats:
 
 def _tangents(side: Floats) -> Floats:
     """The four tangents (..., 4) of equation 2.16: of s/2, (s-a)/2, (s-b)/2, (s-c)/2."""
+    # Rounding makes s - a of flat triangles slightly negative, and the product of the tangents with it.
     half = side.sum(axis=-1, keepdims=True) / 2.0
     return np.asarray(np.tan(np.concatenate([half, np.maximum(half - side, 0.0)], axis=-1) / 2.0))
 
@@ -51,6 +52,7 @@ def area_sigma(corners: Floats, sigma_rad: float) -> Floats:
     product = t.prod(axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         u = product / t * (1.0 + t * t)  # 1 / cos^2 = 1 + tan^2
+        # d/da of s/2, (s-a)/2, (s-b)/2, (s-c)/2 is 1/4 times a row; with d(4 atan(sqrt(p))) that gives the 8 below.
         signs = np.array([[1, -1, 1, 1], [1, 1, -1, 1], [1, 1, 1, -1]], dtype=np.float64)
         slope = 4.0 / (1.0 + product) * (u @ signs.T) / (8.0 * np.sqrt(product))
     error = np.sqrt(2.0) * sigma_rad * np.linalg.norm(slope, axis=-1)
@@ -64,13 +66,16 @@ def field(corners: Floats) -> Floats:
     """
     chord = np.sort(2.0 * np.sin(sides(corners) / 2.0), axis=-1)
     a, b, c = np.moveaxis(chord, -1, 0)
+    # Circumscribed circle of the flat triangle of chords: d = 2 abc / sqrt(16 area^2), by Heron.
     heron = (a + b + c) * (b + c - a) * (a + c - b) * (a + b - c)
     with np.errstate(divide="ignore", invalid="ignore"):
         round_ = 2.0 * a * b * c / np.sqrt(np.maximum(heron, 0.0))
+    # The chords are sorted, so c is the longest: obtuse when c^2 is more than the other two squares.
     width = np.where(a * a + b * b <= c * c, c, round_)
     return np.asarray(2.0 * np.arcsin(np.minimum(width / 2.0, 1.0)))
 
 
+# Radon's seven points in barycentric coordinates: the centroid, and three each on two rings around it.
 _ROOT = np.sqrt(15.0)
 _NEAR, _FAR = (6.0 - _ROOT) / 21.0, (6.0 + _ROOT) / 21.0
 POINTS = np.array(
@@ -133,11 +138,13 @@ class SphericalTriangles(PivotingMethod):
 
     def recognise(self, body: Floats, table: TriangleTable, sigma: float) -> tuple[Ints, Chain]:
         """The triangles (F, 3) of directions ``body`` (n, 3) and the chain that pivoting gives."""
+        # 25 stars make 2,300 triangles of 15,625 triples: small enough to make them all and throw away the rest.
         i, j, k = np.meshgrid(*[np.arange(len(body))] * 3, indexing="ij")
         figures = np.stack([i, j, k], axis=-1)[(i < j) & (j < k)].astype(np.int64)
         figures = figures[field(body[figures]) <= np.radians(self.limit_deg)]
         corners = body[figures]
         size, error = area(corners), self.bound_sigma * area_sigma(corners, sigma)
+        # Flat triangles have an infinite error and so match everything; the next line leaves them out.
         start, stop = between(table.values, size - error, size + error)
         use = stop - start <= self.most
         figures, size, start, stop = figures[use], size[use], start[use], stop[use]
@@ -145,6 +152,7 @@ class SphericalTriangles(PivotingMethod):
             return figures, Chain(np.zeros(0, dtype=np.int64), None, 0, 0)
         order = pivot_order(size, two_shared(figures), self.pivots)
         moment = polar_moment(body[figures[order]])
+        # The thesis' programs bound every moment by the error of the first triangle's (E.34, E.35).
         of = moment[:1].repeat(len(moment)) if self.as_printed else moment
         room = self.bound_sigma * polar_moment_sigma(of, sigma)
         lists = []
@@ -157,6 +165,7 @@ class SphericalTriangles(PivotingMethod):
         """Corners of a chain of triangles (F, 3) paired by the sides."""
         stars_of: dict[int, set[int]] = {}
         for figure, entry in zip(figures, entries, strict=True):
+            # An entry says which three stars, not which is which: of the six orders the sides choose.
             ways = np.array(list(permutations(entry.tolist())))
             off = np.square(sides(sky[ways]) - sides(body[figure])).sum(axis=1)
             for detection, star in zip(figure.tolist(), ways[off.argmin()].tolist(), strict=True):
@@ -166,6 +175,7 @@ class SphericalTriangles(PivotingMethod):
 
 def two_shared(figures: Ints) -> Ints:
     """Keys (F, 3), one for each two stars of ascending ``figures`` (F, 3)."""
+    # Two star numbers in one int64, so that pivoting compares one key instead of two.
     a, b, c = figures.T
     return np.stack([a << 32 | b, b << 32 | c, a << 32 | c], axis=1)
 
@@ -197,6 +207,8 @@ def make_triangles(pairs: Pairs, limit_deg: float) -> Arrays:
     edges = first * pairs.stars + second
     start = np.searchsorted(first, second, "left")  # the pairs that begin with the second star
     end = np.searchsorted(first, second, "right")
+    # A triangle is a path i < j < k of two pairs whose third pair is in the table too; paths are counted before
+    # they are listed.
     if int((end - start).sum()) > MOST_TRIANGLES:
         raise UsageError(
             f"{pairs.stars} stars make too many triangles of up to {limit_deg:.3g} degrees: take"
@@ -204,6 +216,7 @@ def make_triangles(pairs: Pairs, limit_deg: float) -> Arrays:
         )
     which, third = spread(start, end)
     closing = first[which] * pairs.stars + second[third]
+    # edges ascends because the pairs were sorted by first and then second star.
     at = np.minimum(np.searchsorted(edges, closing), len(edges) - 1)
     whole = edges[at] == closing
     stars = np.stack([first[which], second[which], second[third]], axis=1)[whole]

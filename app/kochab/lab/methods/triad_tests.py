@@ -112,11 +112,13 @@ def triads_by_separation(
     n = len(separation)
     tolerance = unit.of(np.array(tolerance_rad))
     lists, looked = _lists(pairs, separation, tolerance, unit.of(pairs.angle))
+    # Single precision costs 1e-7 in the cosine, which the 2e-7 of _third_sides covers.
     rough = pairs.vectors.astype(np.float32)  # half the memory to gather from
     seen, stars = [np.zeros((0, 3), dtype=np.int64)], [np.zeros((0, 3), dtype=np.int64)]
     for k, corners in enumerate(combinations(range(n), 3)):
         yield Progress("identify", 0.8 * k / (n * (n - 1) * (n - 2) / 6), "triads")
         turns = (corners, corners[1:] + corners[:1], corners[2:] + corners[:2])
+        # Of the three ways to join two lists at a corner the one with the smallest product of lengths is cheapest.
         v, a, b = min(turns, key=lambda t: len(lists[t[:2]].one) * len(lists[t[0], t[2]].one))
         side = separation[a, b]
         one, other = lists[v, a], lists[v, b]
@@ -125,6 +127,7 @@ def triads_by_separation(
         stars.append(found)
         seen.append(np.repeat(np.array([[v, a, b]]), len(found), axis=0))
     detection, star = np.concatenate(seen), np.concatenate(stars)
+    # The corner at which lists were joined came first; ascending detections make rows of all triads alike.
     order = np.argsort(detection, axis=1)
     rows = np.arange(len(order))[:, None]
     return detection[rows, order], star[rows, order], looked
@@ -151,6 +154,7 @@ def _lists(
         looked += len(a)
         one, other = np.concatenate([a, b]).astype(np.int64), np.concatenate([b, a])
         order = np.argsort(one, kind="stable")
+        # The pairs that begin with star k are rows first[k] to first[k + 1].
         first = np.concatenate([[0], np.cumsum(np.bincount(one, minlength=pairs.stars))])
         lists[i, j] = lists[j, i] = _PairList(one[order], other[order].astype(np.int64), first)
     return lists, looked
@@ -168,9 +172,11 @@ def _third_sides(
     """Stars (K, 3) of two lists with the same first star whose ends are ``side`` apart."""
     start, middle, first = one.one, one.other, other.first
     slack = SLACK_RAD + 2.0 * unit.whole / unit.per_rad
+    # low and high are cosines, so low bounds the smallest angle from above.
     low = np.cos(np.maximum(unit.radians(side - tolerance) - slack, 0.0)) + 2e-7
     high = np.cos(np.minimum(unit.radians(side + tolerance) + slack, np.pi)) - 2e-7
     count = first[start + 1] - first[start]
+    # Cut so that each part expands to about TOGETHER triads.
     cuts = np.searchsorted(np.cumsum(count), np.arange(TOGETHER, int(count.sum()), TOGETHER))
     found = []
     for part in np.split(np.arange(len(start)), cuts):
@@ -215,6 +221,7 @@ def passing_triads(
     kept = np.asarray((np.abs(enclosed) <= tests.enclosed).all(axis=1))
     seen, stars, mean = seen[kept], stars[kept], mean[kept]
     if not planar and len(seen):
+        # Bearings turn with the place in the frame near a pole; the rotation at the centre does not.
         mean = rolls(sight.body[seen], pairs.vectors[stars])
     return FoundTriads(seen, stars, mean)
 
@@ -231,6 +238,7 @@ def rotations(sight: TriadDetections, seen: Ints, sky: Floats, planar: bool) -> 
             ra = np.arctan2(sky[..., 1], sky[..., 0])
             dec = np.arcsin(np.clip(sky[..., 2], -1.0, 1.0))
             east = wrapped(ra[:, end] - ra[:, 0])
+            # -east: the frame's x grows to the west where its y is north and it is not mirrored.
             real = np.arctan2(dec[:, end] - dec[:, 0], -east)
             out.append(real - np.arctan2(step[:, 1], step[:, 0]))
         else:
@@ -249,6 +257,7 @@ def _bearing(start: Floats, end: Floats, pole: Floats) -> Floats:
 
 def rolls(body: Floats, sky: Floats) -> Floats:
     """Rotation at the frame's centre (T,), radians, of triads (T, 3, 3) seen and real."""
+    # Kabsch: the rotation nearest to body^T sky; the sign of the last axis keeps it from being a reflection.
     u, _, vt = np.linalg.svd(np.swapaxes(body, 1, 2) @ sky)
     proper = np.linalg.det(u) * np.linalg.det(vt)
     u[:, :, 2] *= proper[:, None]
@@ -271,6 +280,7 @@ def chord_sides(sky: Floats) -> Floats:
 def inner(sides: Floats) -> Floats:
     """Inner angles (T, 3) of spherical triangles with sides (T, 3) opposite to them."""
     a, b, c = sides, np.roll(sides, -1, axis=1), np.roll(sides, -2, axis=1)
+    # 1e-15 keeps two stars in one place from dividing by zero.
     below = np.maximum(np.sin(b) * np.sin(c), 1e-15)
     return np.asarray(np.arccos(np.clip((np.cos(a) - np.cos(b) * np.cos(c)) / below, -1.0, 1.0)))
 

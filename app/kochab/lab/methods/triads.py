@@ -46,6 +46,7 @@ def group_by_rotation(triads: FoundTriads, tolerance: float) -> list[Ints]:
     means: list[tuple[float, int]] = []  # the groups' mean rotations, ascending
     for triad, turn in enumerate(wrapped(triads.rotation).tolist()):
         place = bisect_left(means, (turn, -1))
+        # Only the two means beside a rotation can be the nearest, and the modulo closes the circle at half a turn.
         beside = {(place - 1) % len(means), place % len(means)} if means else set()
         turns = ((abs((turn - means[k][0] + np.pi) % (2.0 * np.pi) - np.pi), k) for k in beside)
         gap, at = min(turns, default=(np.inf, -1))
@@ -56,6 +57,7 @@ def group_by_rotation(triads: FoundTriads, tolerance: float) -> list[Ints]:
             group = len(groups)
             groups.append([triad])
             total.append(0j)
+        # Unit vectors are summed because angles near half a turn have no mean as numbers.
         total[group] += cmath.rect(1.0, turn)
         insort(means, (cmath.phase(total[group]), group))
     return [np.array(g) for g in sorted(groups, key=len, reverse=True)]
@@ -86,6 +88,7 @@ def named(
             reach.append(float(gap[lead][mine].max(initial=0.0)))
             free &= ~mine
         top = max(summed)
+        # A tie names nobody: either star could be the one.
         if top >= vote_number and summed.count(top) == 1:
             out[k], extent[k] = stars[summed.index(top)], reach[summed.index(top)]
     return out, extent
@@ -103,6 +106,7 @@ def without_disagreeing(stars: Ints, extent: Floats, separation: Floats, pairs: 
         real = angles_between(place[:, None], place)
         room = tolerance + extent[kept][:, None] + extent[kept][None]
         off = np.abs(real - separation[np.ix_(kept, kept)]) > room
+        # Two detections taken for one star disagree, however near they are.
         off |= (real == 0.0) & ~np.eye(len(kept), dtype=bool)
         wrong = off.sum(axis=1)
         if not len(kept) or wrong.max() == 0:
@@ -162,6 +166,7 @@ class Triads(AngularMethod):
         scales = self._scales(detections, focal, hint)
         plan = [(self.stars, focal * scale) for scale in scales]
         if len(scales) > 1 and min(self.stars, len(detections)) > GLANCE:
+            # 7 stars make 35 triads and 12 make 220: the glance tries every scale for a sixth of the work.
             plan = [(GLANCE, focal * scale) for scale in scales] + plan[:LIKELIEST]
         budget = TriadBudget(self.most * 1_000_000)
         try:
@@ -200,7 +205,9 @@ class Triads(AngularMethod):
         separation = triads_fixed_point.separations(sight) if fixed else sight.separation
         unit = triads_fixed_point.DEGREES if fixed else AngleUnit()
         seen, real, looked = yield from triads_by_separation(pairs, separation, tests.separation, unit, budget)
+        # confirm() must count the pairs of every scale and parity tried so far, those of this one included.
         before, budget.tried = budget.tried, budget.tried + 2 * looked
+        # Separations do not depend on the parity, so the triads are found once and only the tests are repeated.
         for mirrored in (False, True):
             sight = TriadDetections.of(bright, focal, mirrored, self.field_deg)
             if fixed:

@@ -45,6 +45,7 @@ HALF, FULL = (int(TURN.of(turn)) for turn in (180.0, 360.0))
 def cosine_table() -> Ints:
     """Cosines (section 3.3.1), indexed by the angle; 2 ** 15 entries."""
     angle = np.radians(ANGLE.floats(np.arange(ANGLE.high + 1)))
+    # cos 0 = 1 is the integer 2^15, which 1.15 unsigned has room for.
     return np.minimum(COSINE.of(np.cos(angle)), 1 << COSINE.fraction)
 
 
@@ -52,6 +53,7 @@ def cosine_table() -> Ints:
 def arc_cosine_table() -> tuple[Ints, int]:
     """Arc cosines that fit ``ANGLE``, and how many were left out before the first (3.3.1)."""
     degrees = np.degrees(np.arccos(np.arange((1 << COSINE.fraction) + 1) * COSINE.step))
+    # 6.10 ends just below 32 degrees: smaller cosines have no entry, and by_tables refuses them.
     out = int((degrees > ANGLE.high * ANGLE.step).sum())
     return ANGLE.of(degrees[out:]), out
 
@@ -103,6 +105,7 @@ def passing_triads(sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs
     for end in (1, 2):
         ours = PLACE.difference(place[seen[:, end]], place[seen[:, 0]])
         theirs = SKY.difference(sky[stars[:, end]], sky[stars[:, 0]])
+        # Across RA 0 h the difference is nearly a full turn; east is to the left, hence the sign.
         theirs[:, 0] = -wrapped(theirs[:, 0], int(SKY.of(180.0)))
         turn.append(TURN.difference(direction(theirs), direction(ours)))
     off = wrapped(turn[0] - turn[1], HALF)
@@ -120,6 +123,7 @@ def direction(step: Ints) -> Ints:
     bits = np.frexp(size.max(axis=1, keepdims=True).astype(np.float64))[1]
     size = size >> np.maximum(bits - 30, 0)  # the squares' sum must fit the wide word
     length = square_root((size * size).sum(axis=1))
+    # A first-quadrant arc cosine and the two signs give the direction; there is no table of arc tangents.
     cosine = (size[:, 0] << COSINE.fraction) // np.maximum(length, 1)
     turn = turn_table()[np.minimum(cosine, 1 << COSINE.fraction)]
     left, down = step[:, 0] < 0, step[:, 1] < 0

@@ -39,6 +39,7 @@ class Voting(AngularMethod):
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
         """Name the stars of detections that all have a place, at a focal length in px."""
         yield Progress("identify", 0.0, "pairs of catalogue stars")
+        # The table need be no wider than the frame: no pair of detections is farther apart.
         pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
         yield Progress("identify", 0.5, "votes")
         camera = Camera.centred(detections.width, detections.height, focal)
@@ -52,6 +53,7 @@ class Voting(AngularMethod):
 def recognise(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]:
     """Both rounds: the detections that keep a name (K,), their stars (K,), and what was tried."""
     winner, votes, tried = vote(body, pairs, error_rad)
+    # A name needs a vote at all: argmax gives star 0 to a detection without any.
     agreed = verification_votes(body, pairs.vectors[winner], votes > 0, error_rad)
     kept = np.flatnonzero((agreed == agreed.max()) & (agreed > 0))  # equation 5.7
     # of detections with the same name the one with more votes, then the brighter
@@ -72,6 +74,7 @@ def vote(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]
     angle = angles_between(body[i], body[j])
     which, number = spread(*between(pairs.angle, angle - error_rad, angle + error_rad))
     first, second = pairs.first[number], pairs.second[number]
+    # A pair has no direction: either detection may be either star, so each match casts four votes.
     seats = np.concatenate([i[which], i[which], j[which], j[which]]) * pairs.stars
     seats += np.concatenate([first, second, first, second])
     table = np.bincount(seats, minlength=n * pairs.stars).reshape(n, pairs.stars)
@@ -86,6 +89,7 @@ def verification_votes(body: Floats, named: Floats, valid: NDArray[np.bool_], er
     detections taken for the same star agrees with nothing.
     """
     seen, real = angles_between(body[:, None], body), angles_between(named[:, None], named)
+    # real > 0 rules out the diagonal too.
     suits = (np.abs(seen - real) <= error_rad) & (real > 0.0)
     suits &= valid[:, None] & valid[None]
     return np.asarray(suits.sum(axis=1), dtype=np.int64)
