@@ -19,6 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    # Before anything heavy is imported and before the rest is parsed: the mount may be moving towards something.
     if arguments[:2] == ["mount", "stop"]:
         from kochab.gear.quick_stop import send_first_stop
 
@@ -52,6 +53,7 @@ def _is_file(arguments: list[str]) -> bool:
     from kochab.cli.main import COMMANDS
 
     name = arguments[0]
+    # A name with an ending is a file even if there is none: the window then says what is wrong with it.
     return name not in COMMANDS and (Path(name).exists() or bool(Path(name).suffix))
 
 

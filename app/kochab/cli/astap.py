@@ -113,6 +113,7 @@ def _order(arguments: Sequence[str]) -> AstapRequest:
     order, words = AstapRequest(), list(arguments)
     while words:
         name = words.pop(0)
+        # A word that is no flag takes the next one, whatever that begins with.
         order.said[name.lower()] = "" if name.lower() in FLAGS or not words else words.pop(0)
     return order
 
@@ -170,6 +171,7 @@ def _hint(order: AstapRequest, height: int) -> Hint:
     scale = centre = None
     fov, place = order.number("-fov"), _told_place(order)
     if fov is not None and 0.001 <= fov <= 170.0:
+        # The scale at the centre of a flat picture: its height spans 2 tan(fov / 2) focal lengths.
         middle = 3600.0 * math.degrees(2.0 * math.tan(math.radians(fov) / 2.0) / height)
         scale = (middle / 1.15, middle * 1.15)
     if place is not None:
@@ -204,6 +206,7 @@ def _cards(solution: Solution) -> dict[str, str]:
     ra, dec = solution.ra_dec_deg
     width, height = solution.camera.width, solution.camera.height
     (a, b), (c, d) = _cd_at_centre(solution)
+    # y grows downwards: an unmirrored frame has a positive determinant, and the sign of CDELT1 tells it.
     side = math.copysign(1.0, a * d - b * c)
     told = {
         "CRPIX1": (width + 1) / 2.0,
@@ -238,6 +241,7 @@ def _cd_at_centre(solution: Solution) -> tuple[tuple[float, float], tuple[float,
 def _write_ini(base: str, facts: dict[str, str]) -> None:
     from kochab.frames.atomic_file import write_atomically as write_whole
 
+    # One line a fact: callers read the .ini by lines, and an advice may hold line ends.
     lines = (f"{name}={' '.join(value.split())}\n" for name, value in facts.items() if value)
     try:
         write_whole(f"{base}.ini", "".join(lines))

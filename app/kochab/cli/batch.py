@@ -106,6 +106,7 @@ def _in_processes(
     try:
         with signals_handled([signal.SIGINT], signal.SIG_IGN):  # processes leave Ctrl-C to us from their first moment
             jobs = [pool.submit(_attempt_in_worker, work, item) for item in items]
+        # In the order given, not as they end: the lines of a batch do not depend on the number of workers.
         for item, job in zip(items, jobs, strict=True):
             try:
                 outcome, records = job.result()

@@ -72,6 +72,7 @@ def _build(args: argparse.Namespace) -> int:
 
     if args.sources is not None and not args.sources.is_dir():
         raise CatalogueError(f"{args.sources} is not a folder.")
+    # The shipped folder is renewed without asking; a folder of one's own is not.
     if args.out is not None:
         refuse_overwriting((args.out / name for name in FILES), overwrite=args.overwrite)
     cache = args.cache or cache_folder() / "catalogue-sources"

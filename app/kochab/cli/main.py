@@ -53,6 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = run(arguments)
         else:
             code = _command(arguments)
+        # A full disk or a closed pipe shows only when the buffer is written: here, not at the interpreter's end.
         sys.stdout.flush()
     except KeyboardInterrupt:
         return 130
@@ -71,12 +72,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(arguments: list[str]) -> int:
     """Run the command that ``arguments`` name, or say in one sentence why not."""
+    # Taken out here so that it works anywhere in the line; argparse would want it before the command.
     if "--debug" in arguments:
         arguments = [argument for argument in arguments if argument != "--debug"]
         process.show_journal()
     try:
         _refuse_bare_files(arguments)
         args = build_parser(arguments).parse_args(_with_negative_lists(arguments))
+        # args.profile is the name given; use_profile() replaces it by the name of the camera calibration.
         if getattr(args, "profile", None) is not None:
             from kochab.cli.profile import use_profile
 
@@ -130,6 +133,7 @@ def build_parser(arguments: Sequence[str]) -> Parser:
     )
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, (place, text) in COMMANDS.items():
+        # The others appear in --help with their one line and cost no import.
         if arguments and arguments[0] == name:
             module, _, function = place.partition(":")
             getattr(import_module(module), function)(subparsers)

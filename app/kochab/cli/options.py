@@ -42,6 +42,7 @@ def whole(low: int, high: int | None = None, what: str = "count") -> Callable[[s
     """What reads an argument that must be a whole number from ``low`` to ``high``, None without an end."""
 
     def read(text: str) -> int:
+        # isdecimal, not int(): " 5", "+5" and "1_000" are no counts that a person means to type.
         if not text.isdecimal() or int(text) < low or (high is not None and int(text) > high):
             bounds = f", {low} or more" if high is None else f" from {low} to {high}"
             raise argparse.ArgumentTypeError(f"{text} is not a {what}{bounds}")
@@ -187,6 +188,7 @@ def settings_of(
         kind, dot, option = name.strip().partition(".")
         if not equals or not (option if dot else kind):
             raise UsageError(f"--set {text} is not NAME=VALUE.")
+        # A name with another prefix is an option of the method, so that its complaint names the whole word.
         if dot and kind in said:
             said[kind][option] = value
         else:
@@ -313,6 +315,7 @@ def named(given: Iterable[str]) -> list[str]:
 def _filled_in(text: str) -> list[str]:
     if not text.strip():  # a script's empty variable, not the folder we stand in
         raise UsageError("A file's name is empty.")
+    # A file may really be called "M42[1].fits": what exists is no pattern.
     if not set(text) & set("*?[") or Path(text).exists():
         return [text]
     return sorted(glob(text)) or [text]

@@ -86,6 +86,7 @@ def _listen(practice: "Practice", say: Say) -> None:
                     say({"event": "done", "text": done}, done)
 
     threading.Thread(target=listen, daemon=True).start()
+    # The main thread keeps the night going and hears Ctrl-C; reading a line would block both.
     while not over.wait(0.2):
         practice.rig.happen()
         if practice.trouble:

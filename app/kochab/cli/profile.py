@@ -74,6 +74,7 @@ def use_profile(args: argparse.Namespace) -> None:
 
 
 def _fill_in(args: dict[str, Any], profile: "EquipmentProfile") -> None:
+    # Frames named on the command line leave no room for the profile's camera: both together are refused.
     elsewhere = args.get("folder") is not None or isinstance(args.get("frames"), list)
     camera = {} if elsewhere else {"source": profile.source, "address": profile.address}
     if args.get("source") not in (None, profile.source):
@@ -91,6 +92,7 @@ def _fill_in(args: dict[str, Any], profile: "EquipmentProfile") -> None:
         "limits": profile.limits,
     }
     if args.get("fov") is None:
+        # --fov takes precedence over --scale, so a profile's scale must not stand beside it.
         told["scale"] = profile.scale_arcsec_px
     for name, value in told.items():
         if name in args and args[name] in (None, ""):

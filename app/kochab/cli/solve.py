@@ -159,6 +159,7 @@ def _wishes(args: argparse.Namespace) -> list[SolveRequest]:
 def _wcs_of(args: argparse.Namespace, file: str) -> str | None:
     """The ``.wcs`` that is asked for beside ``file``, None without."""
     if args.name_wcs:
+        # astrometry.net's name: m42.fits.gz gives m42.wcs.
         return str(Path(file.removesuffix(".gz")).with_suffix(".wcs"))
     return f"{file}.wcs" if args.wcs else None
 

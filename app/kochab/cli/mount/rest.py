@@ -60,6 +60,7 @@ def run_rest(args: argparse.Namespace) -> int:
                 {"unpark": guard.unpark, "set-clock": guard.set_clock, "set-site": guard.set_site}[args.action]()
             lines.append("  done")
         if args.action.startswith("set-"):
+            # Asked again: setting the clock may have ended the doubt, or begun one until the next sync.
             guard.clock_doubt()
             told["clock_doubt"] = guard.policy.doubt or guard.policy.until_sync
             lines += filter(None, [told["clock_doubt"]])
