@@ -65,6 +65,7 @@ def expected(
         slope = (np.exp(-0.5 * edges**2) - np.exp(-0.5 * (edges + 1 / s) ** 2)) / (np.sqrt(2 * np.pi) * s)
         image = share[:, 1, :, None] * share[:, 0, None, :]
         other = level[k : k + 500] + sensor.read_noise_e**2 + sensor.gain_e**2 / 12
+        # Poisson: the variance of a count is the count.
         variance = flux * image + other[:, None, None]
         along_x = flux * share[:, 1, :, None] * slope[:, 0, None, :]
         along_y = flux * slope[:, 1, :, None] * share[:, 0, None, :]
@@ -202,6 +203,7 @@ def make_field(field: RenderedField) -> tuple[Frame, DetectionTruth]:
     sky, sensor = Sky(400.0, (80.0, 60.0), hot_per_mp=30.0), Sensor()
     xy = rng.uniform(8.0, [width - 9.0, height - 9.0], (field.stars, 2))
     sigma = field.fwhm_px / FWHM_PER_SIGMA
+    # SNR 10 on the background alone is 10 sqrt(v 4 pi sigma^2) electrons, 4 pi sigma^2 the noise area of a Gaussian.
     faintest = 5.0 * np.sqrt((sky.level_e + sensor.read_noise_e**2) * 4 * np.pi * sigma**2)
     flux = np.minimum(faintest * rng.uniform(0.0, 1.0, field.stars) ** (-1 / 0.9), 3e6)
     frame = render(width, height, xy, flux, RenderedStar(field.fwhm_px), sky, sensor, field.seed)

@@ -66,6 +66,7 @@ def make_frame(kind: FrameKind, seed: int) -> tuple[Frame, Floats]:
     """A frame and the places (N, 2) px of its stars, N(>F) ~ 1 / F above ``FAINTEST_SNR``."""
     xy, snr = stars_of(seed)
     sigma = kind.image.fwhm_px / FWHM_PER_SIGMA
+    # A trail of length l adds l^2 / 12, a uniform distribution's variance, along its direction.
     longer = np.hypot(sigma, np.hypot(*kind.image.trail_px) / np.sqrt(12.0))
     noise = np.sqrt(kind.sky.level_e + kind.sensor.read_noise_e**2)
     faintest = FAINTEST_SNR * noise * np.sqrt(4.0 * np.pi * sigma * longer)

@@ -59,6 +59,7 @@ def field_row(fields: str, mode: str, answers: Sequence[Row]) -> Row:
 def run(quick: bool, report: Report) -> BenchResult:
     """Measure success, wrong answers and time; print what cedar-solve does beside it."""
     shipped()
+    # Made before anything is timed: the patterns of small fields take long, once on a machine.
     drive(make_fine(), lambda p: report(f"patterns for small fields: {p.detail}"))
     count = 100 if quick else 1000
     rows: list[Row] = []
@@ -92,6 +93,7 @@ def _stress(name: str, plan: FieldPlan, count: int) -> Row:
     answers, rng = [], np.random.default_rng([SEED, 7])
     for fov in STRESS_FIELDS_DEG:
         half = math.tan(math.radians(fov) / 2.0)
+        # At the corner of a square frame r^2 is 2 half^2, and the shift k1 r^2 of it.
         one = replace(plan, fov_deg=fov, k1=plan.k1 / (2.0 * half * half))
         answers += [named(random_field(open_catalogue(), rng, one)) for _ in range(count)]
     return field_row(name, "blind", answers)

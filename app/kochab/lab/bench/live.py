@@ -66,6 +66,7 @@ def at_frame_rate(ring: Ring, seconds: float, fps: float) -> dict[str, Any]:
 def soak(count: int, report: Report, fps: float = 10.0) -> dict[str, Any]:
     """Memory over ``count`` frames of a stream at ``fps``, in accelerated time."""
     ring, tracker = make_ring(640, 480), Tracker()
+    # The first quarter, at most 2,000 frames, fills caches that stay.
     settled, before, tracked = min(count // 4, 2000), 0.0, 0
     for number, (frame, moment, _) in enumerate(ring.stream(count, fps)):
         update = drive(tracker.update(frame, moment))

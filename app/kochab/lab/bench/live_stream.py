@@ -50,6 +50,7 @@ class Ring:
 
     def stream(self, count: int, fps: float) -> Iterator[tuple[Frame, datetime, Floats]]:
         """``count`` frames with their times and true attitudes."""
+        # Forth and back without the two end frames twice.
         period = 2 * (len(self.frames) - 1)
         for k in range(count):
             at = k % period

@@ -74,6 +74,7 @@ class Night:
 def night(rng: np.random.Generator, field_deg: float) -> Night:
     """One with everything drawn by chance."""
     focal = WIDTH / 2.0 / np.tan(np.radians(field_deg) / 2.0)
+    # r^2 of a corner on the tangent plane, so that k1 times it is the share by which the corner is shifted.
     corner2 = (WIDTH**2 + HEIGHT**2) / (2.0 * focal) ** 2
     cx, cy = np.array([WIDTH, HEIGHT]) / 2.0 + rng.uniform(-DECENTRED, DECENTRED, 2) * WIDTH
     k1 = float(rng.uniform(-CORNER, CORNER)) / corner2
@@ -123,6 +124,7 @@ def refraction(zenith_rad: Floats, site: Site, air: Refraction) -> Floats:
     dry = (287.6155 + 1.62887 / wave2 + 0.0136 / wave2**2) * 273.15 / 1013.25
     index = 1.0 + 1e-6 * (dry * pressure - 11.2684 * water_up) / kelvin
     radius = EARTH_M + height
+    # n r sin z is the same all along a ray in a spherical atmosphere (Snell); the integral of tan z dn / n bends it.
     invariant = index[0] * radius[0] * np.sin(zenith_rad)[:, None]
     rate = invariant / (index * np.sqrt(np.maximum((index * radius) ** 2 - invariant**2, 1.0)))
     return np.asarray(((rate[:, 1:] + rate[:, :-1]) / 2.0) @ -np.diff(index))

@@ -139,6 +139,7 @@ def make_rig(rng: np.random.Generator, latitude_deg: float | None = None) -> Rig
     off_arcmin = float(np.exp(rng.uniform(np.log(1.0), np.log(300.0))))
     angle = float(rng.uniform(0.0, 2.0 * np.pi))
     hour, dec = random_place(rng, latitude, ANY_HOUR_DEG, LOWEST_DEG)
+    # A knob turns about the vertical: on the sky the pole moves by cos(latitude) of it.
     azimuth = off_arcmin * np.cos(angle) / np.cos(np.radians(latitude))
     threads = {knob: float(rng.uniform(15.0, 70.0) * rng.choice([-1.0, 1.0])) for knob in Knob}
     mount = MountConfig(

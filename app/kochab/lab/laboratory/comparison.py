@@ -198,6 +198,7 @@ def compare_pointing(camera: Camera, attitude: Attitude, truth: FieldTruth) -> t
     true = truth.camera
     off_rad = float(np.linalg.norm(_centre(camera, attitude) - _centre(true, truth.attitude)))
     right = off_rad * true.focal_px < truth.reach_px and camera.mirrored == true.mirrored
+    # A likeness of another scale can share the centre.
     right = right and abs(camera.focal_px / true.focal_px - 1.0) < SAME_SCALE
     return bool(right), float(np.degrees(off_rad) * 3600.0)
 
@@ -228,6 +229,7 @@ def timed(task: Task[T], limit_s: float) -> Task[tuple[T | None, dict[str, float
                 progress = next(task)
             except StopIteration as end:
                 progress, result = None, end.value
+            # The time up to a yield belongs to the stage that the yield before announced.
             if stage != PREPARING:
                 spent[stage] = spent.get(stage, 0.0) + thread_time() - start
             if progress is None or sum(spent.values()) > limit_s:

@@ -55,6 +55,7 @@ def try_method(
     identifier = IDENTIFIERS.make(choice.name, **options)
     found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
     seconds, tables = sum(spent.values()), 0.0
+    # A method that ran out of time is not asked again: it would only run out once more.
     if found is not None and _first_use(choice, hint, detections):
         first = seconds
         found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)

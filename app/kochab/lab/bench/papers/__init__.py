@@ -105,6 +105,7 @@ def verdict(paper: float | None, ours: float | None, error: float, better: Bette
     """Whether the paper's number was reproduced."""
     if paper is None or ours is None or not math.isfinite(ours):
         return NO_FIGURE
+    # A part in 1e9 more: a difference of exactly half the last digit agrees.
     if abs(ours - paper) <= error * (1.0 + 1e-9):
         return WITHIN
     gain = {"less": paper - ours, "more": ours - paper, "": 0.0}[better]

@@ -159,6 +159,7 @@ def quad_tree(level: int) -> QuadTree:
         back = np.roll(middle, 1, axis=1)
         outer = np.stack([corners, middle, back], axis=2)  # a child at each corner
         corners = np.concatenate([outer, middle[:, None]], axis=1).reshape(-1, 3, 3)
+    # Corners reached by different paths differ in the last bits; + 0.0 turns -0 into 0 for np.unique.
     flat = np.round(corners.reshape(-1, 3), 9) + 0.0
     _, numbers = np.unique(flat, axis=0, return_inverse=True)
     return QuadTree(corners, numbers.reshape(-1, 3).astype(np.int64))
