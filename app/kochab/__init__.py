@@ -67,6 +67,7 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     for module, names in _HOMES.items():
         if name in names:
+            # Kept in the module, so that the next use finds the name without coming here.
             return globals().setdefault(name, getattr(import_module(module), name))
     raise AttributeError(f"module 'kochab' has no attribute {name!r}")
 
@@ -242,6 +243,7 @@ def _options(
             raise UsageError(f"{name} is {value:g}; it must be above 0 and below {limit:g}.")
     if near is not None and not (abs(near[0]) <= 360.0 and abs(near[1]) <= 90.0 and 0.0 < near[2] <= 180.0):
         raise UsageError(f"near is {near}; it must be (RA, Dec, radius) in degrees.")
+    # A range symmetric in the ratio: a scale that is a tenth too large is as likely as one too small.
     tenth = None if scale is None else (scale / 1.1, scale * 1.1)
     hint = Hint(scale_arcsec_px=tenth, centre_deg=near, source="caller")
     return SolveOptions(hint=hint if hint.helps else None, fov_deg=fov, timeout_s=timeout, **options)

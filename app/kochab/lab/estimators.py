@@ -187,6 +187,7 @@ def average(attitudes: Iterable[Attitude]) -> Attitude:
         if attitude.covariance is None:
             raise ValueError("An average needs the covariance of every attitude.")
         first = attitude.matrix if first is None else first
+        # Weighted by the inverse of its covariance; rotation vectors add up where attitudes are a few degrees apart.
         weight = np.linalg.inv(attitude.covariance)
         normal += weight
         right += weight @ rotation_vector(attitude.matrix @ first.T)

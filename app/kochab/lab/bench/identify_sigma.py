@@ -117,6 +117,7 @@ def _crops(most: int | None) -> Floats:
             continue
         scale = whole.camera.scale_arcsec_px
         for part in CROPS:
+            # Even sizes and offsets keep a mosaic's pattern in phase.
             h, w = (int(side * part) // 2 * 2 for side in frame.pixels.shape[:2])
             y, x = ((side - mine) // 4 * 2 for side, mine in zip(frame.pixels.shape[:2], (h, w), strict=True))
             hint = Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1))

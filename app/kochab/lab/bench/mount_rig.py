@@ -80,6 +80,7 @@ class WatchedMount(EquatorialMount):
 
 def unguarded(orders: list[ReceivedOrder], guard: Guard) -> list[str]:
     """Every order that the guard's log does not account for, in words."""
+    # Each entry of the log accounts for one order, so two orders for one entry are a stray.
     left = [e for e in guard.log.entries if e.outcome == "sent"]
     strays = []
     for order in orders:
@@ -157,6 +158,7 @@ class MountRig:
             self.timed = True
             self.rig.clock.most_s = inf
             time.sleep(seconds)
+            # The clock is read so that the time slept counts whole, before most_s cuts it again.
             self.rig.clock.now_unix()
             self.rig.clock.most_s = STALL_S
             return
@@ -169,6 +171,7 @@ class MountRig:
     def solve_now(self) -> Task[Solution | NoSolution]:
         """A fresh frame, or for most runs the list of stars that its detector would give."""
         clock = self.rig.clock
+        # The night stands still while a frame is rendered, however long this computer takes for it.
         clock.set_rate(0.0)
         try:
             if self.rendered:

@@ -166,6 +166,7 @@ def astrometry_net(detections: Detections) -> Place | None:
         stars = Path(folder, "stars.fits")
         columns = zip("XY", detections.xy.T + 1.0, strict=True)  # its first pixel is 1
         table = [fits.Column(name=name, format="D", array=values) for name, values in columns]
+        # Only the order counts: falling from 0, as the list is brightest first.
         brightness = fits.Column(name="FLUX", format="D", array=-np.arange(len(detections), dtype=np.float64))
         fits.BinTableHDU.from_columns([*table, brightness]).writeto(stars)
         size = ["--width", str(detections.width), "--height", str(detections.height)]

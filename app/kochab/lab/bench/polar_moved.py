@@ -50,6 +50,7 @@ def turn(rng: np.random.Generator) -> Turn:
         latitude, frames = float(rng.uniform(-60.0, 70.0)), int(rng.integers(2, 9))
         tilt = np.radians(latitude)
         pole = np.array([0.0, np.cos(tilt), np.sin(tilt)]) * np.copysign(1.0, tilt)
+        # Evenly in the logarithm from 1 arcmin to 5 deg.
         off = np.exp(rng.uniform(np.log(1.0), np.log(300.0))) / 60.0
         axis = small_rotation(np.radians(off) * unit(np.cross(pole, rng.normal(size=3)))) @ pole
         steps = np.linspace(0.0, 1.0, frames)

@@ -146,6 +146,7 @@ class Work:
         if turn % 3 == 1:
             del content[int(self.rng.integers(1, len(content))) :]
         elif turn % 3 == 2:
+            # The first block of a FITS file, 2,880 bytes, is all of a short header.
             content[:2880] = self.rng.bytes(2880)
         path = self.folder / "frame.fits"
         path.write_bytes(content)
