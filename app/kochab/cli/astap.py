@@ -230,6 +230,7 @@ def _cd_at_centre(solution: Solution) -> tuple[tuple[float, float], tuple[float,
     camera = solution.camera
     east, north = east_north(solution.centre_vector)
     middle = np.array([camera.width - 1.0, camera.height - 1.0]) / 2.0
+    # Differences over two pixels: the lens' distortion at the centre is in them, which a formula for TAN leaves out.
     steps = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
     rays = camera.unproject(middle + steps) @ solution.attitude.matrix
     ahead = rays @ np.cross(east, north)

@@ -155,6 +155,7 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
     if bad := [one for each in tried if isinstance(one := unsolved.get(id(each), each), UnusableFrame)]:
         sentence = " ".join(about(one.path, one.reason) for one in bad)
         return _fail(sentence, args.json, max(one.code for one in bad), bad), None
+    # None leaves it to how the drift in RA and Dec looks.
     guided = None if args.guided is None else args.guided == "yes"
     refraction = Refraction(args.pressure, args.temperature)
     told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.profile or "")

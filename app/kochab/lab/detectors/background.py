@@ -69,6 +69,7 @@ def without_background(frame: Frame) -> Flat | None:
         # Of large frames every n-th row and column: about a million pixels do for a median.
         every = max(1, int(np.ceil(np.sqrt(image[part].size / SAMPLES))))
         good = image[part][::every, ::every][~broken[part][::every, ::every]]
+        # A thinned sample may hold nothing but broken pixels; then all good ones are taken.
         good = good if len(good) else image[part][~broken[part]]
         level = float(np.median(good)) if len(good) else 0.0
         image[part] -= np.float32(level)

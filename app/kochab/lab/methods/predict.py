@@ -109,6 +109,7 @@ def _sky(attitude: Attitude, camera: Camera, radius_rad: float, seen: int, year:
     """
     catalogue = open_catalogue()
     half = float(np.arctan(np.hypot(camera.width, camera.height) / 2.0 / camera.focal_px))
+    # The frame may lie anywhere within the told radius, so the stars of the whole disc are expected.
     whole = min(half + radius_rad, np.pi)
     frame = np.radians(camera.fov_deg[0]) * np.radians(camera.fov_deg[1])
     discs = 2.0 * np.pi * (1.0 - np.cos(whole)) / max(frame, 1e-12)

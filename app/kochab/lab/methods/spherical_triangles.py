@@ -92,6 +92,9 @@ def polar_moment(corners: Floats) -> Floats:
     are exact to the fifth degree. The leading term is the flat triangle's ``A (a^2 + b^2 + c^2) / 36``.
     """
     centre = unit(corners.sum(axis=-2))
+    #
+    # n . corner
+    #  is twice the flat area times the plane's distance h, whichever corner is taken.
     normal = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
     volume = np.abs((normal * corners[..., 0, :]).sum(axis=-1)) / 2.0  # flat area times h
     point = POINTS @ corners

@@ -196,6 +196,7 @@ class Triads(AngularMethod):
         bright = detections.take(slice(0, stars))
         tests = Tests(*np.radians([self.separation_deg, self.rotation_deg, self.enclosed_deg]))
         reach = max(np.radians(self.separation_deg) * focal, 3.0)
+        # Radians a pixel at the centre.
         pixel = 1.0 / focal
         if self.field_deg is not None:  # the larger side of a pixel on the sky
             pixel = float(np.max(np.radians(self.field_deg) / [bright.width, bright.height]))
@@ -239,6 +240,7 @@ class Triads(AngularMethod):
         if self.field_deg is not None or hint is None or hint.scale_arcsec_px is None:
             return [1.0]
         low, high = hint.scale_arcsec_px
+        # A scale off by s shifts a separation by s times the field at most; the tolerance takes it either way.
         step = 2.0 * self.separation_deg / table_deg(detections, focal)
         rungs = min(int(np.ceil(np.log(high / low) / 2.0 / np.log1p(step) - 0.1)), self.scales // 2)
         ladder = sorted(range(-rungs, rungs + 1), key=abs)
