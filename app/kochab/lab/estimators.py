@@ -100,7 +100,6 @@ class PlateConstants:
         centre, tolerance = _first_centre(xy, icrs), np.radians(self.tolerance_arcsec / 3600.0)
         for _ in range(self.most_rounds):
             standard = standard_coordinates(icrs, centre)
-            # The fit is of the small differences to xy, so that the constants are near zero and keep their digits.
             constants = np.linalg.lstsq(design, standard - xy, rcond=None)[0]  # (3, 2)
             east, north = east_north(centre)
             new = unit(centre + constants[2, 0] * east + constants[2, 1] * north)  # equations 2.18 to 2.21

@@ -58,7 +58,7 @@ def _stop(args: argparse.Namespace) -> int:
         with guarded_mount(args, stop_first=True) as guard:
             guard.stop()
             guard.emergency.confirm()
-    # The port could not be opened: most likely another program holds it, and only that one can stop the mount.
+    # The port could not be opened, so no Stop was sent: whoever holds it has to stop the mount.
     except PortError as error:
         raise PortError(f"{error} {ELSEWHERE}") from error
     except (NoAnswerError, RefusedError, LineLostError) as error:
