@@ -65,6 +65,7 @@ def wahba(camera: Floats, icrs: Floats, sigma_rad: Floats | float = 1.0) -> Atti
     u, s, vt = np.linalg.svd((b * (weight / weight.sum())[:, None]).T @ v)
     if s[1] < 1e-14:
         raise ValueError("The stars lie in one direction: the roll is free.")
+    # A proper rotation has determinant +1; without the sign, noise could give a mirror image.
     proper = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     matrix = (u * np.array([1.0, 1.0, proper])) @ vt
     information = weight.sum() * np.eye(3) - (b * weight[:, None]).T @ b
@@ -76,7 +77,7 @@ def small_rotation(angles_rad: Floats) -> Floats:
     x, y, z = np.asarray(angles_rad, dtype=np.float64).tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     a, b = 1.0, 0.5
-    if angle > 1e-6:
+    if angle > 1e-6:  # below, the series is exact to 1e-13 and 0/0 is avoided
         a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
     return np.array(
         [
@@ -146,5 +147,6 @@ class Quest:
     def estimate(self, xy_px: Floats, vectors: Floats, camera: Camera) -> Attitude:
         """The attitude from M >= 2 stars at ``xy_px`` (M, 2), ICRS unit ``vectors`` (M, 3)."""
         seen, icrs = directions(xy_px, vectors, camera, 2)
+        # Equal weights give the same matrix whatever sigma is, which only then can be told from the residuals.
         matrix = wahba(seen, icrs).matrix
         return wahba(seen, icrs, sigma_rad(seen, icrs, matrix, camera, self.sigma_px))

@@ -124,7 +124,7 @@ def updated(state: FilterState, measured: Attitude) -> FilterState:
     return FilterState(
         small_rotation(step[:3]) @ state.matrix,
         state.rates_rad_s + step[3:],
-        0.5 * (after + after.T),
+        0.5 * (after + after.T),  # rounding would make it asymmetric over thousands of frames
         state.time_s,
         agility,
         chi2,
@@ -137,6 +137,7 @@ def rotation_vector(matrix: Floats) -> Floats:
     """The vector (3,) of a rotation (3, 3), rad: the inverse of ``small_rotation``, under pi."""
     vee = 0.5 * np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
     sine = float(np.linalg.norm(vee))
+    # The arc sine alone folds at 90°, the arc cosine loses the small angles.
     angle = float(np.arctan2(sine, 0.5 * (np.trace(matrix) - 1.0)))
     return vee if sine < 1e-12 else vee * (angle / sine)
 
@@ -149,6 +150,7 @@ def _covariance(attitude: Attitude) -> Floats:
 
 def _manoeuvre(dt: float, innovation: Floats) -> Floats:
     """The (6, 6) that an unknown change of velocity adds when it came ``dt`` before the frame."""
-    dt = max(dt, 1e-3)
+    dt = max(dt, 1e-3)  # two frames of one time stamp would divide by zero
+    # Wide enough for the jump that was seen, or a slew at several deg/s would contradict frame after frame.
     jump = max(MANOEUVRE_RAD_S, 3.0 * float(np.linalg.norm(innovation)) / dt)
     return np.asarray(jump**2 * np.kron([[dt * dt, -dt], [-dt, 1.0]], np.eye(3)))

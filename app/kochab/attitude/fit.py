@@ -47,6 +47,7 @@ REACH_SIGMA = 6.0
 """Wrong matches are spread over this radius; those beyond have no weight."""
 PRIOR_COUNTS = (1.0, 10.0)
 """Wrong and right matches assumed beforehand, counted as so many stars seen."""
+# Gauss-Laguerre: the expectation over r^2 / 2 sigma^2, which has an exponential law, is a weighted sum.
 _NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(40)
 
 
@@ -185,6 +186,7 @@ def refine(
         raise ValueError("A fit needs two matches or more.")
     count = len(matches)
     sigma = np.broadcast_to(1.0 if sigma_px is None else sigma_px, count)
+    # The principal point goes too: told by fewer stars, its error would be in the centre and in no sigma.
     if distortion and count >= ENOUGH_TO_START_PLAIN:
         camera = undistorted(camera)
     everyone = np.ones(count, dtype=np.bool_)
@@ -200,6 +202,7 @@ def refine(
     )
     base = columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
     free, state = _without_outliers(state.descend(base), base, distortion, rounds)
+    # A distortion that was given, as by a camera profile, has to agree with these stars too.
     if distortion and rounds > 1 and not distortion_supported(state, free):
         free, state = _without_outliers(without_distortion(state).descend(base), base, distortion, rounds)
     if focal is not None and count >= FEWEST_FOR_FOCAL:
@@ -232,6 +235,7 @@ def _inliers(state: FitState, parameters: int) -> NDArray[np.bool_]:
         return np.ones(len(scaled), dtype=np.bool_)
     limit = CLIP_SIGMA * min(_spread(scaled, parameters), state.largest)
     keep = np.square(scaled).sum(axis=1) <= limit * limit
+    # When the clip would drop the majority, the spread was wrong and not the stars.
     return keep if 2 * int(keep.sum()) > len(keep) else state.inliers
 
 
@@ -241,6 +245,7 @@ def _with_focal_prior(state: FitState, focal: FocalPrior, free: Indices) -> FitS
     freedom = 2 * int(state.inliers.sum()) - len(free)
     level = max(float(flat @ flat) / max(freedom, 1), FLOOR_PX**2)
     at = int(np.flatnonzero(free == FOCAL)[0])
+    # The error of the logarithm that the stars alone leave, against which the prior is weighed.
     own = float(np.sqrt(normal.only(free).inverse()[at, at] * level))
     believed = math.log(focal.focal_px)
     off = abs(believed - math.log(state.camera.focal_px))
@@ -284,6 +289,7 @@ def _downhill_step(
     hardly told apart else run away. Then they are made anew, and the steps shorter.
     """
     flat = state.flat(left, counts)
+    # Rounding at the minimum must not count as uphill.
     cost = float(flat @ flat) * (1.0 + 1e-9)
     normal = state.normal(jacobian, counts).only(free)
     for number, damping in enumerate((0.0, *SHORTER)):
@@ -330,6 +336,7 @@ def _covariance(state: FitState, free: Indices, floor_px: float, beside: float =
     """Of the small rotation (3, 3), rad^2."""
     flat, normal = state.linear()
     short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
+    # A match that is half believed is half a measurement; a prior is one more.
     freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
     # Few residuals tell their own level badly: errors over it follow Student's law, of this variance.
@@ -351,6 +358,7 @@ def _tilt(state: FitState, free: Indices, flat: Floats, normal: Normal, variance
         return np.zeros((3, 2))
     axis = columns(("cx", "cy"))
     turns, fitted, told = as_rotation(state.camera), normal.only(free), normal.only(np.append(free, axis))
+    # Prior variance over the sum of it and of what the stars leave open: 1 where they tell nothing.
     share = beside_px**2 / (beside_px**2 + variance * told.inverse().diagonal()[-2:])
     off = np.sqrt(beside_px**2 * (1.0 - share) + np.square(share * told.step(flat)[-2:]))
     return np.asarray(
@@ -366,6 +374,7 @@ def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation
         return plain
     size = np.array([state.camera.width, state.camera.height])
     cell = np.clip(state.matches.xy * BLOCKS // size, 0, BLOCKS - 1).astype(np.int64) @ [1, BLOCKS]
+    # Only blocks with stars that count can be left out.
     names = np.unique(cell[counted])
     if len(names) < FEWEST_BLOCKS:
         return plain
@@ -377,6 +386,7 @@ def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation
     turns = (np.linalg.solve(without, pulls[:, :, None])[:, :, 0] / fitted.scale) @ to_rotation.T
     between = (len(names) - 1.0) / len(names) * np.square(turns - turns.mean(axis=0)).sum(axis=0)
     ratio = between / np.maximum(variance, 1e-300)
+    # Nine blocks tell each axis badly: x and y, alike for a lens, share their excess; roll keeps its own.
     ratio[:2] = ratio[:2].mean()
     freedom = len(names) - 1.0
     return np.asarray(np.maximum(1.0, (freedom * ratio + RESIDUALS_COUNT) / (freedom + RESIDUALS_COUNT)))
@@ -391,6 +401,7 @@ def _median(values: Floats) -> float:
 
 def _spread(scaled: Floats, parameters: int) -> float:
     """Sigma of one coordinate from residuals (M, 2), by their median; at least the floor."""
+    # The fitted parameters have shrunk the residuals: fewer are free than there are.
     freedom = max(scaled.size - parameters, 1) / scaled.size
     return max(1.4826 * _median(np.abs(scaled)) / math.sqrt(freedom), FLOOR_PX)
 

@@ -34,7 +34,7 @@ class Normal:
         """Of derivatives (K, N), each parameter's in a row."""
         matrix = rows @ rows.T
         scale = np.sqrt(matrix.diagonal())
-        scale[scale == 0.0] = 1.0
+        scale[scale == 0.0] = 1.0  # a parameter that moves no star
         matrix /= scale
         matrix /= scale[:, None]
         matrix.ravel()[:: len(matrix) + 1] += RIDGE
@@ -61,6 +61,7 @@ class Normal:
         """
         rows = self.rows / self.scale[:, None]
         leverage = (rows * np.linalg.solve(self.matrix, rows)).sum(axis=0)
+        # At least 0.05: a star that alone determines a term would divide by zero.
         left = (residual - self.step(residual) @ self.rows) / np.maximum(1.0 - leverage, 0.05)
         return float(left @ left)
 
@@ -109,6 +110,7 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
         turn[:, 1] = down + cross * turn[:, 0]
         turn[:, 0] = across
     jacobian[3], jacobian[4:6] = bent, 0.0
+    # k1 moves a point by r2 along its radius, k2 by r2 squared.
     np.multiply(flat, r2, out=jacobian[6])
     np.multiply(jacobian[6], r2, out=jacobian[7])
     jacobian[8, 0] = jacobian[9, 1] = 2.0 * uv
@@ -128,6 +130,7 @@ def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]
     after = Camera(
         c.width,
         c.height,
+        # A step may change the focal length by a factor of e at most: far from the minimum steps run away.
         c.focal_px * math.exp(min(max(focal, -1.0), 1.0)),
         c.cx + cx,
         c.cy + cy,
@@ -155,6 +158,7 @@ def sane(camera: Camera) -> bool:
     u, v = ray[..., 0], ray[..., 1]
     r2 = u * u + v * v
     shift = r2 * (camera.k1 + camera.k2 * r2)
+    # 3: the most that p1 (r2 + 2 v2) or its twin is, in units of p1 r2.
     tangential = 3.0 * (abs(camera.p1) + abs(camera.p2)) * np.sqrt(r2)
     grows = 1.0 + r2 * (3.0 * camera.k1 + 5.0 * camera.k2 * r2) > 0.2
     return bool(np.all(grows) and np.all(np.abs(shift) + tangential < 0.4))
@@ -243,6 +247,7 @@ class FitState:
         Levenberg-Marquardt; the derivatives are kept as long as the steps are small.
         """
         state, damping, fresh = self, 0.0, True
+        # Undamped at first: near the minimum Gauss-Newton needs no damping.
         residual, everything = state.linear()
         normal = everything.only(free)
         cost = float(residual @ residual)
@@ -250,6 +255,7 @@ class FitState:
             tried = state.moved(free, normal.step(residual, damping))
             left = tried.weighted()
             cost_tried = float(left @ left)
+            # "not <=" also refuses a step to NaN.
             if not cost_tried <= cost * (1.0 + 1e-9):
                 if fresh:
                     damping = max(10.0 * damping, 1e-3)
@@ -296,6 +302,7 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
     """
     residual, normal = state.linear()
     given = np.array([getattr(state.camera, t) - getattr(state.plain, t) for t in PARAMETERS[4:]])
+    # Each term is judged against no distortion at all, or one already set could not be dropped.
     residual = residual + given @ normal.rows[4:]  # as if no term were set
     count, chosen = int(state.inliers.sum()), [base]
     pulls, square = (normal.rows @ residual) / normal.scale, float(residual @ residual)
@@ -324,6 +331,7 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
             held_out = after
         chosen.append(more)
         now = then
+    # From the richest camera down to the first that is possible.
     for free in reversed(chosen[1:]):
         tried = _plain_but(state, free).descend(free)
         if sane(tried.camera) and _centre_plausible(tried.camera):

@@ -12,7 +12,9 @@ __version__ = "0.2.0"
 Translate = Callable[[str, str, int], str | None]
 """From an English text, its note and the number it counts (-1: none) to the same in a language that has it."""
 _translate: Translate | None = None
+# Also tells whether a language is on: empty means numbers are written as format() writes them.
 _points: dict[int, str] = {}
+# A context variable: one thread may export in English while another draws the window.
 _english = ContextVar("english", default=False)
 
 
@@ -90,6 +92,7 @@ def data_folder(name: str) -> Path:
 
 def cache_folder() -> Path:
     """Where all that is made once lies: ``KOCHAB_CACHE`` or the user's cache."""
+    # Imported here: the core loads at every start, and most commands need no folder.
     from platformdirs import user_cache_path
 
     base = os.environ.get("KOCHAB_CACHE")

@@ -61,6 +61,7 @@ def radec_plain(ra_deg: float, dec_deg: float, style: AngleStyle) -> str:
     if style is AngleStyle.DECIMAL:
         return f"{ra_deg:.6f} {dec_deg:+.6f}"
     text = radec_text(ra_deg, dec_deg, style)
+    # "12h 34m 56s" becomes "12:34:56"; the unit of the last number is dropped below.
     for mark in "hm°′":
         text = text.replace(f"{mark} ", ":")
     return text.replace("s", "").replace("″", "").replace("−", "-").replace("  ", " ")
@@ -96,7 +97,7 @@ def false_alarm_text(log10: float) -> str:
         return tr("not known") if math.isnan(log10) else tr("none to speak of")
     if log10 >= -1:
         return tr("more than 1 in 10")
-    power = math.floor(-log10)
+    power = math.floor(-log10)  # rounded down: never better odds than the solve has
     if power <= 6:
         return tr("1 in {odds}", odds=number(10**power, ","))
     return tr("1 in {odds}", odds=f"10{str(power).translate(SUPERSCRIPTS)}")
@@ -148,6 +149,7 @@ def _signed(text: str) -> str:
 def _split(value: float, places: int, wrap: int | None) -> tuple[int, int, float]:
     """Whole, minutes and seconds, rounded before splitting so that 60.0 never shows."""
     unit = 10**places
+    # Whole ticks of the last digit shown: 59.996 s carries into the minutes before it is split.
     ticks = round(value * 3600 * unit)
     seconds = ticks % (60 * unit) / unit
     minutes = ticks // (60 * unit)
@@ -166,6 +168,7 @@ def parse_ra_deg(text: str) -> float:
     A bare number is degrees; three numbers, or an ``h``, are hours. UsageError when it is neither or out of range.
     """
     numbers, negative = _numbers(text, tr("“{text}” is not a right ascension."))
+    # A bare "83.8" is degrees, while "5 35 17" can only be hours as charts print them.
     hours = "h" in text.lower() or (len(numbers) > 1 and not re.search(r"[d°]", text.lower()))
     value = _sexagesimal(numbers) * (15.0 if hours else 1.0)
     if negative or not 0.0 <= value <= 360.0:
@@ -209,6 +212,7 @@ def parse_site(text: str) -> Site:
             example=example,
         )
         raise UsageError(said)
+    # Rounded to 1e-9°: the wrap leaves rounding noise in the last digits, which would be shown.
     return Site(latitude, round((longitude + 180.0) % 360.0 - 180.0, 9), height)
 
 

@@ -55,6 +55,7 @@ class Camera:
         """Pixels (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""
         v = np.asarray(vectors, dtype=np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
+            # At 90° off axis u and v grow without bound; what lies behind must not be seen mirrored in front.
             uv = np.where(v[..., 2:] > 1e-6, v[..., :2] / v[..., 2:], np.nan)
         return self._pixels(self.bent(uv) if self.distorted else uv)
 
@@ -81,6 +82,7 @@ class Camera:
         """
         corners = np.array([[x, y] for x in (-0.5, self.width - 0.5) for y in (-0.5, self.height - 0.5)])
         far = float(np.arccos(np.clip(self.unproject(corners)[:, 2].min(), 0.0, 1.0)))
+        # Its roots are r2; only real, positive ones are radii. Without k2 it is linear, without both it has no root.
         turns = np.roots([5.0 * self.k2, 3.0 * self.k1, 1.0])
         real = turns.real[(np.abs(turns.imag) < 1e-12) & (turns.real > 0.0)]
         return min(float(np.tan(min(FIELDS * far, np.radians(89.0)))), float(np.sqrt(real.min(initial=np.inf))))
@@ -106,11 +108,13 @@ class Camera:
     def _straighten(self, uvd: Floats) -> Floats:
         """The ideal (u, v) of recorded ones, by Newton's steps: the error squares at each."""
         uv = uvd.copy()
+        # Six at most: beyond the fold of a barrel lens there is no solution to converge to.
         for _ in range(6):
             uu, vv, uv_ = self.bending(uv[..., 0], uv[..., 1])
             du, dv = np.moveaxis(uvd - self.bent(uv), -1, 0)
             det = uu * vv - uv_ * uv_
             step = np.stack([vv * du - uv_ * dv, uu * dv - uv_ * du], axis=-1)
+            # Near the fold of a barrel lens the determinant goes to zero: a plain step there does not jump away.
             step /= np.where(np.abs(det) > 0.01, det, 1.0)[..., None]
             uv = uv + step
             if not (np.abs(step) > 1e-14).any():

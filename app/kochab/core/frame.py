@@ -56,6 +56,7 @@ class Hint:
         """The shortest and the longest focal length that the scale means, px."""
         if self.scale_arcsec_px is None:
             return None
+        # The largest scale means the shortest focal length.
         shortest, longest = (math.degrees(3600.0 / scale) for scale in sorted(self.scale_arcsec_px, reverse=True))
         return shortest, longest
 
@@ -122,6 +123,7 @@ class Detections(Table):
         """Detections from bare positions (N, 2) px; brightest first unless ``flux`` says."""
         xy = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         n = len(xy)
+        # Falling numbers keep the order of the list through the sort.
         flux = np.asarray(np.arange(n, 0, -1) if flux is None else flux, dtype=np.float64)
         order = np.argsort(-flux, kind="stable")
         nan, no = np.full(n, np.nan), np.zeros(n, dtype=np.bool_)

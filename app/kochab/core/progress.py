@@ -52,6 +52,7 @@ class Stopwatch:
 
     def __init__(self, timeout_s: float | None = None, read_ms: float = 0.0) -> None:
         self._start = perf_counter()
+        # Reading has already used part of the time allowed.
         self._limit = None if timeout_s is None else self._start + timeout_s - read_ms / 1e3
         self._ms = dict.fromkeys(STAGES, 0.0)
         self._ms["read"] = read_ms
@@ -89,6 +90,7 @@ class Stopwatch:
                     progress = next(task)
                 except StopIteration as end:
                     return end.value  # type: ignore[no-any-return]
+                # The step just made began when the task had said that it prepares: it moves the limit out.
                 if stage == PREPARING and self._limit is not None:
                     self._limit += perf_counter() - step
                 stage = progress.stage

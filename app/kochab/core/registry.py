@@ -104,7 +104,7 @@ class Option:
 
 
 def _is_number(value: object, whole: bool) -> bool:
-    if isinstance(value, bool):
+    if isinstance(value, bool):  # a bool is an int to Python; True is not 1 here
         return False
     return isinstance(value, int) or (not whole and isinstance(value, float) and math.isfinite(value))
 
@@ -263,6 +263,7 @@ def entry_points_of(group: str) -> Iterator[tuple[str, str]]:
     file = Path(__file__).resolve().parents[3] / "pyproject.toml"
     if file.is_file():
         project = tomllib.loads(file.read_text(encoding="utf-8")).get("project", {})
+        # Its own distribution is left out below: an older installation may name modules that are gone.
         yield from project.get("entry-points", {}).get(group, {}).items()
     for package in distributions():
         try:

@@ -107,6 +107,7 @@ class Solution:
 
         Distortion included, so that y is the recorded frame's down and not the undistorted one's.
         """
+        # Half a pixel up and down the column: y follows the recorded column, which distortion bends.
         steps = np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]])
         above, z, below = self.camera.unproject(np.array([self.camera.width - 1, self.camera.height - 1]) / 2 + steps)
         x = unit(np.cross(below - above, z))
@@ -146,6 +147,7 @@ class Solution:
         """Pixels (N, 2) of ICRS unit vectors (N, 3); NaN far outside the field, where the distortion folds back."""
         seen = np.asarray(vectors) @ self.attitude.matrix.T
         pixels = self.camera.project(seen)
+        # Beyond reach the polynomial would fold stars from 70° away back into the frame.
         pixels[np.hypot(seen[..., 0], seen[..., 1]) > self.camera.reach * seen[..., 2]] = np.nan
         return pixels
 

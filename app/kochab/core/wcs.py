@@ -90,6 +90,7 @@ def _grids(camera: Camera) -> tuple[Floats, Floats]:
 
     Points crowd towards the edges, where polynomials go astray.
     """
+    # Chebyshev spacing.
     place = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, _GRID))
     x, y = np.meshgrid(place * camera.width - 0.5, place * camera.height - 0.5)
     pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
@@ -98,6 +99,7 @@ def _grids(camera: Camera) -> tuple[Floats, Floats]:
     # Beyond the fold of a barrel lens nothing was ever recorded: there is nothing to fit there.
     seen = np.hypot(*flat.T) < 0.9 * _fold_radius(camera)
     seen &= np.abs(camera.project(rays) - pixels).max(axis=1) < _GOOD_PX
+    # With fewer than half the points the polynomial would be free over most of the frame.
     if np.count_nonzero(seen) > len(seen) // 2:
         pixels, flat = pixels[seen], flat[seen]
     sign = np.array([-1.0 if camera.mirrored else 1.0, 1.0])
@@ -117,6 +119,7 @@ def _fold_radius(camera: Camera) -> float:
 def _fit(at: Floats, shift: Floats) -> tuple[int, list[Term], Floats, float]:
     """The polynomials (order, terms (p, q), coefficients (T, 2), worst error px) of a shift."""
     size = float(np.abs(at).max())
+    # Scaled to -1..1: powers up to 9 of thousands of px would leave the fit no digits.
     x, y = (at / size).T
     best: tuple[int, list[Term], Floats, float] | None = None
     for order in _ORDERS:

@@ -122,7 +122,9 @@ class AutoDetector:
         """Stars up to some 20 px wide or 30 px long, and whether most are small."""
         pixels, how = frame.pixels, halving(frame.bayer)
         mesh = measure_mesh(pixels, how)
+        # 0.4 sigma a decade of pixels holds the false peaks of noise below one a frame (class docstring).
         snr = max(self.snr + 0.4 * float(np.log10(pixels.size / 1e6)), 0.85 * self.snr)
+        # The smoothing suits no star exactly: a lower line keeps those whose own image later lifts them above snr.
         xy = find_peaks(pixels, how, mesh, 0.85 * snr, MAX_PEAKS)
         if not len(xy):
             return nothing(frame, mesh), True
@@ -139,7 +141,7 @@ class AutoDetector:
 def measure(view: PreparedFrame, xy: Floats, covariance: Floats, clip: float, snr: float) -> MeasuredStars:
     """Stars among the peaks at ``xy`` (N, 2) px, brightest first, hot pixels refused."""
     major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    half = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))
+    half = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))  # 2.5 sigma hold 96 % of the light
     xy = xy[: MOST_LOOKED_AT // (2 * half + 1) ** 2]  # the highest; large stars need more pixels
     parts = []
     for k in range(0, max(1, len(xy)), BATCH):
@@ -154,6 +156,7 @@ def measure(view: PreparedFrame, xy: Floats, covariance: Floats, clip: float, sn
         stars = MeasuredStars(
             places, fit.flux, fit.snr / noise, unweighted(fit.moments, covariance), peak, noise, peak + level >= clip
         )
+        # A fit that wandered off found a neighbour, which has a peak of its own.
         keep = np.hypot(*(places - at).T) < max(3.0, 2.0 * major)
         keep &= (stars.snr > snr) & (stars.snr > peak / noise) & _wide_enough(stars, covariance)
         keep &= (places > -0.5).all(axis=1)
@@ -172,7 +175,7 @@ def _wide_enough(stars: MeasuredStars, covariance: Floats) -> Bools:
 
 def _measure_saturated(stars: MeasuredStars, view: PreparedFrame) -> None:
     """Saturated stars anew, in place, with a weight as large as their flat tops."""
-    wide = np.flatnonzero(stars.saturated)[:400]
+    wide = np.flatnonzero(stars.saturated)[:400]  # stamps of 49 px: the number bounds the time
     if not len(wide):
         return
     stamps, _, _ = view.stamps(stars.xy[wide], 24)
@@ -198,8 +201,10 @@ def without_duplicates(pixels: Array, stars: MeasuredStars, covariance: Floats) 
 def _detections(frame: Frame, mesh: Mesh, stars: MeasuredStars, covariance: Floats) -> Detections:
     xx, yy, xy = stars.moments.T  # of the light on the sensor: a pixel's own width is taken off
     major, minor, angle = principal_axes(xx - PIXEL_VARIANCE, yy - PIXEL_VARIANCE, xy)
+    # A star in one pixel has no width left once the pixel's own is taken off.
     minor = np.maximum(minor, 0.2)
     major = np.maximum(major, minor)
+    # Nearer than two widths of the star image the light of each is in the other's fit.
     blended = np.zeros(len(major), dtype=np.bool_)
     longest = FWHM_PER_SIGMA * float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     for ends in close_pairs(stars.xy, 2.0 * longest):
@@ -252,6 +257,7 @@ def _clearer(coarse: Detections, fine: Detections) -> bool:
         return False
     if not len(fine):
         return True
+    # White noise of a sum of 4 x 4 pixels is 4 times a pixel's.
     gain = coarse.noise / (COARSE * fine.noise)
     return bool(np.median(coarse.snr[:top]) * gain > np.median(fine.snr[:20]))
 
@@ -262,6 +268,7 @@ def _enlarged(coarse: Detections, frame: Frame) -> Detections:
         coarse,
         width=frame.width,
         height=frame.height,
+        # Pixel (0, 0) is a centre: the first coarse pixel's middle lies at 1.5 px.
         xy=COARSE * coarse.xy + 0.5 * (COARSE - 1),
         fwhm_px=COARSE * coarse.fwhm_px,
         background=coarse.background / COARSE**2,

@@ -99,6 +99,7 @@ def as_summable(rows: Array, fill: float) -> Array:
     with np.errstate(over="ignore"):
         out = rows.astype(np.float32, copy=False)
     with np.errstate(invalid="ignore", over="ignore"):
+        # One pass of BLAS finds NaN, infinity and absurd values together; the mask is made only when it does.
         total = float(np.dot(out.ravel(), out.ravel())) if out.size else 0.0
     if not total < BROKEN**2:
         out = np.where(np.abs(out) < BROKEN, out, np.float32(fill))
@@ -226,6 +227,7 @@ class Mesh:
 def measure_mesh(pixels: Array, how: Halving) -> Mesh:
     """The mesh of a frame (H, W), both at least 8."""
     height, width = pixels.shape
+    # Tiles hold some hundred samples, enough for quartiles; large frames afford larger tiles and sparser rows.
     tile = 64 if pixels.size < 4_000_000 else 128
     every = 8 if pixels.size < 1_500_000 else tile // 4 if tile < 128 else tile // 2
     tops = np.arange(0, height - 5, every)
@@ -235,6 +237,7 @@ def measure_mesh(pixels: Array, how: Halving) -> Mesh:
     cells = _Cells.of(samples.shape, round(width / tile), round(height / tile))
     level, spread = cells.quartiles(samples)
     steps = np.concatenate([np.abs(np.diff(level, axis=k)).ravel() for k in (0, 1)])
+    # Where the level rises by more than the noise from tile to tile, as under vignetting or moonlight.
     if steps.size and np.percentile(steps, 90) > float(np.median(spread)):
         level, spread = cells.quartiles(samples, _median3(level))  # a slope would count as noise
     quantum = 1.0 if pixels.dtype.kind in "iub" else 0.0  # between the values that pixels can have
@@ -283,6 +286,7 @@ class _Cells:
         known = np.isfinite(found).all(axis=0)
         found[:, ~known] = np.median(found[1, known]) if known.any() else 0.0
         low, middle, high = found
+        # Quantised dark frames may have low == median; only then is the upper quartile used.
         return middle, np.where(middle > low, middle - low, high - middle) / QUARTILE
 
     def mesh(self, x: Floats, y: Floats, level: Floats, noise: Floats, quantum: float) -> Mesh:

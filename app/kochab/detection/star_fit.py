@@ -46,6 +46,7 @@ def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) 
     as much star light as that is half as certain. A fit with equal weights would lose up to a
     third of the precision where the star's own photons make the noise.
     """
+    # Peak of a unit-flux star image.
     top = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
     bright = np.flatnonzero(fits.flux * top > 0.3 * light)
     if not len(bright):
@@ -56,6 +57,7 @@ def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) 
     share = (start.flux / light[bright]).astype(np.float32)
     certain = some.weight / (1.0 + np.maximum(image, 0.0) * share[:, None, None])
     better = _fit(Stamps(some.value, certain, some.x, some.y), covariance, 2, start)
+    # A weighted fit that left the star is not better than the plain one.
     settled = (better.flux > 0) & (np.hypot(better.dx - start.dx, better.dy - start.dy) < 0.5)
     bright = bright[settled]
     fits.dx[bright], fits.dy[bright] = better.dx[settled], better.dy[settled]
@@ -236,6 +238,7 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px:
         sxx = (cols * px * px).sum(axis=1) / safe - mx * mx
         syy = (rows * py * py).sum(axis=1) / safe - my * my
         sxy = np.einsum("nij,nj,ni->n", light, px, py) / safe - mx * my
+        # Seen through its own shape a Gaussian keeps half its light and half its moments.
         flux = 2.0 * total
         before = np.stack([x, y, xx, yy])
         x, y = np.clip(x + 2.0 * mx, -limit, limit), np.clip(y + 2.0 * my, -limit, limit)
@@ -269,6 +272,7 @@ def clip_level(view: PreparedFrame, xy: Floats, given: float | None) -> float:
         return 0.98 * float(given)
     values = cut(view.pixels, view.how, xy[:300], np.zeros(min(len(xy), 300)), 2).value
     top = float(values.max(initial=0.0))
+    # Five of the 25 pixels within 2 % of the highest of all stars make a flat top.
     flat = (values >= 0.98 * top).sum(axis=(1, 2)) >= 5
     return 0.98 * top if flat.any() else float(np.inf)
 
@@ -302,6 +306,7 @@ def unweighted(moments: Floats, covariance: Floats) -> Floats:
     most = 0.98 * np.sqrt(m[:, 0, 0] * m[:, 1, 1])
     m[:, 0, 1] = m[:, 1, 0] = np.clip(moments[:, 2], -most, most)
     values, vectors = np.linalg.eigh(np.linalg.inv(m) - weight)
+    # A shape wider than its weight tells has an inverse near zero or below: its size is bounded.
     values = 1.0 / np.maximum(values, 1.0 / (100.0 * covariance.trace()))
     full = (vectors * values[:, None, :]) @ vectors.transpose(0, 2, 1)
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)

@@ -73,7 +73,7 @@ _AVM = """<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>
 </rdf:Description></rdf:RDF></x:xmpmeta>
 <?xpacket end="w"?>"""
 _FULL_PX = 2.0
-_WIDEST_RAD = 1.4
+_WIDEST_RAD = 1.4  # 80 degrees: a gnomonic map grows without bound towards 90
 
 
 def avm_packet(solution: Solution, credit: str) -> bytes:

@@ -29,7 +29,7 @@ from kochab.frames.sandbox import leave_to_sandbox
 
 BLOCK = 2880
 CARD = 80
-_MAX_BLOCKS = 2000
+_MAX_BLOCKS = 2000  # 5.8 MB of header: more is no header
 
 _STRING = re.compile(r"\s*'((?:[^']|'')*)'\s*(?:/.*)?$")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+)?$")
@@ -81,9 +81,11 @@ def read_header(file: BinaryIO) -> Header | None:
     cards: list[str] = []
     for number in range(_MAX_BLOCKS):
         block = file.read(BLOCK)
+        # The last block may be short; a lone tail of zeros or line ends is padding that some programs add.
         if len(block) < BLOCK:
             if not number and not block.strip(b"\x00 \r\n"):
                 return None
+            # Some writers do not pad the last header block: END itself must be there.
             if b"END" + b" " * 77 not in block:
                 raise FrameError("is cut short: its FITS header does not end.")
         text = block.decode("latin-1")
@@ -211,6 +213,7 @@ def _read(file: BinaryIO, path: Path, packed_bytes: int) -> Frame:
     wanted, notes = _choose(image.shape, abs(image.bitpix) // 8, packed_bytes if packed else None)
     read = _decompress if image.compressed else _read_plain
     samples = read(file, image, wanted).reshape(wanted)
+    # Colour stored as planes; a last axis of 3 or 4 is already interleaved.
     if len(wanted) == 3 and wanted[0] in (3, 4) and wanted[2] > 4:
         samples = np.moveaxis(samples, 0, -1)
     if header.unparsed:
@@ -235,6 +238,7 @@ def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
             raise FrameError("is a damaged FITS file: it claims a table of {fields} columns.", fields=fields)
         data = file.tell()
         yield start, header
+        # FITS 4.0, section 4.4.1.2: |BITPIX| / 8 * GCOUNT * (PCOUNT + NAXIS1 * NAXIS2 * ...).
         size = abs(header.integer("BITPIX", 8)) // 8 * header.integer("GCOUNT", 1)
         whole = header.shape()
         size *= header.integer("PCOUNT", 0) + (math.prod(whole) if whole else 0)
@@ -253,6 +257,7 @@ def find_image(file: BinaryIO) -> FitsImage:
         kind = values.get("XTENSION", "IMAGE")
         if compressed or (kind in ("IMAGE", "IUEIMAGE") and "NAXIS" in values):
             prefix = "Z" if compressed else ""
+            # Axes of length 1, as of Stokes or of a cube of one, are no axes of the picture.
             shape = tuple(s for s in header.shape(prefix) if s != 1)
             if len(shape) >= 2 and all(shape):
                 bitpix = header.integer(f"{prefix}BITPIX")
@@ -298,6 +303,7 @@ def _read_plain(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Ar
             raise FrameError("is cut short: {share} % of its image is there.", share=share)
         _swap(part)
         if offset_type is not None:
+            # Adding 2^15 to a signed 16-bit number flips its top bit: no wider type is needed.
             part ^= half
     if offset_type is None and (zero != 0.0 or scale != 1.0):
         return _scaled(out, image.header, zero, scale)
@@ -338,6 +344,7 @@ def _scaled(stored: Array, header: Header, zero: float, scale: float) -> Array:
 def _decompress(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Array:
     if isinstance(file, gzip.GzipFile):  # astropy goes to a file's end and back
         file.seek(0)
+        # Bounded: a gzip bomb must not fill the memory.
         file = io.BytesIO(file.read(MAX_BYTES))
     _check_tiles(image, wanted, file.seek(0, os.SEEK_END) - image.offset)
     leave_to_sandbox()

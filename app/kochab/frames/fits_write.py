@@ -50,6 +50,7 @@ def _cards(frame: Frame) -> list[tuple[str, Any, str]]:
     ]
     if frame.bayer is not None:
         cards.append(("BAYERPAT", frame.bayer, "from the first pixel of the first row"))
+    # For colour, saturation is that of the luminance, which is not what is written.
     if frame.saturation is not None and frame.colour is None:
         cards.append(("SATURATE", frame.saturation, "pixels clip here"))
     if hint.time_utc is not None:
@@ -61,6 +62,7 @@ def _cards(frame: Frame) -> list[tuple[str, Any, str]]:
     if hint.camera:
         cards.append(("INSTRUME", hint.camera[:60], ""))
     if hint.scale_arcsec_px is not None:
+        # The geometric mean of the range.
         cards.append(("SCALE", math.sqrt(math.prod(hint.scale_arcsec_px)), "[arcsec/px]"))
     if hint.centre_deg is not None:
         cards.append(("RA", hint.centre_deg[0], "[deg] as believed"))

@@ -42,7 +42,7 @@ def sexagesimal(value: Any) -> float | None:
     if not match:
         return None
     minutes, seconds = float(match[3]), float(match[4] or 0.0)
-    if minutes >= 60.0 or seconds >= 61.0:
+    if minutes >= 60.0 or seconds >= 61.0:  # 61: a leap second
         return None
     size = float(match[2]) + minutes / 60.0 + seconds / 3600.0
     return -size if match[1] == "-" else size
@@ -66,6 +66,7 @@ def aware_utc(text: str) -> datetime | None:
     text = text.strip()
     old = re.match(r"(\d{2})/(\d{2})/(\d{2})(T.*)?$", text)
     if old:
+        # FITS: a year of two digits is of 1900 to 1999.
         text = f"19{old[3]}-{old[2]}-{old[1]}{old[4] or ''}"
     try:
         time = datetime.fromisoformat(text)
@@ -189,6 +190,7 @@ def _centre(
         ra_dec = _on_sky(_number(values, "CRVAL1"), _number(values, "CRVAL2"))
         x = _number_or(values, "CRPIX1", shape[1] / 2.0) - shape[1] / 2.0
         y = _number_or(values, "CRPIX2", shape[0] / 2.0) - shape[0] / 2.0
+        # CRVAL is the place of CRPIX, which may lie far outside a cropped frame.
         radius = _WCS_RADIUS_DEG + field_deg + scale[1] * math.hypot(x, y) / 3600.0
         if ra_dec and radius < 180.0:
             return (*ra_dec, radius), "WCS in the header"
@@ -258,6 +260,7 @@ def _degrees(value: Any) -> float | None:
     if isinstance(value, str):
         text = value.strip().upper()
         match = re.fullmatch(r"([NSEW]?)\s*([^NSEW]*?)\s*([NSEW]?)", text)
+        # "12D 30M 15S": the S is for seconds, not for south.
         if match and not (match[3] == "S" and re.search(r"[HDM]", match[2])):
             sign = -1.0 if {match[1], match[3]} & {"S", "W"} else 1.0
             value = match[2]
@@ -323,6 +326,7 @@ def hint_from_exif(exif: Exif, size: tuple[int, int]) -> tuple[Hint, dict[str, A
     scale, source = _exif_scale(tags, size)
     exposure = exposure_or_none(_ratio(tags.get(33434)))
     time, doubts = _exif_time(tags, exif.gps, exposure)
+    # Makers repeat their name in the model: "Canon Canon EOS 6D".
     camera = " ".join(dict.fromkeys(f"{_exif_text(tags.get(271))} {_exif_text(tags.get(272))}".split()))
     lens = _exif_text(tags.get(42036))
     hint = Hint(
@@ -397,6 +401,7 @@ def _exif_site(gps: dict[int, Any]) -> Site | None:
     if _exif_text(gps.get(3)).upper().startswith("W"):
         longitude = -longitude
     height = _ratio(gps.get(6)) or 0.0
+    # GPSAltitudeRef: 1 is below sea level.
     below = gps.get(5) in (1, b"\x01")
     return site_or_none(latitude, longitude, -height if below else height)
 

@@ -174,6 +174,7 @@ def _sniff(path: Path) -> str:
 def kind_of(head: bytes, suffix: str) -> str | None:
     """The key of `FORMATS` for a file that begins with ``head``, None when unknown."""
     named = SUFFIXES.get(suffix)
+    # ISO base media files: Canon's CR3 among them has the brand "crx ".
     if head[4:8] == b"ftyp":
         return "raw" if head[8:12] == b"crx " else "HEIF"
     if head[:4] == b"RIFF":

@@ -56,6 +56,7 @@ def check_size(width: int, height: int, bytes_px: int = 1, packed_bytes: int | N
             size=size / 1e9,
             packed=packed_bytes / 1e6,
         )
+    # Half of what is free: split and finite hold the picture twice for a moment.
     limit = MAX_BYTES if free is None or size > MAX_BYTES else free / 2
     if size > limit:
         raise FrameError(
@@ -130,6 +131,7 @@ def luminance(rgb: Array) -> Array:
         total = np.add(r[rows], b[rows], dtype=wide)
         total += g[rows]
         total += g[rows]
+        # The + 2 rounds to nearest.
         out[rows] = total if rgb.dtype == np.uint8 else (total + 2) >> 2
     return out
 
@@ -141,7 +143,7 @@ def native(array: Array) -> Array:
     """
     kind, size = array.dtype.kind, array.dtype.itemsize
     if kind == "b":
-        return np.ascontiguousarray(array, dtype=np.uint8) * np.uint8(255)
+        return np.ascontiguousarray(array, dtype=np.uint8) * np.uint8(255)  # true is white
     if kind not in "iuf":
         raise FrameError("holds samples that are not real numbers.")
     if size == 8 or (kind == "f" and size != 4):
@@ -201,6 +203,7 @@ def bayer_pattern(values: Mapping[str, Any], height: int) -> str | None:
         return None
     x, y = (int(number_or_none(values.get(key)) or 0) for key in ("XBAYROFF", "YBAYROFF"))
     if str(values.get("ROWORDER", "")).strip().upper() == "BOTTOM-UP":
+        # The pattern is named from the row that such a program shows on top, our last one.
         y += height - 1
     return shifted(name, x, y)
 

@@ -44,6 +44,7 @@ def stretch_parameters(array: Array) -> Stretch:
     if array.dtype.kind in "iu":
         sigma = max(sigma, 0.3)  # a flat sky of whole numbers is still uncertain by rounding
     black = max(low, median - SHADOW_SIGMAS * sigma)
+    # A frame of nothing but sky would otherwise stretch its own noise to full white.
     white = max(high, median + 20.0 * sigma)
     if not white > black:
         return Stretch(black, black + 1.0)
@@ -121,6 +122,7 @@ def debayer_preview(frame: Frame, factor: int = 2) -> Array:
     out[..., 2] = cells[frame.bayer.index("B")]
     first, second = (cells[i] for i, letter in enumerate(frame.bayer) if letter == "G")
     whole = mosaic.dtype.kind in "iu"
+    # Halved before they are added: 16 bits would overflow.
     out[..., 1] = (first >> 1) + (second >> 1) if whole else (first + second) / 2
     return out
 

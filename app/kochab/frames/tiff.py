@@ -27,6 +27,7 @@ def read_tiff(path: Path) -> Frame:
 
     import tifffile
 
+    # It logs every odd tag; what matters comes as an exception.
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)
     with decoding("TIFF"), tifffile.TiffFile(path) as file:
         if _is_raw(file):
@@ -46,6 +47,7 @@ def _samples(page: Any) -> tuple[NDArray[Any], bool]:
     data = np.asarray(page.asarray())
     while data.ndim > 3 or (data.ndim == 3 and 1 in data.shape[:1]):
         data = data[0]
+    # 2: planes one after the other.
     if data.ndim == 3 and page.planarconfig == 2:
         data = np.moveaxis(data, 0, -1)
     if page.photometric == 3 and page.colormap is not None and data.ndim == 2:
@@ -57,7 +59,7 @@ def _samples(page: Any) -> tuple[NDArray[Any], bool]:
 
 def _is_raw(file: Any) -> bool:
     page = file.pages[0]
-    if 50706 in page.tags or page.photometric == _CFA:
+    if 50706 in page.tags or page.photometric == _CFA:  # DNGVersion
         return True
     return any(p.photometric == _CFA for p in (page.pages or ()))
 
@@ -123,6 +125,7 @@ def _even_out(pixels: NDArray[Any], colours: NDArray[Any], black: list[float]) -
         for column in (0, 1):
             excess = int(black[int(colours[row, column])] - lowest)
             if excess > 0:
+                # Clamped before it is subtracted: unsigned numbers below their black level would wrap to white.
                 part = pixels[row::2, column::2]
                 np.subtract(np.maximum(part, excess), excess, out=part, casting="unsafe")
 

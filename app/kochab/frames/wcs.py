@@ -90,6 +90,7 @@ def _with_wcs(header: bytes, solution: Solution) -> bytes:
         name = card[:8].decode("latin-1").rstrip(" \0")
         if name == "END":
             break
+        # A CONTINUE card belongs to the one before it and goes with it.
         dropped = bool(_OLD.match(name)) or (dropped and name == "CONTINUE")
         if not dropped:
             cards.append(card)

@@ -33,7 +33,7 @@ def read_xisf(path: Path) -> Frame:
         samples = _samples(file, metas[0], path.stat().st_size)
     values = _keywords(metas[0])
     notes = (tr("Only the first of {many} images is read.", many=len(metas)),) if len(metas) > 1 else ()
-    saturation = 1.0 if samples.dtype.kind == "f" else None
+    saturation = 1.0 if samples.dtype.kind == "f" else None  # the format's own bounds of floats
     return frame_with_keywords(samples, path, values, {}, notes, saturation, _pattern(file))
 
 
@@ -60,6 +60,7 @@ def _unzipped(packed: bytes, size: int) -> bytes:
     """``size`` bytes and no more, however much is packed."""
     unpacker = zlib.decompressobj()
     data = unpacker.decompress(packed, size)
+    # One byte more would come out: more is packed than was told.
     if len(data) != size or unpacker.decompress(unpacker.unconsumed_tail, 1):
         raise FrameError("is a damaged XISF: its sizes do not agree.")
     return data

@@ -69,6 +69,7 @@ class Adjusters:
                 moved_at = moved_at if gone == before else now
                 if now - moved_at > STALLED_S or now - began_at > LONGEST_S:
                     break
+                # Idle alone is not enough: a board may still say it before the order has begun to turn the motor.
                 resting = state == b"Idle" and gone == before
         finally:
             if not resting:
@@ -108,6 +109,7 @@ class Adjusters:
                 with suppress(NoAnswerError):
                     self._link.read_until(b"\n", LONGEST_LINE, ANSWER_S)  # the line's own ok
                 azimuth, altitude = (float(text) for text in found.groups()[1:])
+                # Only GRBL itself reports its feed; it needs the jog cancel byte (module docstring).
                 self._grbl = b"|F" in found[0]
                 return found[1], {AdjusterAxis.AZIMUTH: azimuth, AdjusterAxis.ALTITUDE: altitude}
         raise NoAnswerError("The adjusters don't report their position.")

@@ -190,6 +190,7 @@ class MountSnapshot:
                 self.report, self.trouble = word, ""
                 if word.state.slewing:
                     self.has_moved()
+            # A quick order excludes nothing, so it does not take the place of the one under way.
             case OrderProgress() if not action(word.name).quick:
                 self.busy, self.doing = word.name, word.progress
             case OrderDone() | OrderFailed() if not action(word.name).quick:

@@ -190,6 +190,7 @@ class MountLine:
         """Ask where the mount is and how it is, twice a second."""
         if not now and monotonic() - self._looked < POLL_S:
             return
+        # Set before the questions: a mount that answers slowly is not asked twice as often.
         self._looked = monotonic()
         try:
             here, doubts = guard.position(), (guard.policy.doubt, guard.policy.until_sync)
@@ -224,6 +225,7 @@ class MountLine:
         tried = monotonic()
         while True:
             yield Progress("line lost")
+            # Orders that waited were meant for the mount of before: none may move it once the line is back.
             while not self._orders.empty():
                 self._tell(events.OrderFailed(self._orders.get().name, LOST))
             if order is not None and self._given_up(order):

@@ -74,6 +74,7 @@ class EquipmentProfile:
 
     def __post_init__(self) -> None:
         for name, (low, high, refusal) in BOUNDS.items():
+            # NaN fails the comparison below, too.
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise UsageError(refusal, low=low, high=high)

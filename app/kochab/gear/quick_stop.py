@@ -74,6 +74,7 @@ def _send_over_network(driver: str, address: str, stop: bytes) -> None:
             for command in TIMES * stop.splitlines(keepends=True):  # each in a datagram of its own, and some are lost
                 line.sendto(command, to)
         return
+    # A name with such letters would need escaping in XML; the command itself sends that Stop.
     if driver == "indi" and (not device or re.search("[<>&\"']", device)):
         return
     name = device if driver == "indi" else device or "0"

@@ -270,6 +270,7 @@ def find_mounts(typed: str) -> Task[tuple[list[PortInfo], list[Diagnosis]]]:
     for name in names:
         diagnosis = yield from probe_port(name)
         found.append(diagnosis)
+        # The first mount ends the search: each silent port costs seconds of every protocol's questions.
         if diagnosis.found:
             return listed, found
     return listed, found + find_served()

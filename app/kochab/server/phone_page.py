@@ -20,7 +20,7 @@ from kochab.core import data_folder, tr
 from kochab.core.errors import PortError
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 
-TOKEN_BYTES = 16
+TOKEN_BYTES = 16  # 128 bits: nobody in the network guesses the address
 REQUEST_S = 10.0
 """For a connection from its beginning to the last byte of the reply: one sent letter by letter ends too."""
 MOST_CONNECTIONS = 32
@@ -78,6 +78,7 @@ class PhonePage:
     def answer(self, path: str) -> tuple[str, bytes] | None:
         """Content type and body for a path; None for whatever is not there."""
         parts = path.split("/")
+        # Compared in constant time: the answer's delay does not tell how many letters were right.
         if len(parts) != 3 or parts[0] or not compare_digest(parts[1].encode(), self._token.encode()):
             return None
         if parts[2] == "":
@@ -129,6 +130,7 @@ class _Server:
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Reply to one request, and close the connection whatever came of it."""
+        # Refusing the newest would let 32 slow connections keep every phone out.
         if len(self._connections) == MOST_CONNECTIONS:
             oldest = next(iter(self._connections))
             del self._connections[oldest]
@@ -166,6 +168,7 @@ def local_address() -> str:
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
+            # A private address, so that the route of the local network answers; no packet is sent.
             probe.connect(("10.255.255.255", 9))
             return str(probe.getsockname()[0])
         except OSError:

@@ -72,6 +72,7 @@ def sensor_numbers(rows: Array, most: int | None) -> Array:
             wide = np.dtype(np.float32)
         return np.ascontiguousarray(rows, dtype=wide)
     small: type[np.uint8] | type[np.uint16] = np.uint8 if rows.dtype == np.uint8 else np.uint16
+    # ASCOM's arrays are int32 for 16-bit sensors too; what does not fit is clipped, not wrapped.
     if rows.dtype.kind == "i" or rows.dtype.itemsize > 2:
         rows = np.clip(rows, 0, 65535)
     return np.ascontiguousarray(rows, dtype=small)
@@ -186,6 +187,7 @@ class AlpacaCamera(ExposingCamera):
 
     def _set_binning(self, binning: int) -> None:
         """Take all of the chip, ``binning`` pixels a side together."""
+        # A camera without binning has no binx to set.
         with suppress(NotOfferedError):
             self._put("binx", BinX=binning)
             self._put("biny", BinY=binning)

@@ -190,6 +190,7 @@ class FolderCamera(CameraSource):
         begun = monotonic()
         self._arrivals.update(self._listing(), begun)
         now = monotonic()
+        # Nine times as long as the look took: a tenth of the time, however many files there are.
         self._next_look_s = now + max(POLL_S, 9.0 * (now - begun)) - POLL_S / 2
 
     def _read(self, path: str) -> Frame | None:
@@ -233,6 +234,7 @@ class FolderCamera(CameraSource):
     def _who(self) -> tuple[int, int]:
         """What stays the same as long as it is the same folder of the same drive."""
         try:
+            # Device and inode: an unmounted drive leaves an empty folder of the same name.
             about = self._folder.stat()
         except OSError as error:
             raise self._gone(error) from None

@@ -95,6 +95,7 @@ class ExposingCamera(CameraSource):
 
     def _end_exposure(self) -> None:
         if self._exposing is not None:
+            # Forgotten first: when aborting fails, nobody waits for this picture.
             self._exposing = None
             self._abort()
 

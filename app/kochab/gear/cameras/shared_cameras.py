@@ -152,6 +152,7 @@ class _Device:
                     return frame
                 left = max(0.0, deadline - monotonic())
                 if self._fault is not None:
+                    # A new one each time: one exception object raised in several threads would mix their tracebacks.
                     raise LineLostError(str(self._fault))
                 if asked and left <= 0:
                     return None
@@ -206,6 +207,7 @@ class _Device:
         """Have the device to oneself, before anybody who only waits for a frame."""
         with self._news:
             self._asking += 1
+            # Counted in _asking meanwhile, so that fetchers let this one through first.
             self._news.wait_for(lambda: not self._busy)
             self._asking -= 1
             self._busy = True

@@ -186,6 +186,7 @@ class Webcam(CameraSource):
 
         self._count += 1
         exposure_s = self._controls.exposure_s
+        # The picture arrives at the end of its exposure: mid-exposure is half of it earlier.
         ago_s = monotonic() - arrived_s + (exposure_s or 0.0) / 2.0
         hint = Hint(time_utc=datetime.now(UTC) - timedelta(seconds=ago_s), exposure_s=exposure_s, camera=self.name)
         samples, bayer = _samples(picture)

@@ -37,7 +37,7 @@ def net_address(text: str, default_port: int) -> NetAddress:
     host, port = server, ""
     if server.startswith("["):
         host, _, port = server.partition("]")
-        host, port = host + "]", port.removeprefix(":")
+        host, port = host + "]", port.removeprefix(":")  # the brackets tell the colons of IPv6 from that of the port
     elif ":" in server:
         host, _, port = server.partition(":")
     number = int(port) if port.isascii() and port.isdigit() else (0 if port else default_port)

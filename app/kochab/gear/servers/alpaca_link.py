@@ -121,6 +121,7 @@ class AlpacaLink:
             if size > LARGEST_BYTES:
                 self._http.close()
                 raise NoAnswerError("{server} sent too much data for an image.", server=self._address.server)
+        # Bytes of Content-Length that never came.
         missing = answer.length
         answer.close()  # else the connection takes no further request
         if missing:
@@ -171,7 +172,7 @@ def discover(wait_s: float = 1.0) -> list[str]:
             with suppress(OSError, ValueError, KeyError, TypeError):
                 data, (host, _) = ear.recvfrom(1024)
                 found.append(f"{host}:{int(json.loads(data)['AlpacaPort'])}")
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(found))  # loopback and broadcast both find a server here
 
 
 class _DeadlineConnection(http.client.HTTPConnection):

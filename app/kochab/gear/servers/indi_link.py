@@ -111,6 +111,7 @@ class IndiLink:
 
         def read(client: Any) -> str | None:
             found = client.get(device, {}).get(vector)
+            # A deleted vector stays in the client's table with enable off.
             return str(found.state) if found is not None and found.enable else None
 
         return self.ask(read)
@@ -146,6 +147,7 @@ class IndiLink:
             if left <= 0:
                 return False
             with self._news:
+                # At most 50 ms: news between the question and this wait would be missed otherwise.
                 self._news.wait(min(left, 0.05))
 
     def check(self) -> None:
@@ -345,6 +347,7 @@ class IndiDevice:
 
 def _same(told: str | None, meant: str) -> bool:
     try:
+        # Servers write numbers in formats of their own, with few digits.
         return told is not None and abs(float(told) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
     except ValueError:
         return told == meant
