@@ -26,6 +26,7 @@ class Table:
 
     def _arrays(self) -> Iterator[tuple[str, Array]]:
         values = ((f.name, getattr(self, f.name)) for f in fields(self))
+        # What is no array belongs to all rows and is left as it is.
         return ((name, value) for name, value in values if isinstance(value, np.ndarray))
 
     def __len__(self) -> int:

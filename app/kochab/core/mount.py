@@ -104,8 +104,9 @@ class TrackingRate(StrEnum):
         return {
             TrackingRate.OFF: 0.0,
             TrackingRate.SIDEREAL: SIDEREAL_DEG_S,
+            # The Moon falls behind by one turn in a sidereal month, 27.3 days.
             TrackingRate.LUNAR: SIDEREAL_DEG_S - 360.0 / (27.321661 * 86400.0),
-            TrackingRate.SOLAR: 360.0 / 86400.0,
+            TrackingRate.SOLAR: 360.0 / 86400.0,  # the mean Sun: one turn a day
             TrackingRate.KING: 15.0369 / 3600.0,
         }[self]
 

@@ -79,6 +79,7 @@ def _is_maximum(field: Array, hit: Indices) -> NDArray[np.bool_]:
     value = flat[hit]
     keep = np.ones(len(hit), dtype=np.bool_)
     for step in (1, row - 1, row, row + 1):
+        # With >= on one side and > on the other exactly one of two equal neighbours is the peak.
         keep &= (value >= flat[hit - step]) & (value > flat[hit + step])
     return keep
 

@@ -226,6 +226,7 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
     except BaseException:  # also when this task is closed
         sandbox.kill()
         raise
+    # It answered, if only by an error: the process is sound and serves the next file.
     _idle.append(sandbox)
     value, fault, trace = answer.result()
     if fault is not None:

@@ -102,8 +102,10 @@ def grid_lines(
         ra = np.linspace(ra0, ra1, POINTS if ra1 - ra0 < 180 else 4 * POINTS)
         lines.append(_line(along, value, dec_step, ra, value))
     for value in _multiples(ra0, ra1, ra_step):
+        # 0° and 360° are one meridian.
         if ra1 - ra0 >= 360.0 and value >= ra0 + 360.0 - 1e-9:
             continue
+        # Meridians stop half a step short of the pole, where they would run into one blot.
         top = min(90.0 - dec_step / 2, dec1) if dec1 > 90.0 - 1e-6 else dec1
         low = max(-90.0 + dec_step / 2, dec0) if dec0 < -90.0 + 1e-6 else dec0
         lines.append(_line(across, value % 360.0, ra_step, value, np.linspace(low, top, POINTS)))

@@ -92,6 +92,7 @@ class MountLine:
         self._stops += 1
         guard = self._guard
         if guard is not None:
+            # A thread of its own: a line that does not take the bytes must not hold up the caller.
             threading.Thread(target=self._stop, args=(guard,), name="kochab-stop", daemon=True).start()
 
     def _stop(self, guard: Guard) -> None:
@@ -152,6 +153,7 @@ class MountLine:
             logger.debug("%s failed", order.name, exc_info=True)
             self._tell(events.OrderFailed(order.name, str(error), stopped=self._given_up(order)))
         else:
+            # So that whoever hears that the order is done sees the position after it.
             self._look(guard, now=True)
             done, stopped = events.OrderDone(order.name, result), events.OrderFailed(order.name, STOPPED, stopped=True)
             self._tell(done if ended else stopped)

@@ -55,6 +55,7 @@ def send_first_stop(arguments: Sequence[str]) -> None:
         elif stop and given["port"]:
             import serial
 
+            # pyserial knows the address as socket://.
             port = given["port"].replace("tcp://", "socket://", 1)
             with serial.serial_for_url(port, baudrate=int(given["baud"] or baud), write_timeout=1.0) as line:
                 line.write(stop)

@@ -199,6 +199,7 @@ class FolderCamera(CameraSource):
 
         if self._reading is None:
             stamp = _stamp(path)
+            # Asked anew: the last look may be seconds old on a large folder.
             if stamp is None or stamp != self._arrivals.stamp(path):
                 return None  # written to since the last look: the next one sees it as new
             self._reading = path, stamp, reading(path, READ_LIMIT_S)

@@ -103,6 +103,7 @@ class IndiCamera(ExposingCamera):
         with ExitStack() as failing:
             failing.callback(link.close)
             camera = cls(link, chosen([(name, name) for name in link.named(CCD_INTERFACE, where.rest)], where, "INDI"))
+            # Without the wait a gain that the driver defines last would be refused as one that cannot be set.
             link.wait(lambda: settings.gain is None or camera._gain() is not None, SET_S)  # told one by one
             camera.configure(settings)
             failing.pop_all()

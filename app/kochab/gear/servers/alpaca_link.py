@@ -85,6 +85,7 @@ class AlpacaLink:
     def _ask(
         self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str]
     ) -> tuple[bytes, str]:
+        # One deadline for the call and its second try: a server that trickles must not get the limit twice.
         self._http.deadline_s = monotonic() + limit_s
         kept = self._http.sock is not None
         try:
