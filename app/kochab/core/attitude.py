@@ -112,7 +112,7 @@ def radec_deg(vector: Floats) -> tuple[float, float]:
 
 def angle_between(a: Floats, b: Floats) -> float:
     """Angle between two vectors (3,), radians, exact for small ones too."""
-    # The arc cosine of a @ b loses half the digits below about 1e-8 rad (2 mas).
+    # The arc cosine of a @ b is zero or noise below about 1e-8 rad (2 mas).
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 

@@ -297,7 +297,7 @@ class _Sandbox:
     def kill(self) -> None:
         """End the process, whatever it does."""
         self._process.kill()
-        for _ in range(100):  # one that waits for a dead network drive ends when that answers  # 1 s at most
+        for _ in range(100):  # one that waits for a dead network drive ends when that answers; 1 s at most
             if not self.alive:
                 break
             time.sleep(0.01)

@@ -112,7 +112,7 @@ class IndiCamera(ExposingCamera):
     @property
     def limits(self) -> CaptureLimits:
         """As the driver tells them."""
-        # Asked each time: drivers define their vectors one by one, and may change a range.
+        # Asked each time: drivers define their vectors one by one.
         bins = self._link.bounds(self.name, "CCD_BINNING", "HOR_BIN")
         gain = self._gain()
         return CaptureLimits(
