@@ -69,7 +69,6 @@ class Adjusters:
                 moved_at = moved_at if gone == before else now
                 if now - moved_at > STALLED_S or now - began_at > LONGEST_S:
                     break
-                # Idle alone is not enough: a board may still say it before the order has begun to turn the motor.
                 resting = state == b"Idle" and gone == before
         finally:
             if not resting:
