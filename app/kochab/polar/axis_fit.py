@@ -63,6 +63,7 @@ def _as_one(frames: Sequence[LocalAttitude], pole: Floats, clock: float) -> Loca
     if count == 1:
         return last
     inverse = np.linalg.inv(last.covariance)
+    # Each frame carried to the time of the last, as if the mount tracked and as if it stood; the better guess counts.
     for rate in (clock, 0.0):
         turns = [rate * (last.time_utc - f.time_utc).total_seconds() for f in frames]
         carried = np.stack([about(pole, turn) @ f.matrix for turn, f in zip(turns, frames, strict=True)])
@@ -139,6 +140,7 @@ def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
     turns = np.array([_turn_about(axis, m @ measured[0].T) for m in measured])
     reference = measured[0]
     for _ in range(STEPS):
+        # whiten is L^-1 of each covariance L L^T: whitened residuals have unit variance, so plain least squares does
         residual, jacobian = _linear(axis, turns, reference, measured, whiten)
         step = np.asarray(np.linalg.lstsq(jacobian, -residual.ravel(), rcond=None)[0], dtype=np.float64)
         axis, turns, reference = _moved(axis, turns, reference, step)
@@ -179,6 +181,7 @@ def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, wh
     Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the turns but the first.
     """
     count = len(turns)
+    # Moving the axis by t is a rotation Q about axis x t, and Q Rot Q^T differs from Rot by (1 - Rot)(axis x t).
     basis = np.stack([np.cross(axis, t) for t in tangents(axis)], axis=1)
     turned = about_each(axis, turns)
     model = turned @ reference
@@ -257,6 +260,7 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
         return None
     suppositions = _suppositions(attitudes, fit, towards)
     best = min(suppositions, key=lambda m: m.fit.chi2)
+    # Also told when it takes away 80 % but leaves more than noise: `explains` then keeps its fit from being used.
     explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
     if not explained or abs(best.angle_arcsec) <= max(3.0 * best.sigma_arcsec, LEAST_ARCSEC):
         return None
@@ -306,6 +310,7 @@ def _sudden(suppositions: Sequence[Movement]) -> list["Gradual"]:
     found = []
     for m in suppositions:  # as common at every size, from about an arcminute to degrees
         known = np.isfinite(m.sigma_arcsec)  # chi-square has a smallest value there
+        # Occam: the width of the likelihood over that of a prior that falls as one over the size
         prior = np.log(m.sigma_arcsec / (SIZES * (abs(m.angle_arcsec) + SMALL_ARCSEC))) if known else -np.inf
         found.append(Gradual(m.fit.axis, m.fit.covariance, float(prior + common) - 0.5 * m.fit.chi2))
     return found
@@ -336,6 +341,7 @@ def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
     upward, clockwise = tangents(fit.axis)
     _, before = np.linalg.slogdet(jacobian.T @ jacobian)
     found = []
+    # One linear step from the fit, for each fault; rows of a unit matrix are the prior of its numbers, one sigma each.
     for common, slopes in _slopes(attitudes, fit, measured):
         count = slopes.shape[-1]
         rows = np.block(
@@ -345,6 +351,7 @@ def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
         step = np.asarray(np.linalg.lstsq(rows, aim, rcond=None)[0], dtype=np.float64)
         _, after = np.linalg.slogdet(rows.T @ rows)
         axis = fit.axis + step[0] * upward + step[1] * clockwise
+        # Laplace's approximation; the still model's determinant is taken off, so that its evidence is -chi2 / 2 alone.
         evidence = -0.5 * (float(np.sum(np.square(rows @ step - aim))) + after - before) + np.log(common)
         found.append(Gradual(axis / np.linalg.norm(axis), np.linalg.inv(rows.T @ rows)[:2, :2], evidence))
     return [*found, *(_scattered(attitudes, fit, whiten, before, scatter * ARCSEC) for scatter in SCATTERS_ARCSEC)]
@@ -353,11 +360,12 @@ def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
 def _slopes(attitudes: Sequence[LocalAttitude], fit: AxisFit, measured: Floats) -> Iterator[tuple[float, Floats]]:
     """For each fault its prior, and how one sigma of its numbers turns each camera about its own axes (N, 3, M)."""
     since = np.array([(a.time_utc - attitudes[0].time_utc).total_seconds() for a in attitudes])
-    since = since if np.ptp(since) > 0.0 else np.arange(len(since), dtype=np.float64)
+    since = since if np.ptp(since) > 0.0 else np.arange(len(since), dtype=np.float64)  # without times, even steps
+    # -1 at the first frame and 0 at the last: the axis found is the one at the end, which the bolts will turn
     share = ((since - since.max()) / np.ptp(since))[:, None, None]
     into_camera = np.swapaxes(measured, 1, 2)
-    yield GROWS, GRADUAL_SIGMA * share * into_camera
-    yield GROWS, GRADUAL_SIGMA * share * np.eye(3)
+    yield GROWS, GRADUAL_SIGMA * share * into_camera  # a tripod sinks, in E, N, U
+    yield GROWS, GRADUAL_SIGMA * share * np.eye(3)  # a camera creeps, in its own axes
     across = np.stack(tangents(fit.axis), axis=1)
     for times in WOBBLES:
         yield WOBBLES_SO, WOBBLE_SIGMA * into_camera @ about_each(fit.axis, times * fit.turns_rad) @ across
@@ -373,6 +381,7 @@ def _scattered(
     measured = np.stack([a.matrix for a in attitudes])
     _, jacobian = _linear(found.axis, found.turns_rad, found.reference, measured, less)
     _, after = np.linalg.slogdet(jacobian.T @ jacobian)
+    # Wider errors fit anything: the normalization of the likelihood makes them pay for it.
     spread = 2.0 * float(np.sum(np.linalg.slogdet(whiten)[1] - np.linalg.slogdet(less)[1]))
     evidence = -0.5 * (found.chi2 + after - before + spread) + np.log(SCATTERS)
     return Gradual(found.axis, found.covariance, evidence)
@@ -405,12 +414,13 @@ def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, 
         if curvature <= 0:
             break
         change = -slope / curvature
-        angle += float(np.clip(change, -0.2, 0.2))
+        angle += float(np.clip(change, -0.2, 0.2))  # far from the minimum the parabola asks for any angle
         if abs(change) < 0.1 * ARCSEC:
             break
     sigma = np.sqrt(2.0 / curvature) if curvature > 0 else np.inf
     final = _turned_after(attitudes, tried, towards, what, after, angle)
     if np.isfinite(sigma):
+        # What is not known of the angle moves the axis along one line: covariance of rank one.
         a_sigma = _apart(final, _turned_after(attitudes, tried, towards, what, after, angle + float(sigma)).axis)
         final = replace(_widened(final, np.outer(a_sigma, a_sigma)), moved=1)
     names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
@@ -420,6 +430,7 @@ def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, 
 def _turned_after(
     attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int, angle: float
 ) -> AxisFit:
+    # The earlier frames are turned, not the later ones: the live phase goes on with the camera as it stands in the end.
     turn = about(_moving_axis(fit, what), angle)
     return fit_axis([replace(a, matrix=a.matrix @ turn) if k <= after else a for k, a in enumerate(attitudes)], towards)
 

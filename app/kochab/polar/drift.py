@@ -159,6 +159,7 @@ def _holds(group: Sequence[Sighting]) -> bool:
         rate.append(abs(float(line[0])))
     steady = max(STEADY_ARCSEC, 3.0 * float(np.sqrt(_variance_arcsec2(group))))
     wanders = scatter[0] > max(WANDERS_ARCSEC, steady) or max(rate) > FAST_ARCSEC_H
+    # Not guided only where Dec keeps to a line and RA wanders: held Dec must never pass for an axis without drift.
     return not (scatter[1] < steady and wanders)
 
 
@@ -185,6 +186,7 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
             tr("Check the site and the time."),
             PolarFindingKind.SITE_OR_TIME,
         )
+    # First with the stated errors, which tells how much larger they are; then with those.
     _, wider = _solved(used, towards, 1.0)
     found, _ = _solved(used, towards, wider)
     error = found.error(towards)
@@ -226,6 +228,7 @@ def _solved(stretches: Sequence[Stretch], pole: Floats, wider: float) -> tuple[_
     known = np.array([FAR_RAD, FAR_RAD, *doubts]) ** -2.0
     tracking = [_ra_row(s, pole) for s in stretches if not (s.held or s.ra_held)]
     normal, right = matrix.T @ matrix + np.diag(known), matrix.T @ aim
+    # RA runs at the sidereal rate within sigma: slope + bend . shift = 0
     for slope, bend, sigma in tracking:
         normal[:2, :2] += np.outer(bend, bend) / sigma**2
         right[:2] -= bend * slope / sigma**2
@@ -264,15 +267,17 @@ def _rows(stretch: Stretch, pole: Floats) -> _Rows:
     steps = stretch.steps if len(stretch.steps) else np.zeros(count)
     pulses = stretch.pulses_rad if len(stretch.pulses_rad) else np.zeros(count)
     zero, names = np.zeros(count), np.unique(steps)
+    # Own unknowns: Dec after each dither, the rotation, the creep of each an hour, and the scale of the pulses.
     columns = [np.stack([(steps == name) * 1.0, zero], axis=-1) for name in names]
     columns += [np.stack([zero, np.ones(count)], axis=-1), np.stack([hours, zero], axis=-1)]
     columns += [np.stack([zero, hours], axis=-1), np.stack([-pulses, zero], axis=-1)]
     doubts = [np.inf] * (len(names) + 1) + [CREEP_ARCSEC_H * ARCSEC] * 2 + [PULSES]
     aim = aim + np.stack([pulses, zero], axis=-1)  # without the pulses, were each what the calibration says
+    # A small rotation v about the camera's axes moves the axis by v . n along w and by -v . w along n.
     noisy = np.stack([n, -w])
     covariances = np.stack([noisy @ a.covariance @ noisy.T for a in stretch.attitudes])
     if stretch.held:
-        covariances[:, 0, 0] += 1.0
+        covariances[:, 0, 0] += 1.0  # a radian: Dec that a guider held says nothing
     whiten = np.linalg.inv(np.linalg.cholesky(covariances))
     common, own = -np.stack([high, around, droops], axis=-1), np.stack(columns, axis=-1)
     rows = [(whiten @ part).reshape(2 * count, -1) for part in (common, own, aim[..., None])]
@@ -294,7 +299,9 @@ def _ra_row(stretch: Stretch, pole: Floats) -> tuple[float, Floats, float]:
     step = 60.0 * ARCSEC
     bend = np.array([slope(_unit(pole + step * t)) - slope(_unit(pole - step * t)) for t in tangents(pole)])
     span = float(seconds[-1])
+    # the slope a worm can feign: its steepest over short spans, 6 A P / (pi T^2) of a line fitted over long ones
     worm = PERIODIC_ARCSEC * min(2.0 * np.pi / WORM_S, 6.0 * WORM_S / (np.pi * span**2))
+    # variance of the slope of N even points over T: 12 sigma^2 / (N T^2)
     scatter = float(np.sqrt(np.trace(stretch.attitudes[0].covariance[:2, :2]) * 6.0 / len(seconds))) / span
     sigma = np.hypot(np.hypot(RATE_ARCSEC_H / 3600.0, worm) * ARCSEC, scatter / max(float(np.sin(rho)), 0.01))
     return here - np.copysign(SIDEREAL_RAD_S, here), bend / (2.0 * step), float(sigma)
@@ -375,6 +382,7 @@ def _minutes_more(stretches: Sequence[Stretch], pole: Floats, wider: float, erro
     more = max(span / 4.0, 300.0)
     while more <= LONGEST_H * 3600.0:
         times = np.arange(1, max(2, round(count * more / span)) + 1) * span / max(count - 1, 1)
+        # At most some 60 frames stand for all that will come; each counts for several by a smaller covariance.
         times = times[:: max(1, len(times) // 60)]
         thin = (count * more / span) / len(times)
         later = [

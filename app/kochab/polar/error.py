@@ -139,9 +139,9 @@ class PolarError:
 
         The true axis is inside with the given probability.
         """
-        scale = np.sqrt(-2.0 * np.log1p(-probability)) / ARCSEC
+        scale = np.sqrt(-2.0 * np.log1p(-probability)) / ARCSEC  # two degrees of freedom: p = 1 - exp(-chi2 / 2)
         values, vectors = np.linalg.eigh(self.covariance)
-        short, long = np.sqrt(np.maximum(values, 0.0)) * scale
+        short, long = np.sqrt(np.maximum(values, 0.0)) * scale  # eigh gives the smaller value first
         return float(long), float(short), float(np.arctan2(vectors[0, 1], vectors[1, 1]))
 
 
@@ -201,6 +201,7 @@ def good_enough(error: PolarError, imaging: Imaging) -> str:
 
 # -- Polar errors and bolt turns in words that hold from every side of the mount ---------------
 
+# Whole phrases: a translator can not turn round what is glued from halves.
 EIGHTHS = (
     ("", ""),
     (tr_noop("an eighth of a turn"), tr_noop("{turns} and an eighth turns")),
@@ -222,6 +223,7 @@ FINEST_DEG = 2.0  # a hand cannot turn a bolt by less
 def sayable(turns: float) -> float:
     """The amount of turns nearest to zero of ``turns`` that words can say: eighths, or degrees."""
     size = abs(turns)
+    # eighths from 45°, steps of 5° from 15°, then of 2°; 1e-9 for what floating point leaves just short of a whole step
     steps = 8.0 if size >= 0.125 else 360.0 / (5.0 if size >= 1 / 24 else FINEST_DEG)
     return math.copysign(math.floor(size * steps + 1e-9) / steps, turns)
 
@@ -246,7 +248,7 @@ def rotation_in_words(turns: float) -> str:
 def angle_in_words(arcsec: float) -> str:
     """``45″``, ``12.5′`` or ``1.25°``, without sign."""
     size = abs(arcsec)
-    if size < 99.5:
+    if size < 99.5:  # more would be written as 100″
         return f"{size:.0f}″"
     return f"{number(size / 60.0, '.1f')}′" if size < 5400.0 else f"{number(size / 3600.0, '.2f')}°"
 
@@ -307,4 +309,5 @@ def azimuth_in_words(error: PolarError) -> str:
 
 def towards(error: PolarError) -> str:
     """East or west: where the axis stands beside the pole."""
+    # by the east component: at the south pole azimuth runs the other way
     return tr("east") if error.axis[0] > error.pole[0] else tr("west")

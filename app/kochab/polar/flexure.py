@@ -99,7 +99,7 @@ def combine_sweeps(sweeps: Sequence[SweepResult], before: Droop = UNKNOWN) -> Co
     seen = np.stack([np.stack([upward, clockwise]) @ (s.error.axis - base) for s in sweeps])
     value, doubt = before.arcsec * ARCSEC, before.sigma_arcsec * ARCSEC
     normal = np.einsum("kji,kjl,klm->im", rows, weights, rows)
-    normal[2, 2] += doubt**-2
+    normal[2, 2] += doubt**-2  # what was known of the droop counts as one more measurement
     inverse = np.linalg.inv(normal)
     gains = np.stack([inverse @ r.T @ w for r, w in zip(rows, weights, strict=True)])
     found = np.einsum("kij,kj->i", gains, seen) + inverse[:, 2] * value / doubt**2
@@ -121,6 +121,7 @@ def combine_sweeps(sweeps: Sequence[SweepResult], before: Droop = UNKNOWN) -> Co
 
 def _creeping(sweeps: Sequence[SweepResult], rows: Floats, seen: Floats, before: Droop) -> float:
     """How probable creep is by how far the sweeps are apart (K, 2), against a single one, which can't tell: 1."""
+    # The likelihood with axis and droop integrated out; the flat prior of the axis is the same in both and cancels.
     evidence, known = [], np.array([0.0, 0.0, (before.sigma_arcsec * ARCSEC) ** -2])
     for share in (0.0, 1.0 / CREEPS):  # nothing crept, or all sweeps did
         weights = np.stack([np.linalg.inv(s.error.covariance + s.error.creep * share) for s in sweeps])

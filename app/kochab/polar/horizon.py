@@ -21,7 +21,7 @@ from kochab.polar.rotations import alt_az, direction
 from kochab.sky.apparent import JD_UNIX, julian_date_tt
 
 SEA_LEVEL_HPA = 1013.25
-SCALE_HEIGHT_M = 8434.0
+SCALE_HEIGHT_M = 8434.0  # R T / (M g) of air at 288 K
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +98,8 @@ def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
 
     tt = julian_date_tt(time_utc)
     ut = JD_UNIX + time_utc.astimezone(UTC).timestamp() / 86400.0
-    heliocentric, barycentric = erfa.epv00(tt, 0.0)
-    x, y, s = erfa.xys06a(tt, 0.0)
+    heliocentric, barycentric = erfa.epv00(tt, 0.0)  # TT for TDB: 2 ms at most
+    x, y, s = erfa.xys06a(tt, 0.0)  # a series of thousands of terms
     earth = (barycentric, heliocentric["p"], x, y, s, erfa.era00(ut, 0.0))
     place = (np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
     polar_motion = (0.0, 0.0, erfa.sp00(tt, 0.0))
@@ -137,6 +137,7 @@ def pole_direction(site: Site, pole: Pole = Pole.REFRACTED, refraction: Refracti
     true = abs(np.radians(site.latitude_deg))
     if pole is Pole.TRUE:
         return direction(true, azimuth)
+    # the pole refracted as a star that stands there, its hour angle any
     up = np.pi / 2.0 if northern(site) else -np.pi / 2.0
     refracted = float(np.arcsin(observed_at(site, refraction, np.zeros(1), np.full(1, up))[0, 2]))
     return direction(refracted if pole is Pole.REFRACTED else 0.5 * (true + refracted), azimuth)

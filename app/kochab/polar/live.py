@@ -182,6 +182,7 @@ class LivePhase:
         moved = matrix @ self._camera_axis
         alt0, az0 = alt_az(self._start.axis)
         alt1, az1 = alt_az(moved)
+        # The bolts are undone first, azimuth about the vertical and altitude about the level line; what is left is RA.
         lift = about(np.array([np.cos(az0), -np.sin(az0), 0.0]), alt1 - alt0)
         knobs = about(np.array([0.0, 0.0, 1.0]), az0 - az1) @ lift
         left = rotation_vector(knobs.T @ matrix @ self._reference.T)

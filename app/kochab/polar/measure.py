@@ -63,7 +63,7 @@ class PolarFinding:
     spoils: bool = False
 
 
-SMALL_TURN_DEG = 15.0
+SMALL_TURN_DEG = 15.0  # the uncertainty goes as 1 / sin(turn / 2)
 ALIKE_DEG = 2.0
 LOW_DEG = 15.0
 FAR_DEG = 10.0
@@ -423,7 +423,7 @@ def _used(
 ) -> tuple[AxisFit, Floats]:
     """The fit to go by, one that knows what moved where frames share no axis, and creep (2, 2) that doesn't show."""
     if movement is not None and movement.explains:
-        return movement.fit, np.zeros((2, 2))
+        return movement.fit, np.zeros((2, 2))  # its covariance counts what moved
     if fit.chance < UNLIKELY:
         return doubted(sweep, fit, towards), np.zeros((2, 2))
     return fit, unseen_creep(sweep, fit)

@@ -59,7 +59,7 @@ def _least(most_deg: float, enough: Callable[[float], bool]) -> float | None:
 
     Turning further never makes it worse, up to half a turn, so the steps are halved.
     """
-    low, high = 0, int(np.ceil((most_deg + 1.0) / STEP_DEG)) - 1
+    low, high = 0, int(np.ceil((most_deg + 1.0) / STEP_DEG)) - 1  # the last step within the most, to a degree
     if high < 1 or not enough(high * STEP_DEG):
         return None
     while high - low > 1:
@@ -72,7 +72,7 @@ def _uncertainty_arcsec(optics: Optics, rho_deg: float, turns_rad: Floats) -> fl
     """What the fit itself says of perfect attitudes with these errors."""
     if float(np.ptp(turns_rad)) < 1e-4:
         return float("inf")
-    axis = direction(0.7, 0.0)
+    axis = direction(0.7, 0.0)  # any will do: only the angles between axis, boresight and turns count
     sideways = np.array([1.0, 0.0, 0.0])
     boresight = about(sideways, np.radians(rho_deg)) @ axis
     first = np.stack([sideways, np.cross(boresight, sideways), boresight], axis=1)
@@ -112,7 +112,7 @@ def sweep_path(boresight: Floats, settings: MeasureSettings, direction: Directio
     sign = -1.0 if northern(settings.site) == (direction is Direction.WEST) else 1.0
     path = np.stack([about(pole, sign * a) @ boresight for a in np.linspace(0, np.radians(turn_deg), STEPS)])
     lowest = float(np.degrees(np.arcsin(path[:, 2].min())))
-    side = np.sign(path[0, 0]) or 1.0
+    side = np.sign(path[0, 0]) or 1.0  # east or west of the meridian; on it, either
     high = np.maximum(np.hypot(path[:, 1], path[:, 2]), 1e-9)
     past = np.degrees(np.arctan2(-side * path[:, 0], high)).max()
     return SweepPath(direction, turn_deg, lowest, max(0.0, float(past)))
@@ -123,6 +123,7 @@ def best_path(boresight: Floats, settings: MeasureSettings, turn_deg: float) -> 
 
     When neither is good the one that stays higher is returned; its ``good`` is False.
     """
+    # The full turn comes last again: where no shorter one is good its paths are what is chosen from.
     for wanted in (*np.arange(turn_deg, 9.0, -10.0), turn_deg):
         paths = [sweep_path(boresight, settings, d, float(wanted)) for d in (Direction.WEST, Direction.EAST)]
         if good := [path for path in paths if path.good]:
@@ -210,6 +211,7 @@ def _foreseen(
 ) -> SecondSweep:
     new = m.rho_deg + move
     sigma = weighted_arcsec(optics, new, path.turn_deg, frames) * ARCSEC
+    # weighted_arcsec is of both directions together: half of its square each
     error = PolarError(m.error.axis, m.error.pole, np.eye(2) * sigma**2 / 2.0, creep=m.results[-1].error.creep)
     # As if all sweeps had found one axis: only their errors count for a plan.
     agreeing = (SweepResult(replace(error, covariance=s.error.covariance), s.rho_rad) for s in m.results)

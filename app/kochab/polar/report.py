@@ -91,7 +91,7 @@ class History:
 
 WIDTH, HEIGHT, MARGIN = 640.0, 280.0, 48.0
 RINGS_ARCSEC = (30.0, 60.0, 300.0, 1800.0, 7200.0, 36000.0)
-FLOOR_ARCSEC = 1.0
+FLOOR_ARCSEC = 1.0  # the lowest of a logarithmic scale
 PANEL = 320.0
 
 
@@ -157,6 +157,7 @@ def _around_pole(measured: Sequence[Entry], reach_arcsec: float, left: float) ->
         parts.append(
             f'<ellipse class="ellipse" rx="{max(long * scale, 1.5):.2f}"'
             f' ry="{max(short * scale, 1.5):.2f}"'
+            # SVG counts clockwise, for its y runs down
             f' transform="translate({x:.2f},{y:.2f}) rotate({-degrees(angle):.2f})"/>'
         )
         parts.append(f'<text x="{x + 6:.1f}" y="{y - 6:.1f}">{at}</text>')

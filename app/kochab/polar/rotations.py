@@ -32,6 +32,7 @@ def about(axis: Floats, angle_rad: float) -> Floats:
 def about_each(axis: Floats, angles_rad: Floats) -> Floats:
     """Rotation matrices (N, 3, 3) about one unit vector (3,) by angles (N,)."""
     k = cross_matrix(axis)
+    # 1 - cos as 2 sin^2 of the half: the difference itself cancels at small turns
     sine, rest = np.sin(angles_rad), 2.0 * np.sin(np.asarray(angles_rad) / 2.0) ** 2
     return np.asarray(np.eye(3) + sine[:, None, None] * k + rest[:, None, None] * (k @ k))
 
@@ -41,12 +42,14 @@ def rotation_vectors(matrices: Floats) -> Floats:
     m = matrices
     skew = np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=-1)
     twice_sine = np.sqrt(np.einsum("ij,ij->i", skew, skew))
+    # trace - 1 is twice the cosine; arctan2 of both keeps arcseconds that arccos loses near zero
     angle = np.arctan2(twice_sine, np.einsum("ijj->i", m) - 1.0)
     if angle.max() >= 3.0:  # near half a turn the skew part vanishes
         from scipy.spatial.transform import Rotation
 
         return np.asarray(Rotation.from_matrix(m).as_rotvec())
     safe = np.where(twice_sine > 1e-12, twice_sine, 1.0)
+    # angle / (2 sin) tends to 1/2
     return np.asarray(np.where(twice_sine > 1e-12, angle / safe, 0.5)[:, None] * skew)
 
 
@@ -56,6 +59,7 @@ def best_rotation(before: Floats, after: Floats) -> Floats:
     Least squares by singular values (Kabsch 1976, Acta Cryst. A32, 922).
     """
     u, _, vt = np.linalg.svd(after.T @ before)
+    # without it noisy or coplanar vectors may give a reflection
     flip = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ vt)))])
     return np.asarray(u @ flip @ vt)
 

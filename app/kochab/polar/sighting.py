@@ -160,7 +160,7 @@ def _field_points(field_deg: tuple[float, float]) -> Floats:
 # are taken where the air shows them, all frames share one centre and one distortion, and each has its attitude and
 # its scale. What is wrong with the camera is then wrong in all frames alike and does not move the axis.
 
-ROUNDS = 2
+ROUNDS = 2  # the attitudes change with the camera that they were found for
 SAME_SCALE = 0.01  # refraction changes a low frame's scale by a tenth of that
 CUT_SCALE = 0.03  # distortion makes the middle of a cut-out look longer or shorter by that
 LOWEST = np.sin(np.radians(10.0))  # below, two terms of refraction are arcseconds off
@@ -174,6 +174,7 @@ def with_one_camera(attitudes: Sequence[LocalAttitude]) -> tuple[list[LocalAttit
     if camera is None or not all(_can_share(camera, frame) for frame in frames):
         return frames, None
     for _ in range(ROUNDS):
+        # All stars in their own camera's axes (v @ R is R^T v): as if one long frame had them all.
         stars = Matches.joined(
             [replace(m := _high(f.matches), vectors=m.vectors @ f.matrix) for f in frames if f.matches]
         )

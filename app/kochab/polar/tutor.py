@@ -163,7 +163,7 @@ def _with_pitch(bolt: Bolt, known: float | None) -> Bolt:
 
 TEST_TURNS = (0.25, 0.125)
 SMALL_ERROR_ARCSEC = 900.0  # for such an error the smaller test is enough
-CAUTIOUS, CONFIDENT = 0.6, 0.9
+CAUTIOUS, CONFIDENT = 0.6, 0.9  # of the way: before a bolt was seen without backlash, and after
 NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone

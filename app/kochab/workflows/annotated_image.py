@@ -120,7 +120,7 @@ def drawing_of(
     unit = max(camera.width, camera.height) / ACROSS
     letter = max(9, round(LETTER_PX * unit))
     made, line = Drawing(camera.width, camera.height, letter), max(1.0, 1.2 * unit)
-    scale = LETTER_PX / letter
+    scale = LETTER_PX / letter  # labels are laid out on a screen with letters of 13 px
     view = View(scale, 0.0, 0.0, (4.0, 4.0, camera.width * scale - 4.0, camera.height * scale - 4.0))
 
     def ink_of(mark: Mark) -> str:
@@ -253,7 +253,7 @@ def annotated_picture(frame: Frame, drawn: Drawing) -> "Image":
     from PIL import Image, ImageDraw
 
     picture = picture_of(frame)
-    fine = 2 if picture.width * picture.height < SMALL_PX else 1
+    fine = 2 if picture.width * picture.height < SMALL_PX else 1  # Pillow does not antialias: drawn twice as large
     for ink in dict.fromkeys(ink for _, ink, _ in drawn.strokes):
         mask = Image.new("L", (fine * picture.width, fine * picture.height))
         draw = ImageDraw.Draw(mask)
@@ -316,14 +316,14 @@ def annotate(
     if packet := avm_packet(solution, CREDIT):
         packing["JPEG"] |= {"extra": _marker(b"http://ns.adobe.com/xap/1.0/\0" + packet)}
         packing["PNG"] |= {"pnginfo": _png_text("XML:com.adobe.xmp", packet)}
-        packing["TIFF"] |= {"tiffinfo": {700: packet}}
+        packing["TIFF"] |= {"tiffinfo": {700: packet}}  # the tag of XMP
     annotated_picture(frame, drawn).save(packed, format=kind, **packing.get(kind, {}))
     write_atomically(path, packed.getvalue())
 
 
 def _marker(content: bytes) -> bytes:
     """A segment APP1 of a JPEG."""
-    return b"\xff\xe1" + (len(content) + 2).to_bytes(2, "big") + content
+    return b"\xff\xe1" + (len(content) + 2).to_bytes(2, "big") + content  # the length counts its own two bytes
 
 
 def _png_text(key: str, content: bytes) -> "PngInfo":
@@ -407,7 +407,7 @@ def sky_regions(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -
         k, body = mark.row, mark.body
         ra, dec = radec_deg(objects.vector[k] if body is None else body.vector)
         sides = (objects.major[k], objects.minor[k]) if body is None else (body.diameter_arcsec / 60.0, np.nan)
-        major, minor = (float(side) * 30.0 for side in sides)
+        major, minor = (float(side) * 30.0 for side in sides)  # diameters in arcmin, radii in arcsec
         least = DOT_PX * solution.camera.scale_arcsec_px
         shape = f'circle({ra:.6f},{dec:.6f},{max(float(np.nan_to_num(major)), least):.2f}")'
         if body is None and np.isfinite([minor, objects.pa_deg[k]]).all():

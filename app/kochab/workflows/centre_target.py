@@ -117,7 +117,7 @@ def centre_target(
         result = yield from work.go()
         ended = True
     finally:
-        if not ended:
+        if not ended:  # a cancel closes the generator here: nothing moves on unwatched
             mount.halt()
     return result
 
@@ -156,7 +156,7 @@ class _Centring:
 
     def __post_init__(self) -> None:
         self.course = Course(self.there(), self.tolerance_arcsec)
-        self.stops = self.mount.stops
+        self.stops = self.mount.stops  # a Stop pressed from here on ends it
 
     def there(self) -> tuple[float, float]:
         """The target in the mount's own coordinates, now."""
@@ -190,6 +190,7 @@ class _Centring:
         for _ in range(TROUBLES):
             sent = len(self.mount.log.sent())
             if (yield from self.tried(self.slew(self.there()))):
+                # `tried` is True after a lost reply as well: only the log shows that the mount was asked to go.
                 if len(self.mount.log.sent()) > sent:
                     return True
             elif len(self.mount.log.sent()) > sent:
@@ -265,9 +266,10 @@ class _Centring:
             self.notes.append(tr("No sync: no solution for a second frame ({reason}).", reason=tr(found.reason)))
             return False
         self.solution = found[1]
-        self.course.last = self.sight(found[1])
+        self.course.last = self.sight(found[1])  # the sync and the goto behind it go by the second solve
         evidence, there = SyncEvidence.of(*found), self.course.last.sky
         preview = with_retries(lambda: self.mount.preview_sync(*there, evidence))
+        # Across the meridian a sync is refused, but the offset goto needs none.
         if preview.refusals == (tr(ACROSS),):
             self.notes.append(tr("Offset goto instead of a sync: {across}", across=tr(ACROSS)))
             return False

@@ -52,7 +52,7 @@ class Course:
     target: Degrees
     tolerance_arcsec: float
     errors_arcsec: list[float] = field(default_factory=list)
-    turn: complex = 1.0 + 0.0j
+    turn: complex = 1.0 + 0.0j  # came over sent, east + i north: how the coordinates are rotated and shortened
     slips: int = 0
     gain: list[float] = field(default_factory=lambda: [1.0, 1.0])
     last: MountAndSky | None = None
@@ -74,7 +74,7 @@ class Course:
             self._before = self._fine = None
             return error
         self.errors_arcsec.append(error)
-        if self._before is not None or self._after_goto is None:
+        if self._before is not None or self._after_goto is None:  # only a goto sets _before
             self._after_goto = sight.reported[1], sight.sky[1]
         if self._before is not None:
             self._learn(self._before, sight)
@@ -127,7 +127,7 @@ class Course:
         assert self.last is not None
         sky, reported = self.last.sky, self.last.reported
         if synced:
-            reported = sky
+            reported = sky  # what the mount says since the sync
             self._after_goto = reported[1], sky[1]
         east, north = self.left_deg
         then = self._after_goto or (reported[1], sky[1])
@@ -163,7 +163,7 @@ class Course:
         if abs(sent) >= SLIP_FROM_DEG and abs(self.target[1]) < POLE_DEG:
             share = abs(came) / abs(sent)
             self.slips = 0 if SLIP[0] <= share <= SLIP[1] else self.slips + 1
-        if abs(sent) < max(LEARN_FROM_DEG, 0.5 * self._learned_from):
+        if abs(sent) < max(LEARN_FROM_DEG, 0.5 * self._learned_from):  # a short goto tells less than a long one before
             return
         turn = came / sent
         if isfinite(turn) and SLIP[0] <= abs(turn) <= SLIP[1]:

@@ -73,6 +73,7 @@ def parse_target(text: str, time_utc: datetime) -> Target:
     clean = " ".join(text.split())
     if not clean:
         raise UsageError(NOTHING)
+    # Digits first are coordinates, but not of names such as 47 Tuc.
     if re.match(r"[+-]?[\d.]+\s*([hd°:,\s]|$)", clean) and not re.match(r"\d+ [A-Za-z]{3}", clean):
         return target_at(*_coordinates(clean))
     return named_target(clean, time_utc)

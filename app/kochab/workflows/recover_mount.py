@@ -112,7 +112,7 @@ def _agreeing(
             raise RefusedError(UNDATED)
         if before is not None:
             if solves_apart_arcsec(before[0], found) <= limit:
-                pair = sorted([before, (found, when)], key=lambda one: one[1])
+                pair = sorted([before, (found, when)], key=lambda one: one[1])  # files of a folder come newest first
                 return [one for one, _ in pair], [time for _, time in pair]
             why = tr("The frames show different places: the telescope is moving.")
         before = found, when
@@ -145,6 +145,7 @@ def _span(seconds: float) -> str:
 
 def _carried(evidence: SyncEvidence, age_s: list[float]) -> SyncEvidence:
     """The centres now, of a telescope that does not track: the sky has turned since."""
+    # A telescope that stands sees greater RA as the sky goes by.
     centres = tuple(
         ((ra + age * SIDEREAL_DEG_S) % 360.0, dec) for (ra, dec), age in zip(evidence.centres_deg, age_s, strict=True)
     )

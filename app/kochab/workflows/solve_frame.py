@@ -95,7 +95,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise UsageError("{path} is too large for a list of stars.", path=path)
-        text = path.read_text(encoding="utf-8-sig")
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except UnicodeDecodeError as error:
         raise UsageError("{path} is not a text file.", path=path) from error
     except OSError as error:
@@ -165,6 +165,7 @@ def _detections(stars: list[list[float]], width: int, height: int, path: str) ->
     if len({len(star) for star in stars}) > 1:
         raise UsageError("{path}: some stars have a flux and some have none.", path=path)
     table = np.array(stars, dtype=np.float64)
+    # unique sorts by place; the first occurrences restore the order, which is brightness where there is no flux
     _, first = np.unique(table[:, :2], axis=0, return_index=True)
     table = table[np.sort(first)]
     return Detections.from_list(table[:, :2], width, height, table[:, 2] if table.shape[1] == 3 else None)

@@ -122,6 +122,7 @@ def accept_sync(
         raise RefusedError("The mount has moved by {angle} since the frames. Take new ones.", angle=angle_text(moved))
     refusal = offer.no_sync
     if not refusal:
+        # Asked of the guard anew: the preview may have waited long for its yes.
         there = mount.to_mount(*offer.sky_deg)
         preview = with_retries(lambda: mount.preview_sync(*there, offer.evidence))
         require_allowed(mount, preview, confirmed)

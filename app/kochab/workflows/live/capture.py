@@ -51,7 +51,7 @@ class Mailbox(Generic[T]):
         """The newest item, or None when none came in time or the box is closed and empty."""
         deadline = monotonic() + timeout_s
         with self._changed:
-            while not self._slot and not self._closed:
+            while not self._slot and not self._closed:  # woken without an item, it waits for the rest
                 left = deadline - monotonic()
                 if left <= 0 or not self._changed.wait(left):
                     break

@@ -72,7 +72,7 @@ def _may_be(value: Any, kind: Any) -> bool:
     if isinstance(kind, UnionType):
         return any(_may_be(value, one) for one in get_args(kind))
     plain = get_origin(kind) or kind
-    if isinstance(value, bool):
+    if isinstance(value, bool):  # isinstance takes True for an int
         return plain is bool
     return isinstance(value, int | float if plain is float else plain)
 
@@ -177,7 +177,7 @@ class Recorder:
             name = f"frame-{self.frames + 1:06d}.fits"
             if (self.folder / name).exists():
                 raise UsageError("{folder} was written by another program.", folder=self.folder / name)
-            write_atomically(self.folder / name, data)
+            write_atomically(self.folder / name, data)  # before its line: no line names a frame that is not there
             line = {**self._to_json(update), "frame_file": name}
             line["sha256"] = hashlib.sha256(data).hexdigest()
             line["time_utc"] = update.track.time_utc.isoformat()

@@ -140,7 +140,7 @@ class MountTurner:
         """How far it has turned in all, as it reports; its rate is learned from that."""
         turned = abs(wrapped(moved_deg))
         step = turned - before
-        if step <= 0.02 * self._seen_deg_s * seconds:
+        if step <= 0.02 * self._seen_deg_s * seconds:  # next to nothing of what was expected
             raise RefusedError("The mount reports that it has not moved. Is it parked, or at a limit?")
         self._seen_deg_s = step / seconds
         return turned
@@ -455,7 +455,7 @@ def measure_drifting(
     while True:
         seen.append((yield from watch.sighting()))
         if len(seen) > MOST_POINTS:
-            seen = [*seen[:-1:2], seen[-1]]
+            seen = [*seen[:-1:2], seen[-1]]  # every other one: the whole span, in bounded memory
         enough, span = controls.take(PolarButton.ENOUGH), (seen[-1].time_utc - seen[0].time_utc).total_seconds()
         if not enough and span - looked < LOOK_S:
             continue

@@ -108,6 +108,7 @@ def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
             warnings.simplefilter("ignore")
             end = next((k for k, card in enumerate(cards) if card.rstrip() == "END"), len(cards))
             header = Header.fromstring("".join(card[:80].ljust(80) for card in cards[:end]))
+            # astrometry.net's .wcs has no image (NAXIS 0) and says the frame's size as IMAGEW and IMAGEH.
             shape = tuple(int(header.get(f"IMAGE{a}") or header.get(f"NAXIS{n}") or 0) for a, n in (("W", 1), ("H", 2)))
             wcs = WCS(header)
             if not wcs.has_celestial or min(shape) < 2:
@@ -161,6 +162,7 @@ def _of_json(path: Path, row: Mapping[str, Any]) -> SolvedFile:
         plain = Solution(
             camera, Attitude(np.eye(3)), stars, float(row["rms_px"]), row["log10_false_alarm"], row["method"]
         )
+        # With the identity for an attitude, centre_attitude is the turn from the optical axis to the middle.
         matrix = plain.centre_attitude.matrix.T @ np.array(row["dcm"], dtype=np.float64).reshape(3, 3)
         attitude = Attitude(matrix, np.diag(np.square([along, across, roll])))
     except (KeyError, TypeError, ValueError) as error:
@@ -283,6 +285,7 @@ def _header(section: _Section, line: str) -> None:
 def _row(section: _Section, row: Mapping[str, str]) -> None:
     """A frame without a fault; pulses come after it, and move what the next one shows."""
     try:
+        # other rows are of an adaptive optics unit ("AO") or a lost star ("DROP")
         if row["mount"].strip('"') != "Mount" or int(row.get("ErrorCode") or 0):
             return
         west = float(row.get("RADuration") or 0.0) * (1.0 if row.get("RADirection") == "W" else -1.0)
@@ -316,7 +319,7 @@ def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
     east_of, north_of = (p or 1 for p in section.parity)
     scale = section.scale * ARCSEC
     pushed = -north_of * np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate) * scale
-    number = np.floor(time / BIN_S) + 1e6 * dither
+    number = np.floor(time / BIN_S) + 1e6 * dither  # no bin spans a dither
     bins = [number == n for n in np.unique(number)]
     at = np.array([time[b].mean() for b in bins])
     north = declination + np.array([north_of * dec[b].mean() for b in bins]) * scale

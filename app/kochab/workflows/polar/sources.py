@@ -236,8 +236,10 @@ class CameraSightings:
     def _time_of(self, frame: Frame) -> datetime:
         if (own := frame.hint.time_utc) is not None:
             if self._clock is not None and not frame.hint.time_of_file:
+                # a frame comes when its exposure ends, half of it after its own time
                 ahead_s = (own - self._clock()).total_seconds() + (frame.hint.exposure_s or 0.0) / 2.0
                 in_zones = NO_ZONE in frame.warnings and abs(ahead_s) < FARTHEST_ZONE_S
+                # time zones are multiples of a quarter of an hour: what is left over is the clock
                 zone_s = ZONES_S * round(ahead_s / ZONES_S) if in_zones else 0.0
                 own, self.ahead_s = own - timedelta(seconds=zone_s), ahead_s - zone_s
             return own

@@ -102,6 +102,7 @@ def frame_solver(camera: MountCamera, guard: Guard, tell: Callable[[object], Non
     def solve_now() -> Task[Solution | NoSolution]:
         frame = lost_in_space((yield from fresh_frame(camera)))
         tell(FrameTaken(frame))
+        # Asked before the solve: afterwards the mount would report where it is by then.
         said = None
         with suppress(DeviceError):
             said = with_retries(guard.position_icrs)
