@@ -389,6 +389,7 @@ def measure_local(
     """
     towards = pole_direction(settings.site, settings.pole, settings.refraction)
     attitudes, camera = with_one_camera(attitudes)
+    # by_place means attitudes, which have to be of one camera for that.
     attitudes = by_place(attitudes, towards, tracking_rad_s(settings.site))
     sweeps = _sweeps(attitudes)
     if not sweeps:

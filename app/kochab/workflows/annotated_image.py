@@ -210,7 +210,7 @@ def dated_drawing(
     from kochab.solver.pipeline import year_of
 
     bodies = run(body_marks(frame, solution, more=more))
-    horizon = None if frame.hint.time_of_file else horizon_of(frame)
+    horizon = None if frame.hint.time_of_file else horizon_of(frame)  # a copied file has a new time
     return drawing_of(solution, year_of(frame.hint.time_utc), bodies, layers, horizon, detected)
 
 
@@ -356,6 +356,7 @@ def write_stellarium(frame: Frame, solution: Solution, path: str | os.PathLike[s
 
 def stellarium_script(solution: Solution, picture: str) -> str:
     """The script: corners from the lower left counterclockwise as ``core.loadSkyImage`` takes them, J2000 degrees."""
+    # The outer edges of the pixels: 0 is the centre of the first.
     right, low = solution.camera.width - 0.5, solution.camera.height - 0.5
     corners = solution.sky_at(np.array([[-0.5, low], [right, low], [right, -0.5], [-0.5, -0.5]]))
     places = ", ".join(f"{angle:.6f}" for corner in corners for angle in radec_deg(corner))

@@ -282,7 +282,7 @@ class _Centring:
         except RefusedError as error:
             if self.changed():  # not refused but garbled: solve again before anything moves
                 raise
-            self.may_sync = False
+            self.may_sync = False  # a mount that rejected one is not asked again
             self.notes.append(tr("Offset goto instead of a sync: {error}", error=error))
             return False
         return True

@@ -163,6 +163,7 @@ def aimed(mount: Guard, target: Target, flip: bool = False) -> tuple[float, floa
     place, aim = mount.to_mount(target.ra_deg, target.dec_deg), mount.supervisor.aim
     if aim is None:
         return place
+    # slew() checks the place it is given, which is the aim: the target is checked here.
     for refusal in mount.policy.goto(mount.position(), mount.state(), place, flip)[1].refusals:
         raise RefusedError(refusal)
     return aim(place, mount.clock())

@@ -192,6 +192,7 @@ def turn_to_bring(
         off = miss(turns)
         if np.hypot(*off) < CLOSE_PX:
             break
+        # Newton's method, its slopes by differences
         slope = np.stack([(miss(turns + STEP_RAD * unit) - off) / STEP_RAD for unit in np.eye(2)], axis=1)
         if not np.isfinite(slope).all() or abs(np.linalg.det(slope)) < 1e-9:
             break

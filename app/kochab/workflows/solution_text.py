@@ -105,6 +105,7 @@ def attitude_forms(s: Solution) -> list[tuple[str, str]]:
     ]
 
 
+# What is copied stays English with a decimal point.
 @in_english()
 def attitude_plain(s: Solution) -> str:
     """All forms for the clipboard."""

@@ -173,7 +173,7 @@ def _offset_slew(mount: Guard, offer: SyncOffer, wait: Wait) -> Task[None]:
     ra, dec = shifted(
         (reported.ra_deg, reported.dec_deg), wrapped(reported.ra_deg - there[0]), reported.dec_deg - there[1]
     )
-    yield from mount.slew(ra, dec)
+    yield from mount.slew(ra, dec)  # as far beside the reported place as that is off
     yield from settled(mount, wait)
 
 

@@ -156,6 +156,7 @@ class Capture:
     def _drive(self) -> None:
         try:
             self._once()
+            # Only a camera that was open is waited for: the first opening raises.
             while self._reconnect and not self._stop.wait(RETRY_S):
                 with suppress(DeviceError):  # not back yet
                     self._once()

@@ -295,6 +295,7 @@ def replay(folder: Path, engine: ProfiledTracker) -> Generator[Progress | Replay
     _, lines = read_session(folder)
     for number, line in enumerate(lines, 1):
         yield Progress("replay", (number - 1) / len(lines), line["frame_file"])
+        # The name alone: a session from elsewhere must not read files outside its folder.
         frame, intact = yield from _frame(folder / Path(line["frame_file"]).name, line)
         received = monotonic()
         moment = _moment(line, frame)

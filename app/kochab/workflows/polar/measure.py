@@ -255,6 +255,7 @@ def sweep_from(
     return Measured(result, path, (*slips[:1], *result.findings), went)
 
 
+# Least turn by hand, frames at each stop, and sigmas beyond which the bolts come before more frames
 HAND_DEG, HAND_FRAMES, FAR_SIGMAS = 60.0, 4, 12.0
 
 

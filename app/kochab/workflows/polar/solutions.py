@@ -318,6 +318,7 @@ def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
         return None
     east_of, north_of = (p or 1 for p in section.parity)
     scale = section.scale * ARCSEC
+    # y_rate is in px/s and pulses in ms; a frame shows those before it and not its own.
     pushed = -north_of * np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate) * scale
     number = np.floor(time / BIN_S) + 1e6 * dither  # no bin spans a dither
     bins = [number == n for n in np.unique(number)]
@@ -331,6 +332,7 @@ def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
     pole = pole_direction(settings.site, settings.pole, settings.refraction)
     scatter = float(np.median([dec[b].std() for b in bins])) * section.scale
     sigma = [max(scatter / np.sqrt(b.sum()), LEAST_ARCSEC) * ARCSEC for b in bins]
+    # One star does not show roll: 1 rad of sigma. Its mean over a bin is better by the root of the frames.
     attitudes = tuple(
         LocalAttitude(_upright(b, pole), np.diag([s**2, s**2, 1.0]), section.begun + timedelta(seconds=float(t)))
         for b, s, t in zip(seen, sigma, at, strict=True)

@@ -173,7 +173,7 @@ def _by_declination(sightings: list[Sighting]) -> list[Sighting]:
     within = (_declination_deg(g[-1]) - _declination_deg(g[0]) for g in groups)
     if min(map(len, groups)) < 2 or max(within) > APART_DEG:
         return sightings
-    second = groups[sightings[0] in groups[0]]
+    second = groups[sightings[0] in groups[0]]  # the one that does not hold the first frame
     return [replace(s, sweep=1) if s in second else s for s in sightings]
 
 

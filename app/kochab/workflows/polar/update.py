@@ -68,6 +68,6 @@ class PolarControls:
 
     def take(self, button: PolarButton) -> bool:
         """Whether it was pressed since last taken."""
-        pressed = self.pressed(button)
+        pressed = self.pressed(button)  # set operations alone: no lock is needed between threads
         self._pressed.discard(button)
         return pressed

@@ -205,7 +205,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
             turner = mount_turner(guard, camera)
         hint = wish.hint if wish.source is FrameSource.CAMERA else None
         options = SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg, hint=hint)
-        source = CameraSightings(camera, options, clock)
+        source = CameraSightings(camera, options, clock)  # its ahead_s is of the newest frame
         settings = MeasureSettings(site, wish.pole)
 
         def doubted(step: Progress) -> Progress:
