@@ -70,7 +70,7 @@ def _least(most_deg: float, enough: Callable[[float], bool]) -> float | None:
 
 def _uncertainty_arcsec(optics: Optics, rho_deg: float, turns_rad: Floats) -> float:
     """What the fit itself says of perfect attitudes with these errors."""
-    if float(np.ptp(turns_rad)) < 1e-4:
+    if float(np.ptp(turns_rad)) < 1e-4:  # 20 arcsec: nothing turned, no axis
         return float("inf")
     axis = direction(0.7, 0.0)  # any will do: only the angles between axis, boresight and turns count
     sideways = np.array([1.0, 0.0, 0.0])

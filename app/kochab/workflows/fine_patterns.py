@@ -28,7 +28,7 @@ def make_elsewhere() -> Task[None]:
     ours, theirs = context.Pipe(duplex=False)
     process = context.Process(target=make_here, args=(theirs,), daemon=True)
     process.start()
-    theirs.close()
+    theirs.close()  # or the end of the process would not end the pipe
     step: Progress | str = Progress("patterns")
     try:
         while isinstance(step, Progress):

@@ -167,5 +167,5 @@ def _halves(frame: Frame, options: SolveOptions | None) -> list[Detections]:
     from kochab.detection import DETECTORS
 
     stars = DETECTORS.make((options or SolveOptions()).detector).detect(frame)
-    left = stars.xy[:, 0] < np.median(stars.xy[:, 0])
+    left = stars.xy[:, 0] < np.median(stars.xy[:, 0])  # the median: as many stars in each half
     return [stars.take(left), stars.take(~left)]

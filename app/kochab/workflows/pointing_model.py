@@ -20,7 +20,7 @@ LASTS = timedelta(hours=16)  # a night: a mount is seldom still aligned the same
 def use_model(mount: Guard, model: PointingModel) -> None:
     """Aim gotos by the model, until the next sync, or the line is opened again; `RefusedError` where it cannot hold."""
     age = mount.clock() - model.made_utc
-    if not timedelta(0) <= age + timedelta(minutes=1) <= LASTS:
+    if not timedelta(0) <= age + timedelta(minutes=1) <= LASTS:  # a minute for clocks that differ
         hours = age / timedelta(hours=1)
         raise RefusedError(
             "The pointing model is {hours:.0f} h old, and the mount may have been set up anew: make another.",

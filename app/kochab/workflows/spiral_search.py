@@ -23,7 +23,7 @@ def square_spiral(turns: int) -> list[tuple[int, int]]:
         for _ in range(length - (leg == 4 * turns)):
             at = at[0] + east, at[1] + north
             steps.append(at)
-        length += leg % 2
+        length += leg % 2  # 1, 1, 2, 2, 3, 3: every second leg is longer
     return steps
 
 

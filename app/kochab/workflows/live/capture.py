@@ -138,7 +138,7 @@ class Capture:
 
     def take_warnings(self) -> tuple[str, ...]:
         """The camera's warnings since the last call, each once."""
-        new: dict[str, None] = {}
+        new: dict[str, None] = {}  # a set in the order of arrival
         while self._warnings:
             new[self._warnings.popleft()] = None
         return tuple(new)

@@ -31,7 +31,7 @@ from kochab.workflows.live.capture import Shot
 from kochab.workflows.live.solve import WARNING, Live, ProfiledTracker
 from kochab.workflows.live.update import GoodPointing, LiveUpdate
 
-SESSION = "session.json"
+SESSION = "session.json"  # written at the start, and again with the counts at the end
 """Versions, the camera and its settings, how frames were solved, how many there are."""
 LINES = "solutions.jsonl"
 """One JSON object a frame: the result, the frame's file and the SHA-256 of that file."""
@@ -182,7 +182,7 @@ class Recorder:
             line["sha256"] = hashlib.sha256(data).hexdigest()
             line["time_utc"] = update.track.time_utc.isoformat()
             self._lines.write(json.dumps(line, allow_nan=False) + "\n")
-            self._lines.flush()
+            self._lines.flush()  # a crash then costs one line at most
         except (OSError, UsageError) as error:
             self.close()
             why = error.strerror or str(error) if isinstance(error, OSError) else str(error)

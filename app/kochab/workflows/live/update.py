@@ -52,7 +52,7 @@ class DriftMeter:
         if self._points and (time_s <= self._points[-1][0] or self._moved(time_s, centre)):
             self.forget()
         self._points.append((time_s, centre))
-        while time_s - self._points[0][0] > WINDOW_S:
+        while time_s - self._points[0][0] > WINDOW_S:  # never empties: the newest is 0 s old
             self._points.popleft()
         return self._line() if len(self._points) >= 3 else None
 
@@ -66,6 +66,7 @@ class DriftMeter:
         centres = np.array([c for _, c in self._points])
         axes = east_north(centres[-1])
         offsets = centres @ axes.T * ARCSEC  # (N, 2) of the gnomonic plane, small angles
+        # Minutes about their mean: slope and level are then independent. cov=True scales by the scatter, N - 2 degrees.
         line, covariance = np.polyfit((times - times.mean()) / 60.0, offsets, 1, cov=True)
         (ra, dec), (ra_sigma, dec_sigma) = line[0].tolist(), np.sqrt(covariance[0, 0]).tolist()
         return Drift(ra, dec, ra_sigma, dec_sigma, float(times[-1] - times[0]), len(times))

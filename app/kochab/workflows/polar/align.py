@@ -75,6 +75,7 @@ UNSEEN = {
     Knob.ALTITUDE: tr_noop("The altitude motor does not move the axis. Is it coupled, and the other bolts loose?"),
     Knob.AZIMUTH: tr_noop("The azimuth motor does not move the axis. Is it coupled, and the other bolts loose?"),
 }
+# A board has units of its own: a turn to the tutor is 4 of them at first, and grows until the axis is seen to move.
 FIRST_UNITS, GROWTH, MOST_UNITS = 4.0, 8.0, 500_000.0  # of a board, for what the tutor calls a turn
 
 

@@ -124,7 +124,7 @@ class MountTurner:
                 yield from self._wait(seconds)
                 turned = self._moved_on(turned, self._axis_deg(direction) - begun, seconds)
         finally:
-            self._mount.stop()
+            self._mount.stop()  # on a cancel and on every error too
         self._sleep(SETTLE_S)
         if self._camera is not None:
             yield Progress("settle")
@@ -138,7 +138,7 @@ class MountTurner:
 
     def _moved_on(self, before: float, moved_deg: float, seconds: float) -> float:
         """How far it has turned in all, as it reports; its rate is learned from that."""
-        turned = abs(wrapped(moved_deg))
+        turned = abs(wrapped(moved_deg))  # RA may pass from 360° to 0°
         step = turned - before
         if step <= 0.02 * self._seen_deg_s * seconds:  # next to nothing of what was expected
             raise RefusedError("The mount reports that it has not moved. Is it parked, or at a limit?")
@@ -278,7 +278,7 @@ def _far(found: Measurement) -> bool:
 def optics_of(attitude: LocalAttitude, frames: int = 1) -> Optics:
     """The errors of a frame by its own covariance, or of the mean of so many ``frames`` taken at one place."""
     x, y, roll = np.sqrt(np.diag(attitude.covariance) / frames) / ARCSEC
-    return Optics(float(np.sqrt((x * x + y * y) / 2.0)), float(roll))
+    return Optics(float(np.sqrt((x * x + y * y) / 2.0)), float(roll))  # the root mean square of both tilts
 
 
 def plan_path(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep) -> SweepPath:

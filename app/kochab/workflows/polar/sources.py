@@ -194,7 +194,7 @@ def site_of(files: Sequence[SolvedFile], given: Site | None = None, how: str = G
     first_path, first = told[0]
     for path, site in told[1:]:
         apart = abs(site.latitude_deg - first.latitude_deg)
-        around = wrapped(site.longitude_deg - first.longitude_deg)
+        around = wrapped(site.longitude_deg - first.longitude_deg)  # 180° east is 180° west
         if max(apart, abs(around)) > SAME_SITE_DEG:
             raise UsageError(
                 "{one} and {other} were taken at different sites: {how}.", one=first_path, other=path, how=tr(how)

@@ -186,7 +186,7 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
     creep = creep_to_show_arcsec(step.measurement) if step.measurement is not None else 0.0
     state, error = replace(state, drift=step.drift, creep_arcsec=creep), shown.error
     if step.stage == "adjust" or step.stage == "done":
-        fresh = not state.measured or state.measured[-1] is not error
+        fresh = not state.measured or state.measured[-1] is not error  # one measurement comes with many updates
         measured = (*state.measured, error) if fresh else state.measured
         # What follows begins a trail of its own.
         return replace(state, error=error, measured=measured, error_at_s=now_s, live=False, trail=())

@@ -57,7 +57,7 @@ class Recording:
             try:
                 self.recorder = Recorder(session_folder(wish), self._to_record, self._about)
             except UsageError as error:
-                self.recorder = self._followed = self.wish = None
+                self.recorder = self._followed = self.wish = None  # or the next frame would try again
                 said.append(str(error))
         return said
 

@@ -73,7 +73,7 @@ class MountCamera(CameraSource):
 
     def close(self) -> None:
         """Give the camera back; it opens again when it is asked for."""
-        camera, self._camera = self._camera, None
+        camera, self._camera = self._camera, None  # forgotten first: close may raise
         if camera is not None:
             camera.close()
 
