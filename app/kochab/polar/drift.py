@@ -253,7 +253,7 @@ class _Rows:
 def _rows(stretch: Stretch, pole: Floats) -> _Rows:
     """Where the camera sees the axis, along w (drift in Dec) and n (rotation of the field), both across it."""
     measured = np.stack([a.matrix for a in stretch.attitudes])
-    in_camera = (pole @ measured).mean(axis=0)
+    in_camera = (pole @ measured).mean(axis=0)  # where the camera sees the pole, R^T p, in the mean
     in_camera /= np.linalg.norm(in_camera)
     n = np.cross(in_camera, [0.0, 0.0, 1.0])
     n = n / np.linalg.norm(n) if np.linalg.norm(n) > 1e-6 else np.array([1.0, 0.0, 0.0])
@@ -318,7 +318,7 @@ def _restless(left: Floats, parts: Sequence[_Rows], unknown: int) -> float:
         own = left[at : at + len(part.aim)].reshape(-1, 2)[:, 0]
         at += len(part.aim)
         each = len(own) // BLOCKS
-        if each >= 2:
+        if each >= 2:  # white noise averages out over a block; what neighbours share does not
             means = own[: each * BLOCKS].reshape(BLOCKS, each).mean(axis=1)
             worse = max(worse, float(each * means @ means) / (BLOCKS - 3))
     return worse

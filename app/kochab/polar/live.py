@@ -129,6 +129,7 @@ class LivePhase:
         self._start = measurement.error
         self._camera_axis = fit.reference.T @ measurement.error.axis
         self._camera_covariance = fit.camera_covariance + _beyond(measurement)
+        # The last measured attitude as fitted: theta counts from there.
         self._reference = about(fit.axis, float(fit.turns_rad[-1])) @ fit.reference
         self._reference_time = last.time_utc
         self._before = self._moment(last)
@@ -143,6 +144,7 @@ class LivePhase:
         sigma2 = float(slope @ covariance @ slope)
         prior, expected = self._clock_says(now, theta, sigma2)
         if prior:
+            # A Kalman update by one reading: theta as the clock has it.
             gain = covariance @ slope / (sigma2 + PRIOR_SIGMA_RAD**2)
             matrix = matrix @ small_rotation(gain * (expected - theta))
             covariance = covariance - np.outer(gain, slope @ covariance)

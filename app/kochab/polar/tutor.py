@@ -262,6 +262,7 @@ class BoltTutor:
             return  # a hand moves both at once, and what it moves has no thread
         change = error.knob_arcsec(done.knob) - before.knob_arcsec(done.knob)
         self.witness = self._twist(done.knob, before, error, noise_arcsec) or self.witness
+        # The knob turns raw azimuth: on-sky noise is larger by 1 / cos(altitude) there.
         noise = noise_arcsec[done.knob is Knob.AZIMUTH] / _sky_share(error, done.knob)
         if turns := done.turns if turned is None else turned:
             self.bolts[done.knob] = self.bolts[done.knob].learned(turns, change, float(np.sqrt(2.0) * noise))

@@ -138,6 +138,7 @@ def drawing_of(
         made.strokes += [(part, ink, line) for xy in parts for part in (_dots(xy, line) if kind == DOTTED else [xy])]
     made.strokes += _circles(solution, layers, detected, unit, line)
     ranks = layers.faintest(view, solution)
+    # What labels must leave free: the credit line, and the compass.
     taken = [(0.0, view.bounds[3] - 1.6 * LETTER_PX, size(CREDIT)[0] + LETTER_PX, 1.6 * LETTER_PX + 4.0)]
     taken += [_compass_box(view)] if layers.on["compass"] else []
     shown = labels(sky, view, ranks, size, taken, layers.density)

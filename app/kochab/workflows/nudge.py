@@ -80,7 +80,7 @@ def _pulses(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait
     left = round(1000.0 * amount_arcsec / GUIDE_ARCSEC_S)
     total, stops = left, mount.stops
     while left > 0:
-        part = min(left, mount.limits.longest_pulse_ms, LONGEST_PULSE_MS)
+        part = min(left, mount.limits.longest_pulse_ms, LONGEST_PULSE_MS)  # a killed program leaves 1 s at most
         yield Progress("guide pulse", 1.0 - left / total, f"{part} ms {direction}")
         mount.check_not_stopped(stops, "motion")
         mount.pulse(direction, max(part, 1))

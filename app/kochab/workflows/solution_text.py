@@ -72,7 +72,7 @@ def field_text(s: Solution, altaz: str = "") -> str:
 
 
 def _rotation(s: Solution, spec: str) -> str:
-    turn = number(s.roll_deg, f"+{spec}").replace("-", "−")
+    turn = number(s.roll_deg, f"+{spec}").replace("-", "−")  # the minus sign, as wide as the plus
     return tr("{turn}°, mirrored", turn=turn) if s.camera.mirrored else f"{turn}°"
 
 

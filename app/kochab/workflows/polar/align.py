@@ -311,7 +311,7 @@ def align(
             yield _done(measured, good, tutor.moves)
             return Alignment(measured.measurement, good, rounds, tutor.moves, history)
         backwards, turn = measured.ahead
-        sweep = replace(sweep, backwards=backwards, turn_deg=turn)
+        sweep = replace(sweep, backwards=backwards, turn_deg=turn)  # RA goes back the way it came
         if measured.measurement.spoilt:
             yield _spoilt(measured, tutor.moves)
             before = None

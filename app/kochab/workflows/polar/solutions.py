@@ -86,7 +86,7 @@ def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
         solution, _ = of_header(Path(file.path), header)
     except (OSError, FrameError):
         return file
-    mark = SOLVERS.search(header.split(b"END" + b" " * 77)[0])
+    mark = SOLVERS.search(header.split(b"END" + b" " * 77)[0])  # marks after END are of the image
     told = tr("As its header says."), tr(ASSUMED, sigma=SIGMA_PX)
     return replace(file, result=solution, warnings=(*file.warnings, *told)) if mark else file
 

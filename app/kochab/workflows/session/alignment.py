@@ -196,7 +196,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         yield Progress("opening", None, tr("Opening the camera…"))
         selection, site, clock, practice = _place(wish, tools, opened)
         camera = MountCamera(selection, tools.open_camera, insists=True)
-        opened.callback(camera.close)
+        opened.callback(camera.close)  # before anything can fail
         if site is None:
             site = yield from _site_of_frames(camera)
         turner: Turner = HandTurner()
