@@ -140,7 +140,7 @@ def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
     turns = np.array([_turn_about(axis, m @ measured[0].T) for m in measured])
     reference = measured[0]
     for _ in range(STEPS):
-        # whiten is L^-1 of each covariance L L^T: whitened residuals have unit variance, so plain least squares does
+        # whiten is L^-1 of each covariance L L^T: whitened residuals have unit variance, for plain least squares
         residual, jacobian = _linear(axis, turns, reference, measured, whiten)
         step = np.asarray(np.linalg.lstsq(jacobian, -residual.ravel(), rcond=None)[0], dtype=np.float64)
         axis, turns, reference = _moved(axis, turns, reference, step)

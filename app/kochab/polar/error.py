@@ -201,7 +201,7 @@ def good_enough(error: PolarError, imaging: Imaging) -> str:
 
 # -- Polar errors and bolt turns in words that hold from every side of the mount ---------------
 
-# Whole phrases: a translator can not turn round what is glued from halves.
+# Whole phrases: a translator can't reorder what is glued from halves.
 EIGHTHS = (
     ("", ""),
     (tr_noop("an eighth of a turn"), tr_noop("{turns} and an eighth turns")),

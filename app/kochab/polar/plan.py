@@ -59,7 +59,7 @@ def _least(most_deg: float, enough: Callable[[float], bool]) -> float | None:
 
     Turning further never makes it worse, up to half a turn, so the steps are halved.
     """
-    low, high = 0, int(np.ceil((most_deg + 1.0) / STEP_DEG)) - 1  # the last step within the most, to a degree
+    low, high = 0, int(np.ceil((most_deg + 1.0) / STEP_DEG)) - 1  # the last step up to most_deg, to a degree
     if high < 1 or not enough(high * STEP_DEG):
         return None
     while high - low > 1:

@@ -211,7 +211,7 @@ def dated_drawing(
     from kochab.solver.pipeline import year_of
 
     bodies = run(body_marks(frame, solution, more=more))
-    horizon = None if frame.hint.time_of_file else horizon_of(frame)  # a copied file has a new time
+    horizon = None if frame.hint.time_of_file else horizon_of(frame)  # a file's date may be a copy's
     return drawing_of(solution, year_of(frame.hint.time_utc), bodies, layers, horizon, detected)
 
 

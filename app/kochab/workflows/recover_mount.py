@@ -76,7 +76,7 @@ def recover_mount(
         warnings.append(tr("The mount is not tracking: the sky drifts by 15″ per second."))
     evidence = _carried(SyncEvidence.of(*solutions), age_s if drift_deg else [0.0, 0.0])
     sky = evidence.centres_deg[-1]
-    mount.armed = armed  # for one sync; the guard takes it back after that
+    mount.armed = armed  # the guard takes it back after one sync
     yield Progress("sync", 0.8)
     before = with_retries(mount.position)
     there = mount.to_mount(*sky)

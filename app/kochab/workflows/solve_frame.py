@@ -100,7 +100,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise UsageError("{path} is not a text file.", path=path) from error
     except OSError as error:
         raise UsageError("{path} cannot be read: {strerror}.", path=path, strerror=error.strerror) from error
-    if "\0" in text:  # UTF-8 has it, text has not
+    if "\0" in text:  # valid UTF-8, but no text file has it
         raise UsageError("{path} is not a text file.", path=path)
     rows = []
     for number, line in enumerate(text.splitlines(), 1):

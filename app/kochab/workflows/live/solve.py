@@ -45,7 +45,7 @@ def live_solve(capture: Capture, engine: "ProfiledTracker", frames: int | None =
         while frames is None or stream.looked_at < frames:
             shot = capture.mailbox.take(WAIT_S)
             if shot is None:
-                capture.raise_fault()
+                capture.raise_fault()  # only when nothing is left to take: the last frame is solved first
                 for sentence in capture.take_warnings():
                     yield Progress(WARNING, None, sentence)
                 yield Progress("wait for a frame", None, _waiting(stream, capture))
@@ -53,7 +53,7 @@ def live_solve(capture: Capture, engine: "ProfiledTracker", frames: int | None =
             track = yield from engine.update(shot.frame, shot.time_utc)
             yield stream.update(shot, track)
     finally:
-        capture.stop()
+        capture.stop()  # a closed generator comes here too
 
 
 class _Stream:

@@ -196,7 +196,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         yield Progress("opening", None, tr("Opening the camera…"))
         selection, site, clock, practice = _place(wish, tools, opened)
         camera = MountCamera(selection, tools.open_camera, insists=True)
-        opened.callback(camera.close)  # before anything can fail
+        opened.callback(camera.close)  # however this ends
         if site is None:
             site = yield from _site_of_frames(camera)
         turner: Turner = HandTurner()
@@ -205,7 +205,7 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
             turner = mount_turner(guard, camera)
         hint = wish.hint if wish.source is FrameSource.CAMERA else None
         options = SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg, hint=hint)
-        source = CameraSightings(camera, options, clock)  # its ahead_s is of the newest frame
+        source = CameraSightings(camera, options, clock)
         settings = MeasureSettings(site, wish.pole)
 
         def doubted(step: Progress) -> Progress:

@@ -64,7 +64,7 @@ class MountCamera(CameraSource):
         try:
             return camera.next_frame(timeout_s)
         except LineLostError as error:
-            self.close()
+            self.close()  # the next frame that is asked for opens it anew
             raise NoAnswerError(str(error)) from error
 
     def now_utc(self) -> datetime:
