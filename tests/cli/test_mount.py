@@ -205,7 +205,7 @@ def test_a_stop_that_does_not_help_is_said_in_capitals(capsys) -> None:
     with simulated(driver) as (telescope, port):
         telescope._slew_deg_s = 0.4
         telescope.turn_axis_to(1, 10.0)
-        telescope.stop = lambda: None
+        telescope.stop = lambda **_: None
         line = ["--port", port, "--driver", driver]
         code, told = run(capsys, "stop", *line)
         assert code == 1

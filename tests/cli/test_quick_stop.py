@@ -11,11 +11,12 @@ from datetime import UTC, datetime
 import pytest
 
 from kochab.core.attitude import apart_deg
+from kochab.core.mount import Direction
 from kochab.gear import quick_stop
 from kochab.gear.mounts import DRIVERS, SERVERS
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.profiles import EquipmentProfile, save_profile
-from tests.gear.mounts.bench import SITE, alpaca, place
+from tests.gear.mounts.bench import COUNTERS, SITE, alpaca, indi, place, simulated, still
 from tests.gear.mounts.indi_server import indi_server
 from tests.gear.mounts.test_conformance import wait_for
 
@@ -53,6 +54,16 @@ def test_the_bytes_of_each_driver_go_out(terminal, driver) -> None:
     master, port = terminal
     quick_stop.send_first_stop(["mount", "stop", f"--port={port}", "--driver", driver])
     assert os.read(master, 64) == quick_stop.STOPS[driver][1]
+
+
+@pytest.mark.parametrize("driver", sorted(quick_stop.STOPS.keys() - COUNTERS))
+def test_they_end_a_move_that_a_killed_program_left(driver) -> None:
+    """No timer of ours knows of it. INDI's CelestronGPS::Abort and iOptron's language 3.10: ``M``, ``:Q#`` end slews alone."""
+    with simulated(driver) as bench:
+        for direction in (Direction.NORTH, Direction.EAST):
+            bench.telescope.move(direction, 0.5)
+        quick_stop.send_first_stop(["mount", "stop", "--port", bench.port, "--driver", driver])
+        wait_for(lambda: still(bench.telescope))
 
 
 def test_port_driver_and_baud_come_from_the_profile_and_what_is_typed_goes_before_it(tmp_path, monkeypatch) -> None:
@@ -160,6 +171,18 @@ def test_a_server_is_told_to_stop_before_anything_is_asked_of_it() -> None:
     head, _, body = first_bytes("alpaca", "/3").partition(b"\r\n\r\n")
     assert head.startswith(b"PUT /api/v1/telescope/3/abortslew HTTP/1.1\r\n")
     assert f"Content-Length: {len(body)}".encode() in head
+
+
+def test_indis_ioptron_driver_ends_a_move_by_the_first_bytes_alone(tmp_path) -> None:
+    """Its ABORT is ``:Q#``, which ends slews alone."""
+    pytest.importorskip("indipyclient")
+    with indi(tmp_path) as bench:
+        mount = bench.open()
+        mount.move(Direction.NORTH, 0.5, 60.0)
+        wait_for(lambda: not still(bench.telescope))
+        quick_stop.send_first_stop(["mount", "stop", "--port", bench.address, "--driver", "indi"])
+        wait_for(lambda: still(bench.telescope))
+        mount.close()
 
 
 @pytest.mark.parametrize("address", ["/0", ""])

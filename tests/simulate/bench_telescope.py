@@ -140,13 +140,14 @@ class BenchTelescope:
             self._offset = [_turn(wanted - hour_angle), dec_deg - dec]
         return None
 
-    def stop(self) -> None:
-        """Stop everything but tracking."""
+    def stop(self, moves: bool = True) -> None:
+        """Stop everything but tracking, or slews alone."""
         self.log.append(("stop",))
         with self._lock:
             self._advance()
             self._parked = self.parked
-            self._goto, self._targets, self._rates = None, [None, None], [0.0, 0.0]
+            self._goto, self._targets = None, [None, None]
+            self._rates = [0.0, 0.0] if moves else self._rates
 
     def pulse(self, direction: Direction, milliseconds: float) -> None:
         """Moved by at once."""

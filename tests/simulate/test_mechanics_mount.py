@@ -156,6 +156,23 @@ def test_stop_ends_a_slew_and_leaves_tracking():
     assert separation_arcsec(mount.believed_deg(), there) < 0.1
 
 
+def test_a_slew_alone_is_stopped_where_a_move_is_to_go_on():
+    mount, clock = mount_at()
+    mount.goto(*visible(mount, 60.0, 10.0))
+    clock.step(3.0)
+    mount.stop(moves=False)
+    clock.step(4.0 / 2.0 + 0.1)
+    assert not mount.slewing
+    mount.move(Direction.NORTH, 0.5)
+    mount.stop(moves=False)
+    dec = mount.believed_deg()[1]
+    clock.step(10.0)
+    assert abs(mount.believed_deg()[1] - dec) > 4.0
+    mount.stop()
+    clock.step(1.0)
+    assert not mount.slewing
+
+
 def test_switching_tracking_during_a_slew_holds_at_its_end():
     mount, clock = mount_at()
     mount.goto(*visible(mount, 60.0, 10.0))

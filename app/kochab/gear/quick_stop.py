@@ -17,10 +17,9 @@ STOPS = {
     "onstep": (9600, b"#:Q#"),
     **dict.fromkeys(("10micron", "am5", "teenastro", "astrophysics", "gemini"), (9600, b"#:Q#")),
     **dict.fromkeys(("nyx", "rainbow"), (115200, b"#:Q#")),
-    "nexstar": (9600, b"M"),
-    "starsense": (9600, b"M"),
-    "synscan": (9600, b"MM"),
-    "ioptron": (115200, b"#:Q#"),
+    **dict.fromkeys(("nexstar", "starsense"), (9600, b"MP\2\x10$\0\0\0\0P\2\x11$\0\0\0\0")),
+    "synscan": (9600, b"MMP\2\x10$\0\0\0\0P\2\x11$\0\0\0\0"),
+    "ioptron": (115200, b"#:Q#:qR#:qD#"),
     "skywatcher": (9600, b":L1\r:L2\r"),
     "celestronaux": (9600, b";\x04 \x10$\0\xa8;\x04 \x11$\0\xa7"),
 }
@@ -28,7 +27,13 @@ STOPS = {
 SERVER_PORTS = {"indi": 7624, "alpaca": 11111}
 SERVER_STOPS = {
     "indi": '<getProperties version="1.7" device="DEVICE"/><newSwitchVector device="DEVICE"'
-    ' name="TELESCOPE_ABORT_MOTION"><oneSwitch name="ABORT">On</oneSwitch></newSwitchVector>',
+    ' name="TELESCOPE_ABORT_MOTION"><oneSwitch name="ABORT">On</oneSwitch></newSwitchVector>'
+    # by ABORT every driver forgets its moves, but INDI's for iOptron ends slews alone
+    + "".join(
+        f'<newSwitchVector device="DEVICE" name="TELESCOPE_MOTION_{axis}">'
+        f'<oneSwitch name="MOTION_{a}">Off</oneSwitch><oneSwitch name="MOTION_{b}">Off</oneSwitch></newSwitchVector>'
+        for axis, a, b in (("NS", "NORTH", "SOUTH"), ("WE", "WEST", "EAST"))
+    ),
     "alpaca": "PUT /api/v1/telescope/DEVICE/abortslew HTTP/1.1\r\nHost: kochab\r\nConnection: close\r\nContent-Type:"
     " application/x-www-form-urlencoded\r\nContent-Length: 35\r\n\r\nClientID=6521&ClientTransactionID=1",
 }

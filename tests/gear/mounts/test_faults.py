@@ -130,6 +130,21 @@ def test_unplugging_during_a_slew_is_said_and_stop_is_sent_again_on_reconnect(be
     assert len(bench.guard.log.sent("goto")) == 1  # never repeated
 
 
+def test_a_move_whose_line_broke_is_stopped_on_reconnect(bench) -> None:
+    bench.telescope._slew_deg_s = 0.5
+    bench.guard.move(Direction.NORTH, 0.5, 30.0)
+    wait_for(lambda: not still(bench.telescope))
+    bench.line.unplug()
+    wait_for(lambda: "Lost the mount" in str(said(bench.guard.position)))
+    assert not still(bench.telescope)  # as a real mount would
+    bench.line.plug()
+    bench.guard._reopen = lambda: opened(bench.driver, bench.line.port, bench.clock)
+    if bench.driver in COUNTERS:
+        bench.guard._reopen = lambda: open_mount(bench.driver, bench.line.port, site=SITE, clock=bench.clock)
+    bench.guard.reconnect()
+    wait_for(lambda: still(bench.telescope))
+
+
 def test_unplugging_during_a_move_leaves_one_sentence(bench) -> None:
     bench.guard.move(Direction.NORTH, 0.5, 0.3)
     bench.mount.position()

@@ -512,4 +512,5 @@ def test_closing_stops_a_move_and_leaves_the_mount_connected(scope) -> None:
     mount.move(Direction.EAST, 0.1, 60.0)
     link.sent.clear()
     mount.close()
-    assert link.sent == [("TELESCOPE_ABORT_MOTION", {"ABORT": "On"}), "closed"]
+    still = (WE, {"MOTION_WEST": "Off", "MOTION_EAST": "Off"})
+    assert link.sent == [("TELESCOPE_ABORT_MOTION", {"ABORT": "On"}), still, "closed"]

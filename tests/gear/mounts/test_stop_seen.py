@@ -136,7 +136,9 @@ def test_a_mount_that_ignores_stop_is_found_out(driver, monkeypatch) -> None:
     """The axes of the telescope go on turning, whatever its controller answers."""
     heeds, real = ({"stop": True, "turn_axis": True}, {n: getattr(BenchTelescope, n) for n in ("stop", "turn_axis")})
     for name in heeds:  # before its controller is made, which keeps what it calls
-        monkeypatch.setattr(BenchTelescope, name, lambda self, *a, n=name: real[n](self, *a) if heeds[n] else None)
+        monkeypatch.setattr(
+            BenchTelescope, name, lambda self, *a, n=name, **k: real[n](self, *a, **k) if heeds[n] else None
+        )
     monkeypatch.setattr(emergency_stop, "LOOK_S", 0.2)
     with simulated(driver, slew_deg_s=0.4) as bench:
         bench.driver, bench.mount = driver, bench.open()

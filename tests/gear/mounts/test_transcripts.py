@@ -151,6 +151,8 @@ def test_onstep_is_not_taken_for_another_mount() -> None:
 
 
 NEXSTAR_START = [(b"V", b"\x04\x15#"), (b"m", b"\x14#")]
+NEXSTAR_HALTS = [(bytes([0x50, 2, board, 36, 0, 0, 0, 0]), b"#") for board in (16, 17)]
+NEXSTAR_HALT = NEXSTAR_HALTS[0][0] + NEXSTAR_HALTS[1][0]
 
 
 def test_nexstar_position_with_hashes_among_the_data() -> None:
@@ -222,17 +224,17 @@ def test_nexstar_of_old_has_no_sync_and_coarse_positions() -> None:
         assert m.position().ra_deg == pytest.approx(82.5, abs=0.01)
 
 
-def test_nexstar_stop_cancels_and_halts_both_axes_of_a_move() -> None:
+def test_nexstar_stop_cancels_and_halts_both_axes_each_time() -> None:
     script = [
         *NEXSTAR_START,
         (bytes([0x50, 2, 16, 37, 9, 0, 0, 0]), b"#"),
-        (b"M", b"#"),
-        (bytes([0x50, 2, 16, 36, 0, 0, 0, 0]), b"#"),
-        (bytes([0x50, 2, 17, 36, 0, 0, 0, 0]), b"#"),
+        *(stop := [(b"M", b"#"), *NEXSTAR_HALTS]),
+        *stop,
     ]
     with transcript(NexStar, script) as m:
         m.move(Direction.EAST, 4.0, 20.0)
         m.stop()
+        m.stop()  # the first may have failed: it knows of no move any more
 
 
 def test_nexstar_pass_through_that_fails_is_said() -> None:
@@ -249,7 +251,8 @@ def test_nexstar_tracking_comes_back_in_its_own_mode() -> None:
 
 
 def test_synscan_is_j2000_and_cancels_twice() -> None:
-    script = [(b"V", b"042507#"), (b"m", b"\x00#"), (b"e", b"3AAAAAAA,F749F49F#"), (b"M", b"#"), (b"M", b"#")]
+    script = [(b"V", b"042507#"), (b"m", b"\x00#"), (b"e", b"3AAAAAAA,F749F49F#")]
+    script += [(b"M", b"#"), (b"M", b"#"), *NEXSTAR_HALTS]
     with transcript(SynScan, script) as m:
         assert m.position().epoch is Epoch.J2000
         assert m.identify() == "SynScan EQ6, hand control 4.37.07"
@@ -512,9 +515,9 @@ def test_skywatcher_moves_declination_the_other_way_on_the_other_side_of_the_pie
     [
         ("lx200", (9600,), b"#:Q#"),
         ("onstep", (9600, 115200), b"#:Q#"),
-        ("nexstar", (9600,), b"M"),
-        ("synscan", (9600,), b"MM"),
-        ("ioptron", (115200, 230400), b"#:Q#"),
+        ("nexstar", (9600,), b"M" + NEXSTAR_HALT),
+        ("synscan", (9600,), b"MM" + NEXSTAR_HALT),
+        ("ioptron", (115200, 230400), b"#:Q#:qR#:qD#"),
         ("skywatcher", (9600, 115200), b":L1\r:L2\r"),
     ],
 )

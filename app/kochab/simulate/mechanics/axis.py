@@ -124,6 +124,11 @@ class MotorAxis:
         """When the last planned change of motion is over."""
         return self._starts[-1]
 
+    @property
+    def last_rate_deg_s(self) -> float:
+        """The rate that it keeps when all that is planned is over."""
+        return self._segments[-1].rate_deg_s
+
     def planned_fast(self, t: float) -> bool:
         """Whether what is planned from ``t`` on holds a fast part."""
         now = max(0, bisect_right(self._starts, t) - 1)

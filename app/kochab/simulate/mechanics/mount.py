@@ -222,9 +222,15 @@ class EquatorialMount:
             self._asked_deg = (0.0, 0.0)
             return None
 
-    def stop(self) -> None:
-        """Stop every motion but tracking."""
-        self.halt()
+    def stop(self, moves: bool = True) -> None:
+        """Stop every motion but tracking; without ``moves`` those go on that :meth:`move` began."""
+        with self._lock:
+            t = self.clock.now_unix()
+            self._parks_at = None
+            for number, axis in enumerate(self._axes):
+                # A slew ends at the rate of tracking, a move not.
+                if moves or abs(axis.last_rate_deg_s - self._carrier(number)) < 1e-9:
+                    axis.run(t, self._carrier(number))
 
     def pulse(self, direction: Direction, milliseconds: float) -> None:
         """Move at the guide rate for so long."""

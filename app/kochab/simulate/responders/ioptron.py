@@ -26,7 +26,7 @@ TAKEN = (
 
 
 class IoptronResponder(Controller):
-    """What is not known is not answered. A sync while it slews is answered and ignored."""
+    """What is not known is not answered, ``:Q#`` ends no move. A sync while it slews is answered and ignored."""
 
     # a second colon before the # begins anew: what stood before it is lost
     command = re.compile(rb":(?:[^#]*:)?([^:#]*)#")
@@ -56,7 +56,7 @@ class IoptronResponder(Controller):
             b"GP[ER]": lambda: b"0",
             b"CM": self.sync,
             b"MS[12]": self.slew,
-            b"Q": telescope.stop,
+            b"Q": lambda: telescope.stop(moves=False),
             b"MH": self.go_home,
             b"RT([0-3])": self.set_tracking_rate,
             b"qR": lambda: self.halt(Direction.EAST, Direction.WEST),

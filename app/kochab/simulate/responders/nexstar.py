@@ -129,8 +129,8 @@ class NexStarResponder(Controller):
         return None
 
     def cancel(self) -> None:
-        """Ends a goto."""
-        self.telescope.stop()
+        """Ends a goto, and no move."""
+        self.telescope.stop(moves=False)
 
     def tracking_mode(self) -> int:
         """0 is off; an equatorial mount has one for each hemisphere."""

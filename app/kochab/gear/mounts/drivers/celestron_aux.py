@@ -231,8 +231,8 @@ class CelestronAux(MotorMount):
         self.motors[1].ensure_stopped()
         super().follow(since)
 
-    def stop_commands(self, moved: bool) -> list[Command]:
+    def stop_commands(self) -> list[Command]:
         """Rate 0 on both axes."""
         for motor in self.motors:
             motor.under_way = motor.follows = False
-        return super().stop_commands(moved)
+        return super().stop_commands()

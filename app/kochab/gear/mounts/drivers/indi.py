@@ -22,6 +22,7 @@ MORE_S = 0.3
 LATE_S = 1.5  # how late a driver's report may be on a busy computer
 NEAR_DEG = 0.02
 PLACES = {"EQUATORIAL_EOD_COORD": Epoch.DATE, "EQUATORIAL_COORD": Epoch.J2000}
+MOVES = "TELESCOPE_MOTION_NS", "TELESCOPE_MOTION_WE"
 PARTS = {
     Ability.SYNC: ("ON_COORD_SET", "SYNC"),
     Ability.GOTO: ("ON_COORD_SET", "TRACK"),
@@ -126,7 +127,7 @@ class IndiMount(ServerMount):
         """As the driver shows it, and whoever else moves the mount."""
         self._device.check()
         state, on = self._device.state, self._on
-        moves = (self._at, "TELESCOPE_MOTION_NS", "TELESCOPE_MOTION_WE", "TELESCOPE_PARK")
+        moves = (self._at, *MOVES, "TELESCOPE_PARK")
         rates = [rate for rate in TrackingRate if on("TELESCOPE_TRACK_MODE", f"TRACK_{rate.name}")]
         sides = [side for side in PierSide if on("TELESCOPE_PIER_SIDE", f"PIER_{side.name}")]
         return MountState(
@@ -205,9 +206,13 @@ class IndiMount(ServerMount):
                 )
 
     def halt(self) -> None:
-        """``TELESCOPE_ABORT_MOTION``."""
+        """``TELESCOPE_ABORT_MOTION``, and the end of moves."""
         vector, member = PARTS[Ability.STOP]
+        # ABORT makes every driver forget its moves, but INDI's for iOptron ends slews alone.
+        moving = [axis for axis in MOVES if self._device.state(axis) not in (None, "Idle")]
         sent = self._device.send(vector, {member: "On"})
+        for axis in moving:
+            self._device.send(axis, dict.fromkeys(self._link.members(self._device.name, axis), "Off"))
         self._unsettled_s = sent + SETTLES_S
         self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S)
         try:

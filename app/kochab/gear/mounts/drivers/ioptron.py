@@ -17,7 +17,7 @@ class Ioptron(SerialMount):
 
     name = "ioptron"
     title = "iOptron (version 3 language)"
-    blind_stop = b"#:Q#"
+    blind_stop = b"#" + b"".join(protocol.STOPS)
     bauds = (115200, 230400)
     tcp_port = 8899
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512)), 4.0)
@@ -81,11 +81,9 @@ class Ioptron(SerialMount):
         for command in (protocol.set_ra(ra_deg), protocol.set_dec(dec_deg)):
             self.require_accepted(command, tr_noop("The mount does not accept these coordinates."))
 
-    def stop_commands(self, moved: bool) -> list[Command]:
+    def stop_commands(self) -> list[Command]:
         """End a slew, and moves on both axes."""
-        # :Q# ends a slew but leaves a move, as by the arrow keys, running.
-        commands = [protocol.STOP, *([protocol.HALT_RA, protocol.HALT_DEC] if moved else [])]
-        return [(command, (self.reply(1),)) for command in commands]
+        return [(command, (self.reply(1),)) for command in protocol.STOPS]
 
     def park_altitude_deg(self) -> float | None:
         """``:GPC#``; None from a mount that does not answer it."""

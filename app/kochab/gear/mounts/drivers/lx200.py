@@ -271,7 +271,7 @@ class Lx200(SerialMount):
         except NoAnswerError:
             return first
 
-    def stop_commands(self, moved: bool) -> list[Command]:
+    def stop_commands(self) -> list[Command]:
         """``:Q#`` ends slews and moves alike."""
         return [(protocol.STOP, ())]
 

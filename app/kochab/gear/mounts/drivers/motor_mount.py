@@ -390,7 +390,7 @@ class MotorMount(SerialMount):
         super().stop()
         self.target_deg, self.tracking = None, False  # another thread may have set them meanwhile
 
-    def stop_commands(self, moved: bool) -> list[Command]:
+    def stop_commands(self) -> list[Command]:
         """At once, on both axes."""
         return [motor.halt_command(now=True) for motor in self.motors]
 

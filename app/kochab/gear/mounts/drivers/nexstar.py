@@ -17,6 +17,8 @@ from kochab.gear.mounts.serial_line import Command, SerialLink, exactly
 PRECISE_SINCE, MAKER_SINCE = (1, 6), (5, 28)  # the versions that introduced e, r and z; and v
 VARIANT_S = 1.0
 EQUATORIAL = {"CGE", "CGE Pro", "CGEM DX", "AVX", "CGX", "CGXL", "Advanced GT"}
+BOARDS = protocol.AZM, protocol.ALT
+HALTS = b"".join(protocol.move_fixed(board, True, 0) for board in BOARDS)
 GUIDE_PERCENT, GUIDE_LONGEST_MS = 50, 2550  # of sidereal; one byte of hundredths of a second
 
 
@@ -44,7 +46,7 @@ class NexStar(SerialMount):
 
     name = "nexstar"
     title = "Celestron NexStar hand control"
-    blind_stop = b"M"
+    blind_stop = protocol.CANCEL + HALTS
     models = protocol.MODELS
     rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (0.5, 1, 4, 8, 16, 64)), 0.5, 2.0, 4.0)
     cancels = 1
@@ -150,11 +152,10 @@ class NexStar(SerialMount):
         if not self.query(protocol.ALIGNED, protocol.parse_flag, 2):
             raise RefusedError("The mount is not aligned: do its alignment on the hand control first.")
 
-    def stop_commands(self, moved: bool) -> list[Command]:
+    def stop_commands(self) -> list[Command]:
         """Cancel a goto, and end moves at a fixed rate on both axes."""
-        # M cancels a goto, not a move at a fixed rate.
-        halts = [self.halt(board) for board in (protocol.AZM, protocol.ALT)] if moved else []
-        return [(protocol.CANCEL, (self.reply(1),))] * self.cancels + halts
+        # M cancels a goto, not a move. A move may be from before the line broke: no timer knows of it.
+        return [(protocol.CANCEL, (self.reply(1),))] * self.cancels + [self.halt(board) for board in BOARDS]
 
     def halt(self, board: int) -> Command:
         """The bytes that end a move on one axis."""
@@ -238,7 +239,7 @@ class SynScan(NexStar):
 
     name = "synscan"
     title = "Sky-Watcher SynScan hand control"
-    blind_stop = b"MM"
+    blind_stop = 2 * protocol.CANCEL + HALTS
     default_epoch = Epoch.J2000
     timeout_s = 3.0
     models = MODELS

@@ -113,14 +113,13 @@ class SerialMount:
         """Stop every motion, from any thread; the answers are read later."""
         self.talk.stopping()  # holds back every other exchange until Stop is on the line
         try:
-            moved = self.watchdog.moving  # read before disarm() clears it
             self.watchdog.disarm()
-            self.talk.send_now(*self.stop_commands(moved))
+            self.talk.send_now(*self.stop_commands())
         finally:
             self.talk.stopped()
 
-    def stop_commands(self, moved: bool) -> list[Command]:
-        """The bytes of Stop and how their answers are read; ``moved``: a move may be running."""
+    def stop_commands(self) -> list[Command]:
+        """The bytes of Stop, which end slews and moves, and how their answers are read."""
         raise NotImplementedError
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from kochab.gear.mounts.protocols import code_table, match, require
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 TIME, ALTAZ, PARK_PLACE = b":GUT#", b":GAC#", b":GPC#"
 MOUNT_INFO, POSITION, STATUS = b":MountInfo#", b":GEP#", b":GLS#"
-SYNC, SLEW, STOP = b":CM#", b":MS1#", b":Q#"
+SYNC, SLEW = b":CM#", b":MS1#"
 TRACK_ON = b":ST1#"
 COMMANDS = {
     Ability.TRACKING: b":ST0#",
@@ -25,6 +25,8 @@ COMMANDS = {
 }
 RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING, None)  # 4: a custom rate
 HALT_DEC, HALT_RA = b":qD#", b":qR#"
+# :Q# ends a slew, not a move, which may be from before the line broke: no timer knows of it.
+STOPS = b":Q#", HALT_RA, HALT_DEC
 PARTS_DEG = 360000.0  # 0.01 arcsec
 
 MODELS = code_table(
