@@ -17,6 +17,7 @@ from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
+from kochab.simulate.responders.skywatcher import NOT_STOPPED
 from kochab.simulate.responders.skywatcher import SkyWatcherResponder as Board
 from kochab.simulate.serial_line import pty_line
 from tests.gear.mounts.bench import LIMITS, SITE, Night, moved, place, still
@@ -145,6 +146,21 @@ def test_with_home_confirmed_a_slew_ends_where_it_was_sent(eqmod, home) -> None:
         mount.goto(*target)
         wait_for(lambda: mount.state().slewing is False)
         assert apart_deg(b.telescope.believed_deg(), target) < 0.01
+
+
+@pytest.mark.parametrize("refused", [b"G", b"J"])
+def test_a_goto_that_the_second_motor_refuses_leaves_the_first_standing(refused) -> None:
+    """Nobody would watch it: to the guard a refused goto is none."""
+    with board(slew_deg_s=2.0) as b, Guard(b.connect(home=Home.NOW), SITE, LIMITS, clock=b.clock) as guard:
+        real = b.far_end.obey
+        b.far_end.obey = lambda order, motor, data: (
+            NOT_STOPPED if order == refused and motor is b.far_end.motors[1] else real(order, motor, data)
+        )
+        with pytest.raises(RefusedError, match="motor board refuses"):
+            guard.goto(*place(-25.0, 45.0, b.clock))
+        assert [entry[:2] for entry in moved(b.telescope)] == [("turn to", 0)]
+        assert still(b.telescope)
+        assert not guard.state().slewing
 
 
 @pytest.mark.parametrize(("eqmod", "home"), [(True, Home.POWER_ON), (False, Home.EQMOD)])

@@ -343,8 +343,13 @@ class MotorMount(SerialMount):
         # The sky turns meanwhile: send both motors to where the target will be.
         ahead = longest / SLEW_DEG_S + 0.3 if longest > 0.1 else 0.1
         wanted = self.aim(ra_deg, dec_deg, ahead)
-        for motor, to, axis in zip(self.motors, wanted, axes, strict=True):
-            motor.turn_by(to - axis, since)
+        try:
+            for motor, to, axis in zip(self.motors, wanted, axes, strict=True):
+                motor.turn_by(to - axis, since)
+        except RefusedError:
+            for motor in self.motors:  # the first may turn, and after a refusal nobody would watch it
+                motor.ensure_stopped()
+            raise
 
     def continue_motion(self) -> None:
         """Finish a slew whose motors have stopped; resume tracking after a move."""
