@@ -12,7 +12,7 @@ import pytest
 from serial import SerialTimeoutException
 
 from kochab.core.errors import LineLostError, NoAnswerError, PortError
-from kochab.gear.mounts import serial_line
+from kochab.gear.mounts import open_mount, serial_line
 from kochab.gear.mounts.serial_line import SerialLink, not_opened
 
 
@@ -146,12 +146,14 @@ def test_a_port_in_use_is_said(ends) -> None:
         ("mount", "kochab mount list"),
         ("socket://127.0.0.1:1", "No answer at"),
         ("socket://127.0.0.1:99999", "socket://HOST:PORT"),
+        ("tcp://192.168.0.5:abc", "tcp://HOST:PORT"),
+        ("tcp://[fe80::1", "tcp://HOST:PORT"),
         ("nonsense://x", "tcp://HOST:PORT"),
     ],
 )
 def test_a_port_that_is_not_there_is_one_sentence_with_the_fix(port, advice) -> None:
     with pytest.raises(PortError, match=advice) as caught:
-        SerialLink(port)
+        open_mount("lx200", port)
     assert "\n" not in str(caught.value)
 
 

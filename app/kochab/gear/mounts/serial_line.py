@@ -85,10 +85,12 @@ def _absent(port: str) -> str:
 
 def with_port(address: str, usual: int | None) -> str:
     """A TCP address with the port that its driver's mounts have, where none is given."""
-    if usual is None or not address.startswith(TCP):
-        return address
-    parts = urlsplit(address)
-    return address if parts.port is not None or not parts.hostname else f"{address.rstrip('/')}:{usual}"
+    if usual is not None and address.startswith(TCP):
+        with suppress(ValueError):  # no address: SerialLink says so
+            parts = urlsplit(address)
+            if parts.port is None and parts.hostname:
+                return f"{address.rstrip('/')}:{usual}"
+    return address
 
 
 T = TypeVar("T")
