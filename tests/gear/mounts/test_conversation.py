@@ -113,6 +113,56 @@ def test_what_stop_never_answered_does_not_hold_up_the_next_question() -> None:
     link.finished()
 
 
+def test_the_answers_to_a_stop_are_not_waited_for_one_by_one_on_a_mute_line() -> None:
+    """A hand control is sent three commands, each with 4.5 s of patience."""
+    link, asked = Listening([(b"M", b""), (b"P1", b""), (b"P2", b""), (b"e", b"#")]), []
+    talk = Conversation(link)
+
+    def mute(link):
+        asked.append(link)
+        raise NoAnswerError("silent")
+
+    talk.send_now(*[(command, (mute,)) for command in (b"M", b"P1", b"P2")])
+    talk.ask(b"e", exactly(1, 1.0), parse_done)
+    assert len(asked) == 1
+    assert link.quiet_s == [serial_line.QUIET_S], "what comes late is not taken for the next answer"
+
+
+def test_a_stop_whose_answers_were_thrown_away_does_not_hold_up_the_next_question() -> None:
+    """It came while the line was being cleared."""
+
+    class Cleared(Listening):
+        def discard(self, quiet_s=0.0):
+            if not self.quiet_s:
+                talk.send_now(*[(command, (lambda _: pytest.fail("waited"),)) for command in (b"M", b"P1", b"P2")])
+            stale = bytes(self.buffer)
+            super().discard(quiet_s)
+            return stale
+
+    link = Cleared([(b"M", b"#"), (b"P1", b"#"), (b"P2", b"#"), (b"e", b"#")])
+    talk = Conversation(link)
+    talk.ask(b"e", exactly(1, 1.0), parse_done)
+    assert link.quiet_s == [0.0, serial_line.QUIET_S]
+    link.finished()
+
+
+def test_a_stop_over_udp_is_sent_until_it_is_answered_though_its_first_answer_was_thrown_away() -> None:
+    class Cleared(Listening):
+        lossy = True
+
+        def discard(self, quiet_s=0.0):
+            if not self.quiet_s:
+                talk.send_now((b":L1", (exactly(1, 1.0),)))
+            stale = bytes(self.buffer)
+            super().discard(quiet_s)
+            return stale
+
+    link = Cleared([(b":L1", b"="), (b":L1", b"="), (b"e", b"#")])
+    talk = Conversation(link)
+    talk.ask(b"e", exactly(1, 1.0), parse_done)
+    link.finished()
+
+
 class StalledDisk(logging.Handler):
     """A journal whose disk hangs until the test lets it go on."""
 

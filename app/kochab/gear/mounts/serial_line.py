@@ -328,8 +328,11 @@ class Conversation:
             while self._pending:
                 # Everything is sent again and every answer read anew: a repeated Stop does no harm.
                 due, tries = list(self._pending), tries - 1
-                answered = [self._answered(read) for _, answers in due for read in answers]
-                if all(answered) or tries <= 0:
+                # After one that is missing no other is waited for: each may take seconds on a mute line.
+                answered = all(self._answered(read) for _, answers in due for read in answers)
+                if not answered:
+                    self._doubt = DOUBT
+                if answered or tries <= 0:
                     for _ in due:
                         self._pending.popleft()
                     continue
@@ -352,6 +355,12 @@ class Conversation:
             stale = self.link.discard(QUIET_S if self._doubt else 0.0)
             if stale:
                 logger.debug("%s < %r (unexpected)", self.link.port, stale)
+                if self._pending and not self.link.lossy:
+                    # A Stop came meanwhile, and these may be its answers: they would be waited for in vain.
+                    with self._order:
+                        self._pending.clear()
+                    self._doubt = DOUBT
+                    continue
             # A Stop may be several commands; nothing may go out between them.
             while self._stopping:
                 sleep(0.001)
