@@ -14,8 +14,9 @@ from typing import Any
 
 from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
-from kochab.core.progress import Progress, Task
+from kochab.core.progress import Progress, Task, run
 from kochab.gear import mount_events as events
+from kochab.gear.actions import action
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 
@@ -159,7 +160,8 @@ class MountLine:
             self._tell(done if ended else stopped)
 
     def _given_up(self, order: MountOrder) -> bool:
-        return order.stops != self._stops
+        # What is quick moves nothing, and new limits, once drawn, must hold for the motion after the Stop.
+        return order.stops != self._stops and not action(order.name).quick
 
     def _steps(self, guard: Guard, order: MountOrder) -> Task[tuple[bool, Any]]:
         """One order to its end, its progress told and the mount looked at between its steps."""
@@ -229,7 +231,11 @@ class MountLine:
             yield Progress("line lost")
             # Orders that waited were meant for the mount of before: none may move it once the line is back.
             while not self._orders.empty():
-                self._tell(events.OrderFailed(self._orders.get().name, LOST))
+                waiting = self._orders.get()
+                if action(waiting.name).quick:  # it needs no line
+                    run(waiting.make(guard))
+                else:
+                    self._tell(events.OrderFailed(waiting.name, LOST))
             if order is not None and self._given_up(order):
                 raise error
             if monotonic() - tried < RETRY_S:

@@ -161,6 +161,29 @@ def test_an_task_ends_with_the_line(qtbot, opened):
             mount.control.order("goto", waits)
 
 
+@pytest.mark.parametrize("lost", [False, True])
+def test_limits_drawn_while_the_mount_is_busy_hold_after_a_stop_and_without_a_cable(qtbot, opened, lost):
+    """The profile has kept them and the picture shows them: the guard must not keep the old ones."""
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+
+        def waits(guard):
+            while True:
+                yield Progress("waiting")
+
+        mount.control.order("long", waits)
+        qtbot.waitUntil(lambda: mount.control.known.doing is not None)
+        if lost:
+            mount.bench.line.unplug()
+            qtbot.waitUntil(lambda: mount.control.known.phase == "lost", timeout=15_000)
+        tree = ((0.0, 10.0), (90.0, 40.0), (180.0, 10.0))
+        mount.control.use_limits(horizon_deg=tree)
+        mount.control.stop()
+        qtbot.waitUntil(lambda: mount.opening.guard.limits.horizon_deg == tree, timeout=10_000)
+        mount.bench.line.plug()
+        qtbot.waitUntil(lambda: mount.control.known.phase == "on" and not mount.control.known.busy, timeout=20_000)
+
+
 @pytest.mark.parametrize("ending", ["plugged", "stopped"])
 def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, opened, ending):
     """Bolts are turned for minutes: the measurement is not lost with the cable."""
