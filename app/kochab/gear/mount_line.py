@@ -51,6 +51,7 @@ LISTEN_S = 0.05
 REPORT_S = 0.05
 RETRY_S = 2.0
 WATCH_S = 5.0
+STOP_S = 5.0  # a Stop may wait so long for its answer before the port is closed
 STOPPED = tr_noop("Stopped.")
 LOST = tr_noop("Connection to the mount lost.")
 
@@ -71,6 +72,7 @@ class MountLine:
         self._orders: SimpleQueue[MountOrder] = SimpleQueue()
         self._stops = 0  # an order that was wished for before a Stop is given up
         self._guard: Guard | None = None
+        self._stopper: threading.Thread | None = None
         self._looked = self._spoke = 0.0
         self._unasked = True  # which epoch it speaks in, and which clock and site it has
         self._watched, self._limit = 0.0, ""  # when its tracking was compared with the limits, and what was told
@@ -94,7 +96,9 @@ class MountLine:
         guard = self._guard
         if guard is not None:
             # A thread of its own: a line that does not take the bytes must not hold up the caller.
-            threading.Thread(target=self._stop, args=(guard,), name="kochab-stop", daemon=True).start()
+            stopper = threading.Thread(target=self._stop, args=(guard,), name="kochab-stop", daemon=True)
+            stopper.start()
+            self._stopper = stopper  # started, as only then it can be joined
 
     def _stop(self, guard: Guard) -> None:
         try:
@@ -124,8 +128,11 @@ class MountLine:
                 except LineLostError as error:
                     yield from self._wait_for(guard, error)
         finally:
-            if self._guard is not None:
-                self._guard.close()
+            opened, self._guard = self._guard, None  # a Stop on a closed port would be told as one that failed
+            if opened is not None:
+                if self._stopper is not None:
+                    self._stopper.join(STOP_S)
+                opened.close()
             self._afterwards()
 
     def _see_stopped(self, guard: Guard) -> None:

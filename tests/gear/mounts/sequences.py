@@ -163,6 +163,7 @@ class Inline:
 
     def __init__(self, target, args=(), **_):
         self.start = lambda: target(*args)
+        self.join = lambda _: None
 
 
 @contextmanager

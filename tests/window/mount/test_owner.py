@@ -1,10 +1,13 @@
 """One owner of the mount's line: what one view connects, moves and stops, the others know."""
 
+import threading
+from time import sleep
+
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QMenu
 
-from kochab.core.errors import RefusedError
+from kochab.core.errors import LineLostError, RefusedError
 from kochab.core.mount import Direction, Epoch, MountState
 from kochab.core.progress import Progress
 from kochab.gear import actions as why
@@ -20,11 +23,11 @@ from kochab.gear.mount_events import (
 )
 from kochab.polar.error import Knob
 from kochab.window.mount.connection import MountTask
-from kochab.window.mount.status import MountStatus, mount_status_text
+from kochab.window.mount.status import ALARM, MountStatus, mount_status_text
 from kochab.window.polar.alignment_run import OTHER_SKY, mount_is_still
 from kochab.workflows.session.alignment import AxisTurnedBy, FrameSource
-from tests.gear.mounts.bench import place
-from tests.window.mount_bench import connected
+from tests.gear.mounts.bench import place, simulated
+from tests.window.mount_bench import BenchOpening, connected
 from tests.window.polar.conftest import polar
 from tests.window.polar.test_view import Nights, drive
 from tests.window.polar_cases import adjusting
@@ -159,6 +162,56 @@ def test_an_task_ends_with_the_line(qtbot, opened):
         qtbot.waitUntil(lambda: heard == ["cancelled", "finished"], timeout=15_000)
         with pytest.raises(RefusedError, match="Connect a mount first"):
             mount.control.order("goto", waits)
+
+
+def test_a_stop_that_fails_while_disconnecting_is_told_and_stays(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+
+        def fails():
+            sleep(0.5)  # as long as a line takes to find out
+            raise LineLostError("The cable is out.")
+
+        mount.opening.guard.mount.stop = fails
+        mount.control.disconnect_mount()
+        qtbot.waitUntil(lambda: mount.control.known.phase == "off", timeout=15_000)
+        assert "cut its power" in mount.view.message.text()
+        assert not any("mount stopped" in sentence for sentence in mount.said)
+        assert corner(commands).text.text() == ALARM
+
+
+def test_stop_still_goes_out_while_a_mount_is_being_disconnected(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        begun, answers = threading.Event(), threading.Event()
+
+        def waits(guard):
+            begun.set()
+            answers.wait(30.0)
+            yield Progress("waiting")
+
+        mount.control.order("long", waits)
+        qtbot.waitUntil(begun.is_set)
+        mount.control.disconnect_mount()
+        qtbot.waitUntil(lambda: "stop" in [entry[0] for entry in mount.telescope.log], timeout=10_000)
+        mount.telescope.log.clear()
+        assert corner(commands).stop.isVisible()
+        corner(commands).stop.click()
+        qtbot.waitUntil(lambda: "stop" in [entry[0] for entry in mount.telescope.log], timeout=10_000)
+        answers.set()
+        qtbot.waitUntil(lambda: mount.control.known.phase == "off", timeout=15_000)
+        assert mount.said[-1] == "Disconnected, mount stopped. Good night."
+
+
+def test_a_connection_that_is_cancelled_tells_of_no_stop(qtbot, opened):
+    _, commands = opened
+    commands.views.show("mount")
+    view = commands.views.docks["mount"].view
+    with simulated("lx200") as bench:
+        view.control.begin(BenchOpening(bench, "lx200"), bench.port)
+        view.control.disconnect_mount()
+        qtbot.waitUntil(lambda: view.control.known.phase == "off", timeout=15_000)
+    assert view.message.text() == "Disconnected."
 
 
 @pytest.mark.parametrize("lost", [False, True])

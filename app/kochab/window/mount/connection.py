@@ -152,7 +152,6 @@ class MountControl(QObject):
             self._line.stop()
         # The Stop goes out in a thread of its own; the line ends when it comes to its next yield.
         self._job.cancel()
-        self._line = None
         self.stopping.emit()
         self.known.phase = "leaving"
         self.changed.emit()
@@ -164,8 +163,8 @@ class MountControl(QObject):
             return
         farewell = self._opening.farewell if self._opening is not None else ""
         self._job = self._line = self._opening = None
-        practised, self.known = self.known.practice, MountSnapshot()
-        if practised:
+        before, self.known = self.known, MountSnapshot(alarm=self.known.alarm)
+        if before.practice:
             # The simulated camera ends with its telescope; the profile's own comes back.
             saved, camera = current_profile(self._settings).camera, self.camera
             self.use_camera(saved if saved.source else None)
@@ -174,8 +173,9 @@ class MountControl(QObject):
         # Orders that the line never began end here, so that whoever waits for one hears of it.
         for name in list(self._tasks):
             self._tasks.pop(name).end(OrderFailed(name, sentence, stopped=not sentence))
-        text = sentence or tr("Disconnected, mount stopped. {farewell}", farewell=farewell)
-        self.message.emit(text.strip(), "wrong" if sentence else "muted")
+        stopped = tr("Disconnected, mount stopped. {farewell}", farewell=farewell).strip()
+        text = before.alarm or sentence or (stopped if before.connected else tr("Disconnected."))
+        self.message.emit(text, "bad" if before.alarm else "wrong" if sentence else "muted")
         self.progressed.emit(None)
         self.changed.emit()
 
@@ -293,7 +293,8 @@ class MountControl(QObject):
             self._posted.emit(line, event)
 
     def _receive(self, line: MountLine | None, event: object) -> None:
-        if line is not self._line:  # it is being closed: only its end matters
+        closing = line is not self._line or self.known.phase == "leaving"
+        if closing and not isinstance(event, StopFailed):  # only its end matters, and whether the mount stands
             return
         self.known.hear(event)
         match event:

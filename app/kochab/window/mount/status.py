@@ -82,7 +82,7 @@ class MountStatus(QWidget):
         role = "bad" if known.alarm else {"lost": "wrong", "off": "muted"}.get(known.phase, "")
         set_role(self.text, role)
         self.text.setMinimumWidth(self.text.sizeHint().width() if known.alarm else 1)  # an alarm is never cut
-        self.stop.setVisible(known.phase not in ("off", "leaving"))
+        self.stop.setVisible(known.phase != "off")
 
     def _pressed(self) -> None:
         if not (self._control.known.at_rest and _closes_something()):
