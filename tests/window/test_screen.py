@@ -84,15 +84,21 @@ def start(environment, *arguments):
     )
 
 
-@pytest.mark.parametrize("arguments", [[], [str(SAMPLES / "orion.png")]])
-def test_an_interrupt_closes_the_window_cleanly(environment, tmp_path, arguments):
+@pytest.mark.parametrize(
+    ("name", "arguments"), [("SIGINT", []), ("SIGINT", [str(SAMPLES / "orion.png")]), ("SIGTERM", []), ("SIGHUP", [])]
+)
+def test_what_ends_a_program_closes_the_window_cleanly(environment, tmp_path, name, arguments):
+    """Cleanly: a window that is closed stops its mount."""
+    number = getattr(signal, name)
+    if signal.getsignal(number) is signal.SIG_IGN:
+        pytest.skip(f"{name} is ignored here, as under nohup, and so by what is started here")
     program = start(environment, *arguments)
     settings = tmp_path / "CONFIG" / "kochab" / "window.ini"
     deadline = time.monotonic() + 60
     while not settings.exists() and program.poll() is None and time.monotonic() < deadline:
         time.sleep(0.1)  # the settings are first written when the event loop runs
     time.sleep(0.5)
-    program.send_signal(signal.SIGINT)
+    program.send_signal(number)
     out, err = program.communicate(timeout=40)
     assert program.returncode == 0, err
     assert "Traceback" not in err + out

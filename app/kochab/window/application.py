@@ -176,7 +176,10 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
         commands.add_thumbnails()
         if not commands.settings.flag("toured", False):
             QTimer.singleShot(AFTER_MS, window, commands.show_tour)
-    signal.signal(signal.SIGINT, lambda *_: window.close())  # handled when Python runs: at a tick of Garbage
+    # A terminal that is closed must not leave a mount moving. One that is ignored, as nohup has it, stays so.
+    for number in [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: window.close())  # handled when Python runs: at a tick of Garbage
     code = app.exec()
     garbage.stop()
     background.job.join(5.0)
