@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QEvent, QLocale, QObject, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QFontDatabase, QGuiApplication, QKeyEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QCheckBox,
@@ -31,6 +31,7 @@ from kochab.core import tr
 Box = TypeVar("Box", bound=QBoxLayout)
 Named = TypeVar("Named", bound=QWidget)
 INSET_PX = 5  # of the text in a field
+BY_CHOICE = Qt.FocusPolicy.StrongFocus  # not by the wheel, which would take Space from the STOP button
 
 
 def named(made: Named, name: str, tip: str = "") -> Named:
@@ -60,12 +61,16 @@ def number_field(
 ) -> QDoubleSpinBox:
     """A field for a number between ``low`` and ``high``, with its unit."""
     made = NumberField(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit)
+    made.setFocusPolicy(BY_CHOICE)
     made.lineEdit().setTextMargins(INSET_PX, 0, 0, 0)  # which the style sheet's padding does not reach
     return named(made, name, tip)
 
 
 class NumberField(QDoubleSpinBox):
-    """It takes a comma and a point for the decimal point of its language."""
+    """It takes a comma and a point for the decimal point of its language; the wheel scrolls its page, never sets it."""
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        event.ignore()  # Qt sets every field that comes under the pointer of a page that is scrolled
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.text() in (",", "."):
@@ -137,9 +142,20 @@ def grid(
     return made
 
 
+class ChoiceBox(QComboBox):
+    """A box to choose from, by mouse and keys alone: the wheel scrolls its page, and orders nothing of a mount."""
+
+    def __init__(self, letters: int = 0) -> None:
+        super().__init__(minimumContentsLength=letters)
+        self.setFocusPolicy(BY_CHOICE)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        event.ignore()
+
+
 def choice_box(name: str, choices: Iterable[str] | Mapping[str, object], letters: int = 8) -> QComboBox:
     """A box to choose one of ``choices`` from; those of a mapping carry their values as data."""
-    made = QComboBox(minimumContentsLength=letters)
+    made = ChoiceBox(letters)
     for text in choices:
         made.addItem(text, choices[text] if isinstance(choices, Mapping) else None)
     return named(made, name)

@@ -6,16 +6,19 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QAbstractButton, QApplication, QComboBox, QDialog, QDoubleSpinBox, QLineEdit, QWidget
 
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import Progress
 from kochab.gear import actions as why
+from kochab.gear.profiles import current_profile
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
 from kochab.window.mount.status import MountStatus, mount_status_text
 from kochab.window.shell.views import VIEWS
+from kochab.window.widgets import field_value
 from tests.gear.mounts.bench import SITE, place
 from tests.window.fakes import fake_solution
 from tests.window.mount_bench import connected
@@ -149,6 +152,29 @@ def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):
         mount.view.stop.setFocus()
         assert not mount.view.why.isVisible()
         assert not [e for e in mount.telescope.log if e[0] == "track"]
+
+
+def test_the_wheel_orders_and_sets_nothing_with_focus_or_without(qtbot, opened, settings):
+    """A page that is scrolled takes fields under the pointer: the tracking, the flip, the limits, the camera."""
+    _, commands = opened
+    with connected(qtbot, commands, "onstep") as mount:
+        view = mount.view
+        limits = current_profile(settings).limits
+        fields = [*view.findChildren(QComboBox), *view.findChildren(QDoubleSpinBox)]
+        assert {view.tracking, view.meridian, view.limits.lowest, view.camera.source} <= set(fields)
+        keys = Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase
+        for field in fields * 2:  # a second time with the focus
+            before, middle = field_value(field), QPointF(field.rect().center())
+            for step in (-120, 120, 120):
+                event = QWheelEvent(middle, field.mapToGlobal(middle), QPoint(), QPoint(0, step), *keys, False)
+                QApplication.sendEvent(field, event)
+                assert field_value(field) == before, field.accessibleName()
+            assert field.focusPolicy() == Qt.FocusPolicy.StrongFocus, "or the wheel takes Space from STOP"
+            field.setFocus()
+        view.stop.setFocus()  # a limit is kept when the focus leaves it
+        assert current_profile(settings).limits == limits
+        assert not mount.control.known.busy
+        assert not [entry for entry in mount.telescope.log if entry[0] == "track"]
 
 
 def test_there_is_one_stop_in_every_mode_at_one_place(qtbot, opened):

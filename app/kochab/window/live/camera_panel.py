@@ -118,7 +118,7 @@ class LevelView(Histogram):
         self.plot.mark_full(self._levels.clipped > 0)
 
 
-SETTLE_MS = 300  # a mouse wheel changes a field many times; the camera is set once after the last
+SETTLE_MS = 300  # a key that is held changes a field many times; the camera is set once after the last
 
 
 class CameraPanel(Page):

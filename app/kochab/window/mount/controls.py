@@ -9,7 +9,17 @@ from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, Q
 
 from kochab.core import tr, tr_noop
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
-from kochab.window.widgets import choice_box, column, label, named, number_field, row, set_property, text_field
+from kochab.window.widgets import (
+    ChoiceBox,
+    choice_box,
+    column,
+    label,
+    named,
+    number_field,
+    row,
+    set_property,
+    text_field,
+)
 
 
 class Explanation(QObject):
@@ -81,7 +91,7 @@ RATES = {
 }
 
 
-class TrackingChoice(QComboBox):
+class TrackingChoice(ChoiceBox):
     """Shows what the mount tracks; a choice only asks for another."""
 
     wanted = Signal(TrackingRate)
