@@ -116,7 +116,6 @@ _ROWS = (
     Action("why", tr_noop("diagnosing"), "find the cause of a pointing offset", (Need.CAMERA,)),
     Action(POLAR, tr_noop("polar alignment (F4), which turns the RA axis"), "", (Need.NOT_BY_HAND,), moves=True),
     Action("stop", tr_noop("stopping"), "stop every motion, now"),
-    Action("site", quick=True),
     Action("camera", quick=True),
     Action("limits", quick=True),
 )

@@ -1,6 +1,7 @@
 """One owner of the mount's line: what one view connects, moves and stops, the others know."""
 
 import threading
+from dataclasses import replace
 from time import sleep
 
 import pytest
@@ -8,6 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QMenu
 
 from kochab.core.errors import LineLostError, RefusedError
+from kochab.core.frame import Site
 from kochab.core.mount import Direction, Epoch, MountState
 from kochab.core.progress import Progress
 from kochab.gear import actions as why
@@ -23,10 +25,11 @@ from kochab.gear.mount_events import (
 )
 from kochab.polar.error import Knob
 from kochab.window.mount.connection import MountTask
+from kochab.window.mount.pointing import state_text
 from kochab.window.mount.status import ALARM, MountStatus, mount_status_text
 from kochab.window.polar.alignment_run import OTHER_SKY, mount_is_still
 from kochab.workflows.session.alignment import AxisTurnedBy, FrameSource
-from tests.gear.mounts.bench import place, simulated
+from tests.gear.mounts.bench import SITE, place, simulated
 from tests.window.mount_bench import BenchOpening, connected
 from tests.window.polar.conftest import polar
 from tests.window.polar.test_view import Nights, drive
@@ -214,6 +217,30 @@ def test_a_connection_that_is_cancelled_tells_of_no_stop(qtbot, opened):
     assert view.message.text() == "Disconnected."
 
 
+@pytest.mark.parametrize("where", ["profile", "hints"])
+def test_a_new_site_waits_for_the_next_connection_and_that_is_said(qtbot, opened, where):
+    """Motor boards and NexStar reckon by the site that their driver was opened with: the guard must not by another."""
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        hints = commands.window.workspace.hints
+        for site in (SITE, Site(48.0, 11.0)):
+            if where == "profile":
+                commands.equipment.keep(site=site)
+            else:
+                hints.show_site(site)
+                hints.site.editingFinished.emit()
+            assert commands.settings.site == site
+            assert ("only then it uses the new site" in mount.view.message.text()) == (site != SITE)
+        assert mount.opening.guard.site == SITE
+
+
+def test_a_mount_without_a_site_says_how_it_gets_one():
+    told = known(report=report(tracking=True))
+    assert state_text(told).endswith("no site: disconnect and set yours to allow motion")
+    told.report = replace(told.report, altaz_deg=(40.0, 180.0))
+    assert "site" not in state_text(told)
+
+
 @pytest.mark.parametrize("lost", [False, True])
 def test_limits_drawn_while_the_mount_is_busy_hold_after_a_stop_and_without_a_cable(qtbot, opened, lost):
     """The profile has kept them and the picture shows them: the guard must not keep the old ones."""
@@ -355,7 +382,7 @@ def test_at_rest_is_only_what_is_known_to_stand():
 
 def test_what_is_over_in_a_moment_hides_no_longer_order():
     told = known(busy="goto")
-    for word in (OrderProgress("site", Progress("site")), OrderDone("site", None)):
+    for word in (OrderProgress("limits", Progress("limits")), OrderDone("limits", None)):
         told.hear(word)
         assert told.busy == "goto"
     told.hear(OrderDone("goto", ""))

@@ -239,16 +239,15 @@ class MountControl(QObject):
         return result if isinstance(result, Solution) else None
 
     def use_site(self, site: Site | None) -> None:
-        """The site, which sets the guard's horizon limit."""
+        """Keep the site, which sets the horizon limit of the next guard."""
         self._settings.keep_site(site)
+        self.compare_site()
 
-        def use(guard: Guard) -> Task[None]:
-            yield Progress(tr_noop("site"))
-            guard.site = site
-
-        # A practice telescope stands at a site of its own.
-        if self._line is not None and not self.known.practice:
-            self._line.order("site", use)
+    def compare_site(self) -> None:
+        """Tell of a new site: the guard keeps the old one, by which its driver finds time, pole and pier side."""
+        connected = self.known.connected
+        if connected is not None and not self.known.practice and connected.site != self._settings.site:
+            self.message.emit(tr("Disconnect the mount and connect it again: only then it uses the new site."), "wrong")
 
     def use_limits(self, **changes: Any) -> None:
         """Keep these limits in the profile, by its names, and go by them from the next motion on."""

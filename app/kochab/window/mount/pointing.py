@@ -175,8 +175,8 @@ def state_text(known: MountSnapshot) -> str:
     if known.report is None:
         return known.trouble or tr("Reading the position…")
     words = [known.port, *words_of(known.report.state)]
-    if known.connected is None or known.connected.site is None:
-        words.append(tr("no site: set yours to allow motion"))
+    if known.report.altaz_deg is None:  # an alignment may have found it in a frame since
+        words.append(tr("no site: disconnect and set yours to allow motion"))
     trouble = " ".join(dict.fromkeys(t for t in (known.alarm, known.trouble) if t))
     return ", ".join(words) + (f". {trouble}" if trouble else "")
 

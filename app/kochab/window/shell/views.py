@@ -58,6 +58,8 @@ class Services:
         assert isinstance(window, MainWindow)
         MountStatus(control, window)
         control.changed.connect(lambda: self.equipment.lock(control.known.phase != "off"))
+        self.equipment.changed.connect(control.compare_site)
+        self.panes.hints.site_given.connect(control.compare_site)
         return control
 
     @cached_property
