@@ -19,7 +19,7 @@ from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
 from kochab.window.mount.status import MountStatus, mount_status_text
 from kochab.window.shell.views import VIEWS
 from kochab.window.widgets import field_value
-from tests.gear.mounts.bench import SITE, place
+from tests.gear.mounts.bench import SITE, place, simulated
 from tests.window.fakes import fake_solution
 from tests.window.mount_bench import connected
 from tests.window.test_night import assert_red
@@ -437,8 +437,6 @@ def test_two_clicks_in_the_frame_bring_a_star(qtbot, opened):
 
 
 def test_looking_for_a_mount_finds_it_and_can_be_cancelled(qtbot, opened):
-    from tests.gear.mounts.bench import simulated
-
     _, commands = opened
     commands.views.show("mount")
     view = commands.views.docks["mount"].view
@@ -454,6 +452,28 @@ def test_looking_for_a_mount_finds_it_and_can_be_cancelled(qtbot, opened):
         view.cancel_find.click()
         qtbot.waitUntil(lambda: "Search cancelled" in view.message.text(), timeout=15_000)
         assert not view.cancel_find.isVisible()
+
+
+def test_a_search_pressed_again_does_not_stand_in_its_own_way(qtbot, opened):
+    """It holds the port until its next step: another would be told to close the other program."""
+    _, commands = opened
+    commands.views.show("mount")
+    view = commands.views.docks["mount"].view
+    box, told = view.connect_box, []
+    box.progressed.connect(told.append)
+    with simulated("nexstar") as bench:
+        bench.faults.late_s = 0.3
+        bench.faults.chance("late", 1.0)
+        box.set_port(bench.port)
+        box.search()
+        qtbot.waitUntil(lambda: bool(bench.line.transcript), timeout=10_000)
+        assert not box.connect_button.isEnabled()
+        box.find_button.click()
+        box.search()
+        qtbot.waitUntil(lambda: None in told, timeout=30_000)
+        assert "NexStar" in view.message.text()
+        assert box.connect_button.hasFocus()
+        assert box.find_button.isEnabled()
 
 
 def test_port_driver_and_site_come_back_after_a_restart(qtbot, make_window, engine, settings):

@@ -1,7 +1,5 @@
 """Which mount on which port, and how it is found."""
 
-from functools import partial
-
 from PySide6.QtCore import QRectF, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QComboBox, QWidget
@@ -191,14 +189,16 @@ class ConnectBox(QWidget):
         self._jobs.run(equipment.find_ports(), "ports").succeeded.connect(self.show_ports)
 
     def search(self) -> None:
-        """Search every port for a mount; a search under way is ended."""
-        self.cancel_search()
+        """Search every port for a mount."""
+        if self.searching:
+            return
+        self._allow(False)
         self._search = job = self._jobs.run(equipment.find_mounts(self.chosen_port), "find")
         job.progressed.connect(self.progressed)
         job.succeeded.connect(self._found)
         job.failed.connect(lambda sentence: self.message.emit(sentence, "wrong"))
         job.cancelled.connect(lambda: self.message.emit(tr("Search cancelled."), "muted"))
-        job.finished.connect(partial(self._over, job))
+        job.finished.connect(self._over)
         self.progressed.emit(Progress(tr_noop("looking for ports")))
 
     def cancel_search(self) -> None:
@@ -206,10 +206,15 @@ class ConnectBox(QWidget):
         if self._search is not None:
             self._search.cancel()
 
-    def _over(self, job: Job) -> None:
-        if job is self._search:
-            self._search = None
-            self.progressed.emit(None)
+    def _over(self) -> None:
+        self._search = None
+        self._allow(True)
+        self.progressed.emit(None)
+
+    def _allow(self, on: bool) -> None:
+        """A search holds the port until its next step, also when it is cancelled."""
+        for one in (self.connect_button, self.find_button):
+            one.setEnabled(on)
 
     def _found(self, result: tuple[list[PortInfo], list[Diagnosis]]) -> None:
         listed, found = result
@@ -217,6 +222,7 @@ class ConnectBox(QWidget):
         mount = next((one for one in found if one.found), None)
         if mount is not None:
             self.show_selection(MountSelection(mount.port, mount.driver, mount.baud or None))
+            self._allow(True)  # a disabled button takes no focus
             self.connect_button.setFocus()
         self.message.emit(equipment.search_text(found), "good" if mount else "wrong")
 
