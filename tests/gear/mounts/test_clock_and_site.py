@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from kochab.core import speak
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, SiteReport
@@ -143,6 +144,13 @@ def test_it_is_set_when_a_person_asks_for_it_and_read_back() -> None:
     guard.site = None
     with pytest.raises(RefusedError, match="set your site first"):
         guard.set_site()
+
+
+def test_two_commands_are_joined_in_the_person_s_language(request) -> None:
+    request.addfinalizer(speak)
+    guard, _, _ = believing(SiteReport(ELSEWHERE, NIGHT - HOUR))
+    speak(lambda text, note, n: " und " if text == " and " else text)
+    assert "kochab mount set-clock und kochab mount set-site" in guard.clock_doubt()
 
 
 def test_a_mount_that_shifts_with_its_clock_is_synced_before_it_slews() -> None:

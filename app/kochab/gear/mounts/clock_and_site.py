@@ -61,7 +61,7 @@ class ClockAndSite:
         return self._policy.doubt
 
     def _sentence(self, mount: Mount) -> str:
-        commands = " and ".join(COMMANDS[ability] for ability in self.wrong)
+        commands = tr(" and ").join(COMMANDS[ability] for ability in self.wrong)
         able = not self.wrong.keys() & mount.lacks.keys()
         where = tr("in the Mount view, or by {commands}", commands=commands) if able else tr("on its hand control")
         return tr_n(
