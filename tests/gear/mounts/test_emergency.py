@@ -419,6 +419,18 @@ def test_a_motion_that_is_prolonged_or_ended_is_not_ended_again() -> None:
     assert first.calls == 0
 
 
+def test_a_move_that_expires_does_not_forget_the_next_one() -> None:
+    """Its halt may wait three seconds for an answer, and the next move of that axis begin meanwhile."""
+    dog = Watchdog()
+
+    def halt():
+        dog.arm("ra", 30.0, failing())
+
+    dog.arm("ra", 0.0, halt).join()
+    assert dog.moving
+    dog.disarm()
+
+
 def test_a_move_whose_end_failed_is_told_before_the_next() -> None:
     link = ScriptedLink(CLASSIC_START)
     mount = Lx200(link)

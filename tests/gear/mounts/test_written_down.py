@@ -112,8 +112,8 @@ def test_a_watchdog_s_timer_never_keeps_the_program_and_is_never_set_back(monkey
     made = []
 
     class Timer:
-        def __init__(self, seconds, function, args):
-            self.seconds, self.run = seconds, lambda: function(*args)
+        def __init__(self, seconds, function):
+            self.seconds, self.run = seconds, function
             self.began = self.ended = False
             made.append(self)
 

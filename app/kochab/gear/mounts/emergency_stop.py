@@ -163,25 +163,26 @@ class Watchdog:
         self._timers: dict[str, Timer] = {}
         self.failure: DeviceError | None = None
 
-    def arm(self, name: str, seconds: float, halt: Callable[[], None]) -> None:
+    def arm(self, name: str, seconds: float, halt: Callable[[], None]) -> Timer:
         """Let the motion ``name`` last ``seconds``; arm before the motion begins."""
-        timer = Timer(max(0.0, seconds), self._expire, (name, halt))
+        timer = Timer(max(0.0, seconds), lambda: self._expire(name, halt, timer))
         timer.daemon = True  # must not hold up the exit of the program, which stops the mount itself
         with self._lock:
             before, self._timers[name] = self._timers.get(name), timer
         if before is not None:
             before.cancel()
         timer.start()
+        return timer
 
     @contextmanager
     def bounding(self, name: str, seconds: float, halt: Callable[[], None]) -> Iterator[None]:
         """Order the motion ``name`` inside: one that begins late, behind another exchange, is stopped again."""
         over_s = monotonic() + seconds
-        self.arm(name, seconds, halt)
+        timer = self.arm(name, seconds, halt)
         yield
         # The halt went out before the motion's own bytes: without another one it would run for good.
         if monotonic() >= over_s:
-            self._expire(name, halt)
+            self._expire(name, halt, timer)
 
     def disarm(self) -> None:
         """Every motion has been ended by other means."""
@@ -202,7 +203,7 @@ class Watchdog:
         if failure is not None:
             raise failure
 
-    def _expire(self, name: str, halt: Callable[[], None]) -> None:
+    def _expire(self, name: str, halt: Callable[[], None], timer: Timer) -> None:
         for _ in range(3):
             try:
                 halt()
@@ -214,4 +215,5 @@ class Watchdog:
         if failure := self.failure:  # logged after all tries: a slow disk must not delay them
             logger.error("The %s motion could not be ended.", name, exc_info=failure)
         with self._lock:
-            self._timers.pop(name, None)
+            if self._timers.get(name) is timer:  # a later move may have begun while the halt was waited for
+                del self._timers[name]
