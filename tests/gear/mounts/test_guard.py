@@ -407,8 +407,11 @@ def test_a_slew_that_somebody_stops_has_not_arrived() -> None:
         lambda guard: guard.pulse(Direction.NORTH, 500),
         lambda guard: guard.move(Direction.NORTH, 0.1, 1.0),
         lambda guard: guard.goto(*at(-30.0, 45.0)),
+        lambda guard: guard.park(),
+        lambda guard: run(guard.rest("park")),
+        lambda guard: guard.go_home(),
     ],
-    ids=["pulse", "move", "goto"],
+    ids=["pulse", "move", "goto", "park", "rest", "home"],
 )
 def test_a_stop_while_a_motion_is_prepared_lets_nothing_begin(begin, monkeypatch) -> None:
     """Its position and its state are asked for first; on a slow line a person is quicker."""
@@ -422,6 +425,16 @@ def test_a_stop_while_a_motion_is_prepared_lets_nothing_begin(begin, monkeypatch
     monkeypatch.undo()
     begin(guard)
     assert mount.did[-1][0] != "stop"
+
+
+@pytest.mark.parametrize("order", ["goto", "go_home"])
+def test_a_stop_while_a_motion_is_sent_is_no_arrival(order) -> None:
+    """Home is not reported, so standing still would do."""
+    guard, mount = guarded()
+    mount.now = replace(mount.now, at_home=None)
+    setattr(mount, order, lambda *_: guard.stop())
+    with pytest.raises(StoppedError, match="was stopped"):
+        run(guard.slew(*at(-41.0, 40.0)) if order == "goto" else guard.rest("home"))
 
 
 def test_a_guard_that_is_forgotten_stops_what_moves() -> None:

@@ -31,7 +31,6 @@ from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion,
 UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
 FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
 
-
 T = TypeVar("T")
 
 
@@ -254,8 +253,9 @@ class Guard:
         The mount is stopped when it takes too long, does not answer, leaves its path or the
         limits, or when the task is cancelled or fails.
         """
+        stops = self.stops
         plan = self._begin_slew(ra_deg, dec_deg, flip)
-        arrival = self.supervisor.arrival((ra_deg, dec_deg), slew_limit_s(plan), due_side(plan, flip))
+        arrival = self.supervisor.arrival((ra_deg, dec_deg), slew_limit_s(plan), stops, due_side(plan, flip))
         return (yield from self._finish("goto", arrival))
 
     def preview_rest(self, action: str) -> Preview:
@@ -264,18 +264,19 @@ class Guard:
 
     def park(self) -> None:
         """Begin to go to the mount's park position; see :meth:`rest` for one that is waited for."""
-        self._begin_rest("park")
+        self._begin_rest("park", self.stops)
 
     def go_home(self) -> None:
         """Begin to go to the mount's home."""
-        self._begin_rest("home")
+        self._begin_rest("home", self.stops)
 
     def rest(self, action: str) -> Task[None]:
         """``park`` or ``home``, and wait until the mount reports to be there; as careful as :meth:`slew`."""
+        stops = self.stops
         if self.state().parked and action == "park":
             return
-        self._begin_rest(action)
-        yield from self._finish(action, self.supervisor.rest(action, self.limits.slew_timeout_s))
+        self._begin_rest(action, stops)
+        yield from self._finish(action, self.supervisor.rest(action, self.limits.slew_timeout_s, stops))
 
     def unpark(self) -> None:
         """Unpark it, so that it can move again."""
@@ -284,12 +285,12 @@ class Guard:
         if self.state().parked:
             self._refuse("unpark", tr("The mount still reports that it is parked: unpark it on its hand control."))
 
-    def _begin_rest(self, action: str) -> None:
+    def _begin_rest(self, action: str, stops: int) -> None:
         self._require_ability(Ability.PARK if action == "park" else Ability.HOME)
         plan, preview = self.policy.rest(action, self.position(), self.state(), self.park_altitude_deg())
         self._require_allowed(preview, confirmed=True)
         send = self.mount.park if action == "park" else self.mount.go_home
-        self._send(action, self.limits.slew_timeout_s, send, SupervisedMotion(plan, anywhere()))
+        self._send(action, self.limits.slew_timeout_s, send, SupervisedMotion(plan, anywhere()), stops)
 
     def _finish(self, action: str, arrival: Task[T]) -> Task[T]:
         """Wait for the end of a motion, which is stopped when it does not come."""
@@ -386,8 +387,7 @@ class Guard:
         plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg), flip)
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
-        detail = {"ra_deg": ra_deg, "dec_deg": dec_deg}
-        self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, **detail)
+        self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, ra_deg=ra_deg, dec_deg=dec_deg)
         return plan
 
     def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:

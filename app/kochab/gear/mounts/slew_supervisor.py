@@ -189,15 +189,15 @@ class SlewSupervisor:
             self._log.add("wait", "failed", told := tr(SLEPT).format(slept_s))
             raise StoppedError(told)
 
-    def arrival(self, target_deg: Degrees, limit_s: float, side: PierSide | None = None) -> Task[Pointing]:
+    def arrival(self, target_deg: Degrees, limit_s: float, stops: int, side: PierSide | None = None) -> Task[Pointing]:
         """Yield the distance left until the mount reports that it no longer slews, and is on this ``side`` of its pier.
 
         Raises `NoAnswerError` when it took longer than ``limit_s`` or missed too many answers in a row, and
-        `RefusedError` when it was stopped, or stands still somewhere else.
+        `RefusedError` when it was stopped since the count ``stops``, or stands still somewhere else.
         """
         first = left = None
         idle = 0
-        looks = self._looks("slew", limit_s, self._emergency.stops)
+        looks = self._looks("slew", limit_s, stops)
         while True:
             detail = "" if left is None else tr("{left:.1f} deg to go", left=left)
             done = None if not first or left is None else min(1.0, max(0.0, 1.0 - left / first))
@@ -224,13 +224,13 @@ class SlewSupervisor:
                 why = f": {tr(state.fault)}" if state.fault else ""
                 raise RefusedError("The mount stopped {left:.1f} deg from its target{why}.", left=left, why=why)
 
-    def rest(self, action: str, limit_s: float) -> Task[None]:
+    def rest(self, action: str, limit_s: float, stops: int) -> Task[None]:
         """Yield until the mount reports to be parked or at home, or where it does not report it stands still.
 
         Raises as :meth:`arrival`.
         """
         before, idle = None, 0
-        looks = self._looks(action, limit_s, self._emergency.stops)
+        looks = self._looks(action, limit_s, stops)
         doing = tr_noop("parking") if action == "park" else tr_noop("going home")
         while True:
             yield Progress(doing)
