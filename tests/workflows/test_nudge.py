@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import wrapped
-from kochab.core.errors import RefusedError, StoppedError
+from kochab.core.errors import RefusedError, StoppedError, StrayedError
 from kochab.core.mount import Ability, Direction
 from kochab.core.progress import run
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.apparent import of_date_matrix
 from kochab.workflows.nudge import ENDS, RUNS_ON, bring_here, nudge, turn_to_bring
+from tests.simulate.failing_axis import AxisFailure, fail
 from tests.workflows.mount_nights import SOUTH, bench, good, worn
 
 
@@ -111,6 +112,18 @@ def test_a_stop_before_the_first_word_lets_no_nudge_begin(amount) -> None:
     with pytest.raises(StoppedError):
         next(task)
     assert [did for did in b.mount.did if did[0] in ("move", "pulse")] == []
+
+
+@pytest.mark.parametrize("amount", [20.0, 600.0])
+def test_after_a_slew_that_strayed_a_nudge_leads_away(amount) -> None:
+    b = bench(good(lost_deg=0.0))
+    fail(b.rig.mount, 1, AxisFailure.SWAPPED)
+    with pytest.raises(StrayedError):
+        run(b.guard.slew(*b.guard.to_mount(*b.place(-15.0, 25.0))))
+    fail(b.rig.mount, 1, None)
+    b.rig.clock.step(3.0)  # it brakes
+    run(nudge(b.guard, Direction.NORTH, amount, b.wait))
+    assert b.mount.did[-1][0] in ("pulse", "move")
 
 
 def test_a_chosen_rate_is_one_move_that_the_guard_bounds() -> None:

@@ -212,6 +212,7 @@ def test_a_move_the_wrong_way_is_seen_by_whoever_asks_how_the_mount_is(patient, 
         guard.check_not_stopped(stops, "motion")
     guard.state()  # it stands: nothing is watched any more
     guard.move(Direction.SOUTH, 1.0, 2.0)
+    stops = guard.stops
     guard.check_not_stopped(stops, "motion")
     guard.stop()
     with pytest.raises(StoppedError, match="motion was stopped"):

@@ -33,7 +33,7 @@ class EmergencyStop:
         self, mount: Mount, log: MotionLog, clock: Callable[[], datetime], wait: Callable[[float], None]
     ) -> None:
         self.mount = mount
-        self.stops = 0  # by the user: no motion that was ordered before is continued
+        self.stops = 0  # by the user, or of what strayed: no motion that was ordered before is continued
         self.unfinished = False  # a motion was under way when the line broke
         self.wait = wait
         self._log, self._clock = log, clock

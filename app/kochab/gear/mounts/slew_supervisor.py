@@ -175,10 +175,8 @@ class SlewSupervisor:
 
     def check_not_stopped(self, stops: int, what: str) -> None:
         """Raise when the motion ``what`` that began at the count ``stops`` was stopped since."""
-        if self.strayed:
-            raise StrayedError(self.strayed)
         if self._emergency.stops != stops:
-            raise StoppedError("The {what} was stopped.", what=tr(what))
+            raise StrayedError(self.strayed) if self.strayed else StoppedError("The {what} was stopped.", what=tr(what))
 
     def pause(self, wait: Callable[[float], None], seconds: float) -> None:
         """Wait; `StoppedError` after a computer's sleep, which one of its clocks did not count."""
@@ -288,6 +286,7 @@ class SlewSupervisor:
             else tr("Kochab stopped the slew: {found}.")
         )
         self.strayed = text.format(found=found)
+        self._emergency.stops += 1
         try:
             self._emergency.halt()
         finally:  # afterwards: a slow disk must not delay a Stop
