@@ -153,26 +153,76 @@ def test_two_commands_are_joined_in_the_person_s_language(request) -> None:
     assert "kochab mount set-clock und kochab mount set-site" in guard.clock_doubt()
 
 
-def test_a_mount_that_shifts_with_its_clock_is_synced_before_it_slews() -> None:
-    """Synced on the old clock, it would go 15 degrees aside."""
-    for settled in (
-        lambda g: g.sync(*at(-38.0, 41.0), by_hand=True, confirmed=True),
-        lambda g: g.clock_and_site.trust(),
-    ):
-        guard, mount, _ = believing(SiteReport(None, NIGHT - HOUR))
-        take = mount.set_clock
+def shifted():
+    """A guard whose mount has moved its position by 15 degrees of right ascension with its new clock."""
+    guard, mount, _ = believing(SiteReport(None, NIGHT - HOUR))
+    guard._reopen = lambda: setattr(mount, "closed", False) or mount
+    take = mount.set_clock
 
-        def shifting(now, mount=mount, take=take):
-            take(now)
-            mount.here = ((mount.here[0] + 15.0) % 360.0, mount.here[1])
+    def shifting(now):
+        take(now)
+        mount.here = ((mount.here[0] + 15.0) % 360.0, mount.here[1])
 
-        mount.set_clock = shifting
-        guard.set_clock()
-        with pytest.raises(RefusedError, match=r"shifted by 11.5° with its new clock or site. Sync on a solved frame"):
-            guard.goto(*at(-30.0, 50.0))
-        assert not mount.did
-        settled(guard)
+    mount.set_clock = shifting
+    guard.set_clock()
+    return guard, mount
+
+
+def not_slewing(guard):
+    with pytest.raises(RefusedError, match=r"shifted by 11.5° with its new clock or site. Sync on a solved frame"):
         guard.goto(*at(-30.0, 50.0))
+
+
+def by_hand(guard):
+    guard.sync(*at(-38.0, 41.0), by_hand=True, confirmed=True)
+
+
+@pytest.mark.parametrize("settled", [by_hand, lambda guard: guard.clock_and_site.trust()])
+def test_a_mount_that_shifts_with_its_clock_is_synced_before_it_slews(settled) -> None:
+    """Synced on the old clock, it would go 15 degrees aside."""
+    guard, mount = shifted()
+    not_slewing(guard)
+    assert not mount.did
+    settled(guard)
+    guard.goto(*at(-30.0, 50.0))
+
+
+def test_a_position_that_is_lost_is_not_found_by_a_new_line_nor_by_a_site_typed_again() -> None:
+    guard, _ = shifted()
+    guard.reconnect()
+    not_slewing(guard)
+    guard.site = SITE
+    not_slewing(guard)
+
+
+def test_who_takes_the_sync_back_that_found_a_lost_position_has_lost_it_again() -> None:
+    guard, _ = shifted()
+    by_hand(guard)
+    guard.undo_sync()
+    not_slewing(guard)
+    assert not guard.can_undo
+
+
+@pytest.mark.parametrize(
+    "loses",
+    [
+        lambda guard, mount: guard.reconnect(),
+        lambda guard, mount: guard.set_clock(),
+        lambda guard, mount: guard.set_site(),
+        lambda guard, mount: setattr(mount, "here", at(-40.0, 90.0)),
+    ],
+    ids=["new line", "clock", "site", "switched off and on"],
+)
+def test_a_sync_that_the_mount_may_no_longer_hold_is_not_taken_back(loses) -> None:
+    """Undo would shift its position by what it never had."""
+    guard, mount, _ = believing(SiteReport(SITE, NIGHT))
+    guard._reopen = lambda: setattr(mount, "closed", False) or mount
+    by_hand(guard)
+    loses(guard, mount)
+    before = list(mount.did)
+    with pytest.raises(RefusedError, match="No sync to undo"):
+        guard.undo_sync()
+    assert mount.did == before
 
 
 def test_a_moving_mount_keeps_its_clock() -> None:

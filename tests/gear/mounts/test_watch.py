@@ -335,6 +335,9 @@ def test_a_mount_that_jumps_to_the_pole_was_switched_off_and_on(dec, refused, lo
     if refused:
         with pytest.raises(RefusedError, match="takes this place for its home"):
             guard.sync(*at(-40.0, dec - 10.0), by_hand=True, confirmed=True)
+        guard._reopen = lambda: Imaginary(*at(-40.0, dec))
+        guard.reconnect()
+        assert guard.preview_goto(*at(-30.0, 50.0)).refusals, "it is still at the pole for all it says"
         guard.clock_and_site.trust()
         assert guard.preview_goto(*at(-30.0, 50.0)).allowed
 

@@ -24,8 +24,11 @@ class ClockAndSite:
         self.forget()
 
     def forget(self) -> None:
-        """Compare again before the next slew: the site is another, or the mount was switched on again."""
-        self._left, self._trusted, self._policy.doubt, self._policy.until_sync = ASKED, False, "", ""
+        """Compare again before the next slew: the site is another, or the mount was switched on again.
+
+        A position that was lost is not found by that: only a sync or a person settles it.
+        """
+        self._left, self._trusted, self._policy.doubt = ASKED, False, ""
         self.wrong: dict[Ability, str] = {}  # what would mend it -> what is wrong
 
     def trust(self) -> None:

@@ -72,7 +72,6 @@ class Guard:
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
         self.clock_and_site = ClockAndSite(self.policy)
         self._reopen = reopen
-        self._sync_shift_deg: tuple[float, float] | None = None  # what takes the last sync back
         self._finalizer = weakref.finalize(self, self.emergency.at_exit)  # a bound method would keep self alive
 
     # -- questions ------------------------------------------------------------------------------
@@ -161,6 +160,7 @@ class Guard:
         if self.state().slewing or self.emergency.moving:
             self._refuse(str(ability), tr("The mount is moving: stop it first."))
         self.supervisor.forget()  # a new clock or site may shift the position: no jump
+        self.supervisor.undo = None
         before = self.position()
         self._send(str(ability), 0.0, do)
         self.clock_and_site.shifted(before, self.position())
@@ -198,26 +198,27 @@ class Guard:
         self._require_allowed(preview, confirmed)
         guessed = self.state().home_confirmed is False  # asked before the sync, which confirms it
         self._sync(ra_deg, dec_deg)
-        self.policy.until_sync = ""
         shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
-        self._sync_shift_deg = None if guessed else shift  # a guess is nothing to go back to
-        self.armed = False
+        # A guess is nothing to go back to; what called for this sync does so again once it is taken back.
+        self.supervisor.undo = None if guessed else (shift, self.policy.until_sync)
+        self.armed, self.policy.until_sync = False, ""
 
     @property
     def can_undo(self) -> bool:
         """Whether there is a sync to take back."""
-        return self._sync_shift_deg is not None
+        return self.supervisor.undo is not None
 
     def undo_sync(self) -> None:
         """Take back the last sync, wherever the mount has gone since."""
-        if self._sync_shift_deg is None:
+        here = self.position()  # first: it may show that the mount was switched off and on
+        if self.supervisor.undo is None:
             raise RefusedError("No sync to undo.")
-        here = self.position()
-        ra = (here.ra_deg + self._sync_shift_deg[0]) % 360.0
-        dec = min(90.0, max(-90.0, here.dec_deg + self._sync_shift_deg[1]))
+        shift, until_sync = self.supervisor.undo
+        ra = (here.ra_deg + shift[0]) % 360.0
+        dec = min(90.0, max(-90.0, here.dec_deg + shift[1]))
         self._require_allowed(self.policy.sync(here, self.state(), (ra, dec), by_hand=True, armed=True), True)
         self._sync(ra, dec)
-        self._sync_shift_deg = None
+        self.supervisor.undo, self.policy.until_sync = None, until_sync
 
     def _sync(self, ra_deg: float, dec_deg: float) -> None:
         self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump

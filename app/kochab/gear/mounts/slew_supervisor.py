@@ -30,7 +30,8 @@ POLL_S = 0.2  # between two looks at a slew
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
 WOKE_UP = tr_noop(
     "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
-    " Then put the tube at its home and switch it on there; or say that the mount is right (--trust-mount)."
+    " If so, switch it off, put the tube at its home and switch it on there. Then say that the mount is right"
+    " (--trust-mount)."
 )
 SLEPT_S = 10.0  # a wait that overran by this much means that the computer slept
 SLEPT = tr_noop(
@@ -111,6 +112,7 @@ class SlewSupervisor:
     def __init__(self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy) -> None:
         self.strayed = ""  # why the last motion was stopped on its way
         self.aim: Aim | None = None  # of a pointing model; dropped when the mount's coordinates change
+        self.undo: tuple[Degrees, str] | None = None  # the shift that takes the last sync back, and `until_sync` before
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
         self._seen: tuple[Floats, float, datetime] | None = None  # the last position, and its time on both clocks
@@ -125,7 +127,7 @@ class SlewSupervisor:
 
     def reconnecting(self) -> None:
         """What stood when the line was lost stands there still, or was switched off and on meanwhile."""
-        self.aim = None
+        self.aim = self.undo = None
         moved = self._emergency.moving or self._emergency.unfinished
         # "Seen" in the future, so that no time has passed and any jump is too fast for a motor.
         self._seen = None if moved or self._seen is None else (self._seen[0], inf, datetime.max.replace(tzinfo=UTC))
@@ -155,7 +157,7 @@ class SlewSupervisor:
             before, at_s, at = self._seen
             jump_deg, passed_s = separation_deg(before, place), max(0.0, monotonic() - at_s, (now - at).total_seconds())
             if jump_deg > FASTEST_DEG_S * passed_s + ASIDE_DEG:
-                self._policy.until_sync = tr(WOKE_UP).format(jump_deg)
+                self._policy.until_sync, self.undo = tr(WOKE_UP).format(jump_deg), None
                 self._log.add("position", "failed", self._policy.until_sync)
         self._seen = place, asked_s, now
 
