@@ -2,10 +2,11 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
-from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
+from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import Direction, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import emergency_stop, slew_supervisor
@@ -194,10 +195,19 @@ def test_a_bounded_motion_may_be_moving_longer_than_it_was_sent_for(order, lasts
     assert guard.emergency._moves_until - time.monotonic() > lasts_s + 0.3
 
 
-def test_a_goto_may_be_moving_until_the_mount_says_that_it_is_not() -> None:
+def test_a_goto_may_be_moving_until_the_mount_says_for_a_while_that_it_is_not(monkeypatch) -> None:
+    """At first it may not have begun."""
+    now = [100.0]
+    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: now[0])
     guard, mount = guarded()
     guard.goto(*at(-45.0, 42.0))
     assert guard.emergency.endless
+    for slewing in (False, True, False):
+        now[0] += 1.5
+        mount.now = replace(mount.now, slewing=slewing)
+        guard.state()
+        assert guard.emergency.moving
+    now[0] += 1.7
     guard.state()
     assert not guard.emergency.moving
     guard.close()
@@ -235,8 +245,6 @@ def test_a_program_that_ends_stops_a_bounded_motion_too() -> None:
 
 
 def test_a_parked_mount_is_not_made_to_track() -> None:
-    from dataclasses import replace
-
     guard, mount = guarded()
     mount.now = replace(mount.now, parked=True)
     with pytest.raises(RefusedError, match="parked"):
@@ -259,8 +267,6 @@ def slewing_to(target, *reports):
         if isinstance(slewing, Exception):
             raise slewing
         mount.here = at(*place)
-        from dataclasses import replace
-
         return replace(mount.now, slewing=slewing)
 
     mount.state = state
@@ -296,6 +302,14 @@ def test_a_slew_that_begins_late_is_waited_for(monkeypatch) -> None:
     run(slew)
     assert len(left) == 1
     assert mount.did[-1][0] == "goto"
+
+
+def test_a_slew_that_begins_late_is_watched_on_its_way(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    _, mount, slew, _ = slewing_to((-45.0, 42.0), (False, -40.0, 40.0), (True, -40.0, 30.0))
+    with pytest.raises(StrayedError, match="wrong way"):
+        run(slew)
+    assert mount.did[-1] == ("stop",)
 
 
 def test_pauses_of_a_slew_do_not_add_up(monkeypatch) -> None:

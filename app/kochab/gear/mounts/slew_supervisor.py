@@ -115,11 +115,12 @@ class SlewSupervisor:
         self.undo: tuple[Degrees, str] | None = None  # the shift that takes the last sync back, and `until_sync` before
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
+        self._slewed = 0.0  # when a motion began, or the mount did last not say that it no longer slews
         self._seen: tuple[Floats, float, datetime] | None = None  # the last position, and its time on both clocks
 
     def begin(self, motion: SupervisedMotion | None) -> None:
         """A motion begins; a new one replaces what was supervised before."""
-        self.strayed, self._motion = "", motion
+        self.strayed, self._motion, self._slewed = "", motion, monotonic()
 
     def forget(self) -> None:
         """Compare no more: the mount's coordinates are about to change by a sync."""
@@ -276,7 +277,10 @@ class SlewSupervisor:
 
     def _state(self) -> MountState:
         state = self._emergency.mount.state()
-        if state.slewing is False and self._emergency.endless:  # all but a goto end by their time limit
+        if state.slewing is not False:
+            self._slewed = monotonic()
+        # All but a goto end by their time limit. A goto may begin late, or pause, and is supervised all the same.
+        elif self._emergency.endless and monotonic() - self._slewed > IDLE * POLL_S:
             self._emergency.end()
         return state
 
