@@ -395,8 +395,7 @@ def test_a_new_motion_forgets_how_the_last_one_strayed(monkeypatch) -> None:
 
 def expired(*errors):
     dog, halt = Watchdog(), failing(*errors)
-    dog.arm("ra", 0.0, halt)
-    wait_for(lambda: not dog.moving)
+    dog.arm("ra", 0.0, halt).join()
     return dog, halt
 
 
@@ -404,11 +403,30 @@ def test_the_watchdog_tries_three_times() -> None:
     dog, halt = expired(SILENT, SILENT)
     assert halt.calls == 3
     dog.check()  # the third worked
+    assert not dog.moving
     dog, halt = expired(*[SILENT] * 4)
     assert halt.calls == 3
-    with pytest.raises(NoAnswerError):
+    dog.arm("dec", 0.0, failing()).join()
+    assert dog.moving, "what ended the other axis did not end this one"
+    with pytest.raises(NotStoppedError, match="CUT ITS POWER"):
         dog.check()
     dog.check()  # told once
+    assert not dog.moving
+    dog, _ = expired(*[SILENT] * 3)
+    dog.disarm()
+    dog.check()  # Stop was sent since
+
+
+def test_a_move_that_could_not_be_ended_is_stopped_by_whoever_asks_where_the_mount_is() -> None:
+    """On INDI a missed answer, which a nudge forgives."""
+    for fails, told in (({}, NotStoppedError), ({"stop": BROKEN}, LineLostError)):
+        guard, mount = guarded()
+        dog, _ = expired(*[SILENT] * 3)
+        mount.position, mount.fails = dog.check, fails
+        with pytest.raises(told, match=r"(?i)cut its power"):
+            guard.position()
+        assert mount.did == [("stop",)]
+        assert guard.emergency.unfinished is bool(fails), "the next connection begins with Stop"
 
 
 def test_the_watchdog_ends_a_motion_once() -> None:
@@ -449,7 +467,7 @@ def test_a_move_whose_end_failed_is_told_before_the_next() -> None:
     link = ScriptedLink(CLASSIC_START)
     mount = Lx200(link)
     mount.watchdog.failure = BROKEN
-    with pytest.raises(LineLostError):
+    with pytest.raises(NotStoppedError, match="The line broke"):
         mount.bounded(Direction.NORTH, 1.0)
 
 

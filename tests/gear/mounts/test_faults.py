@@ -149,10 +149,11 @@ def test_unplugging_during_a_move_leaves_one_sentence(bench) -> None:
     bench.guard.move(Direction.NORTH, 0.5, 0.3)
     bench.mount.position()
     bench.line.unplug()
-    wait_for(lambda: not bench.mount.watchdog.moving)
-    with pytest.raises(LineLostError) as caught:
-        bench.mount.position()
+    wait_for(lambda: bench.mount.watchdog.failure)
+    with pytest.raises(LineLostError, match="cut its power") as caught:
+        bench.guard.position()
     one_sentence(caught)
+    assert bench.guard.emergency.unfinished
     bench.line.plug()
     bench.telescope.halt()
     bench.telescope.turn_axis(1, 0.0)

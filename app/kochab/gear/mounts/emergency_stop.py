@@ -90,8 +90,13 @@ class EmergencyStop:
         self.mount.close()  # first: a serial port is open to one program at a time
         self.mount = reopen()
         if self.unfinished or self.moving:
-            self.halt()
-            self.unfinished = False
+            self.finish()
+
+    def finish(self) -> None:
+        """Stop a motion that may run on; it stays unfinished until a Stop goes out."""
+        self.unfinished = True
+        self.halt()
+        self.unfinished = False
 
     @property
     def unconfirmed(self) -> bool:
@@ -155,7 +160,7 @@ class Watchdog:
     """Calls ``halt`` after the time allowed unless the motion was ended before.
 
     ``halt`` runs in the timer's thread, so it may call only what any thread may call. It is tried
-    three times; :meth:`check` then raises the error.
+    three times; then the motion counts as moving until :meth:`check` has told of it.
     """
 
     def __init__(self) -> None:
@@ -185,34 +190,36 @@ class Watchdog:
             self._expire(name, halt, timer)
 
     def disarm(self) -> None:
-        """Every motion has been ended by other means."""
+        """Every motion is ended by other means."""
         with self._lock:
             timers, self._timers = list(self._timers.values()), {}  # cancelled outside the lock
+        self.failure = None
         for timer in timers:
             timer.cancel()
 
     @property
     def moving(self) -> bool:
-        """Whether a motion is still allowed to run."""
+        """Whether a motion is still allowed to run, or could not be ended."""
         with self._lock:
-            return bool(self._timers)
+            return bool(self._timers) or self.failure is not None
 
     def check(self) -> None:
-        """Raise the error of a motion that could not be ended, once."""
+        """Raise `NotStoppedError`, once, when a motion could not be ended."""
         failure, self.failure = self.failure, None
         if failure is not None:
-            raise failure
+            may = tr(MAY_STILL_MOVE)
+            raise NotStoppedError("{may} Its move could not be ended: {error}", may=may, error=failure) from failure
 
     def _expire(self, name: str, halt: Callable[[], None], timer: Timer) -> None:
+        failure: DeviceError | None = None
         for _ in range(3):
             try:
                 halt()
-            except DeviceError as error:
-                self.failure = error
-            else:
-                self.failure = None
                 break
-        if failure := self.failure:  # logged after all tries: a slow disk must not delay them
+            except DeviceError as error:
+                failure = error
+        else:  # logged after all tries: a slow disk must not delay them
+            self.failure = failure
             logger.error("The %s motion could not be ended.", name, exc_info=failure)
         with self._lock:
             if self._timers.get(name) is timer:  # a later move may have begun while the halt was waited for

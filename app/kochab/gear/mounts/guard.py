@@ -492,9 +492,7 @@ class Guard:
         except DeviceError as error:  # no answer: the motion may have begun all the same
             try:
                 if lasts_s:
-                    self.emergency.unfinished = True
-                    self.halt()
-                    self.emergency.unfinished = False
+                    self.emergency.finish()
             finally:  # afterwards: a slow disk must not delay a Stop
                 self.log.add(action, "failed", str(error))
             raise

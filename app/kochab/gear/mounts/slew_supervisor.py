@@ -12,7 +12,7 @@ import numpy as np
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
-from kochab.core.errors import NoAnswerError, RefusedError, StoppedError, StrayedError
+from kochab.core.errors import NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import MountState, PierSide, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
@@ -136,17 +136,21 @@ class SlewSupervisor:
     def position(self) -> Pointing:
         """Where the mount says it points; one that leaves its path is stopped.
 
-        Raises `StrayedError` when it was under way and twice reported a place where it must not be.
+        Raises `StrayedError` when it was under way and twice reported a place where it must not be, and
+        `NotStoppedError` when its driver could not end a move; Stop was sent then.
         """
         mount, motion = self._emergency.mount, self._motion if self._emergency.moving else None
         asked_s = monotonic()  # a busy computer may read the answer long after the mount was there
-        here = mount.position()
-        if motion is not None and motion.finding(here, self._clock(), asked_s):
-            asked_s = monotonic()
-            here = mount.position()  # a late answer may bring an old position
-            found = motion.finding(here, self._clock(), asked_s)
-            if found:
-                self._stop(found)
+        try:
+            here = mount.position()
+            if motion is not None and motion.finding(here, self._clock(), asked_s):
+                asked_s = monotonic()
+                here = mount.position()  # a late answer may bring an old position
+                if found := motion.finding(here, self._clock(), asked_s):
+                    self._stop(found)
+        except NotStoppedError:  # its driver could not end a move
+            self._emergency.finish()
+            raise
         self._see(here, asked_s)
         return here
 
