@@ -304,6 +304,20 @@ def test_a_slew_that_begins_late_is_waited_for(monkeypatch) -> None:
     assert mount.did[-1][0] == "goto"
 
 
+@pytest.mark.parametrize("order", [lambda guard: guard.slew(*at(-45.0, 42.0)), lambda guard: guard.rest("home")])
+def test_a_mount_that_is_parked_on_its_way_is_not_taken_for_mute(order) -> None:
+    """By its hand control, or by another program."""
+    guard, mount = guarded()
+    mount.slew_deg_s = 1.0
+    task = order(guard)
+    told = [next(task)]
+    mount.state = lambda: replace(mount.now, parked=True, at_home=None)
+    with pytest.raises(RefusedError, match="was parked on its way"):
+        told.extend(task)
+    assert not any(one.detail for one in told), "nobody needs to cut its power"
+    assert mount.did[-1] == ("stop",)
+
+
 def test_a_slew_that_begins_late_is_watched_on_its_way(monkeypatch) -> None:
     monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
     _, mount, slew, _ = slewing_to((-45.0, 42.0), (False, -40.0, 40.0), (True, -40.0, 30.0))

@@ -37,7 +37,7 @@ SLEPT_S = 10.0  # a wait that overran by this much means that the computer slept
 SLEPT = tr_noop(
     "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
 )
-MISSES = 3  # positions that may be missed in a row during a slew
+MISSES = 3  # positions that may be missed in a row during a slew; as often it may say that it is parked
 FAR_DEG, IDLE = 0.5, 8  # beyond FAR_DEG an idle mount may not have begun yet: it gets IDLE looks
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
 GRID_DEG = 2.0  # well below ASIDE_DEG: no place between two grid points is aside
@@ -209,7 +209,7 @@ class SlewSupervisor:
             yield Progress("slewing", done, detail)
             state, here = next(looks)
             if here is None:
-                yield Progress("slewing", done, tr(MUTE))
+                yield Progress("slewing", done, "" if state.parked else tr(MUTE))
                 continue
             slewing = state.slewing
             before, left = left, apart_deg((here.ra_deg, here.dec_deg), target_deg)
@@ -244,7 +244,7 @@ class SlewSupervisor:
             if there:
                 return
             if here is None:
-                yield Progress(doing, detail=tr(MUTE))
+                yield Progress(doing, detail="" if state.parked else tr(MUTE))
                 continue
             still = before is not None and apart_deg(before, (here.ra_deg, here.dec_deg)) < STILL_DEG
             idle = idle + 1 if still and not state.slewing else 0
@@ -257,7 +257,7 @@ class SlewSupervisor:
                 raise RefusedError("The mount stopped before it was at home.")
 
     def _looks(self, what: str, limit_s: float, stops: int) -> Iterator[tuple[MountState, Pointing | None]]:
-        """State and position again and again, no position when the answer was missed."""
+        """State and position again and again, no position when the answer was missed or the mount is parked."""
         end = monotonic() + limit_s
         misses, state = 0, MountState()
         while True:
@@ -276,7 +276,9 @@ class SlewSupervisor:
                     raise
                 here = None
             else:
-                misses = 0
+                misses = misses + 1 if state.parked else 0
+                if misses >= MISSES:
+                    raise RefusedError("The mount was parked on its way. Unpark it, then try again.")
             yield state, here
 
     def _state(self) -> MountState:
