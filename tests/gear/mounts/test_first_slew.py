@@ -1,5 +1,7 @@
 """The first slew from home reaches whatever is up: at the pole hour angle and side of the pier are rounding noise."""
 
+from time import monotonic
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from kochab.gear.mounts.drivers.motor_mount import natural_side
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, unit_vectors
 from kochab.gear.mounts.motion_policy import MotionPolicy
+from kochab.gear.mounts.slew_supervisor import SupervisedMotion, allowed_region
 from tests.gear.mounts.bench import SITE, place
 from tests.gear.mounts.imaginary import NIGHT
 from tests.gear.mounts.test_conformance import wait_for
@@ -60,6 +63,18 @@ def test_it_goes_there_and_is_not_taken_for_a_flip_on_its_way(ticks, hour) -> No
         run(guard.slew(*target))
         assert apart_deg(b.telescope.believed_deg(), target) < 0.05
         assert mount.side() is natural_side(hour)
+
+
+@pytest.mark.parametrize(("hour", "dec"), [(-60.0, 20.0), (60.0, 20.0), (-10.0, -33.0)])
+def test_a_fork_at_the_pole_may_go_straight_from_the_hour_angle_that_it_reports(hour, dec) -> None:
+    policy, sidereal = MotionPolicy(SITE, Limits(crosses_meridian=True), lambda: NIGHT), sidereal_deg(SITE, NIGHT)
+    here = Pointing(sidereal, 89.9, Epoch.DATE)
+    plan, preview = policy.goto(here, MountState(slewing=False), ((sidereal - hour) % 360.0, dec))
+    assert preview.allowed, preview.refusals
+    motion = SupervisedMotion(plan, allowed_region(plan))
+    for share in np.linspace(0.0, 1.0, 41):
+        there = Pointing((sidereal - share * hour) % 360.0, 89.9 + share * (dec - 89.9), Epoch.DATE)
+        assert motion.finding(there, NIGHT, monotonic()) is None
 
 
 @pytest.mark.parametrize(("hour", "polar_distance", "refused"), [(-15.0, 0.65, True), (-80.0, 0.65, False)])

@@ -475,6 +475,8 @@ def leaving_home(plan: Plan) -> Plan:
         return plan
     if beside_deg > NOISE_DEG and abs(abs(ends[0]) - 90.0) > TURNED_DEG:  # tracking, beside the pole
         return plan
+    if plan.limits.crosses_meridian:  # a fork's hour angle is real at the pole, too
+        return replace(plan, from_home=True)
     ra_deg = (plan.start_deg[0] + ends[0] - copysign(90.0, ends[1])) % 360.0  # hour angle ±90, on the target's side
     state = replace(plan.state, pier_side=None)
     return replace(plan, start_deg=(ra_deg, plan.start_deg[1]), state=state, from_home=True)
