@@ -62,6 +62,23 @@ def test_a_park_position_that_the_mount_reports_is_reached_below_the_horizon_lim
     assert guard.limits.horizon_deg, "it holds again"
 
 
+def test_the_drawn_horizon_holds_on_the_way_to_a_park_position_above_it() -> None:
+    """Beside a roof of 40 deg the mount dips to 30, on its way to a park position 45 deg high."""
+    guard, mount = guarded(hour_angle_deg=-60.0, dec_deg=50.0, horizon_deg=((0.0, 40.0),))
+    mount.park = lambda: mount._rest("park", at(-60.0, 17.2), parked=True)
+    mount.slew_deg_s = 25.0
+    guard.emergency.wait = lambda s: time.sleep(0.1)
+    mount.park_altitude_deg = lambda: 45.0
+    assert not any("that is the horizon limit" in told for told in guard.preview_rest("park").warnings)
+    with pytest.raises(StrayedError, match="the limit is 40 deg"):
+        run(guard.rest("park"))
+    guard.limits = replace(guard.limits, horizon_deg=((0.0, 60.0), (180.0, 20.0)))
+    assert guard.policy.rest("park", mount.position(), mount.now, 45.0)[0].limits.horizon_deg == (
+        (0.0, 44.0),
+        (180.0, 20.0),
+    ), "no more of it is given up than the park position needs"
+
+
 def test_a_park_position_below_the_horizon_is_refused_before_it_begins() -> None:
     guard, mount = guarded()
     mount.park_altitude_deg = lambda: -12.0

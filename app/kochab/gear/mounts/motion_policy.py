@@ -239,8 +239,6 @@ def due_side(plan: Plan, flip: bool = False) -> PierSide | None:
 
 
 EAST_MOST_DEG = -270.0  # hour angles count on from here: at the lower meridian, -180, is no jump
-
-
 MOVE_ADVICE = tr_noop("Start farther from the meridian, or move the other way.")
 PAST_ADVICE = {"track": tr_noop("Flip the mount (Flip in the Mount view, or kochab mount flip).")}
 
@@ -361,7 +359,7 @@ def own_way(plan: Plan) -> Findings:
         )
     elif low < -PARKED_DEG:
         yield refuse("The mount's park position is {low:.0f}° below the horizon: set another in its driver.", low=-low)
-    elif limit <= low - PARKED_DEG:
+    elif low - PARKED_DEG in (limit, *(altitude for _, altitude in plan.limits.horizon_deg)):  # what it has lowered
         yield warn("The mount parks {low:.1f}° high: until then that is the horizon limit.", low=low)
 
 
@@ -404,8 +402,9 @@ class MotionPolicy:
         to_deg, low = (here.ra_deg, here.dec_deg), park_altitude_deg if action == "park" else None
         free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))  # its own way may flip it
         if low is not None:
-            lowest = min(free.lowest_altitude_deg, low - PARKED_DEG)
-            free = replace(free, lowest_altitude_deg=lowest, horizon_deg=())
+            lowest = low - PARKED_DEG
+            drawn = tuple((azimuth, min(altitude, lowest)) for azimuth, altitude in free.horizon_deg)
+            free = replace(free, lowest_altitude_deg=min(free.lowest_altitude_deg, lowest), horizon_deg=drawn)
         plan = replace(self.plan(action, here, state, to_deg), limits=free, park_altitude_deg=low)
         return plan, preview_of(plan, to_deg, to_deg, REST_RULES)
 
