@@ -187,6 +187,15 @@ def test_a_mount_that_shifts_with_its_clock_is_synced_before_it_slews(settled) -
     guard.goto(*at(-30.0, 50.0))
 
 
+def test_a_mount_whose_position_is_lost_does_not_park_by_it_and_may_go_home() -> None:
+    guard, mount = shifted()
+    with pytest.raises(RefusedError, match="Sync on a solved frame"):
+        run(guard.rest("park"))
+    assert not mount.did
+    guard.go_home()
+    assert [name for name, *_ in mount.did] == ["home"]
+
+
 def test_a_position_that_is_lost_is_not_found_by_a_new_line_nor_by_a_site_typed_again() -> None:
     guard, _ = shifted()
     guard.reconnect()

@@ -346,11 +346,13 @@ def sync_evidence(plan: Plan) -> Findings:
 
 
 def own_way(plan: Plan) -> Findings:
-    """Tell that the way is the mount's own; it is watched on it. Refuse a park position below the horizon."""
+    """Tell that the way is the mount's own, and watched. Refuse to park below the horizon, or by a lost position."""
     low, limit = plan.park_altitude_deg, plan.limits.lowest_altitude_deg
     yield warn("The mount goes its own way there, which Kochab cannot check before: watch the telescope.")
     if plan.action != "park":
         return
+    if plan.doubt:  # a wrong clock alone leads no mount astray on its way to rest
+        yield refuse(plan.doubt)
     if low is None:
         yield warn(
             "The mount does not report its park position: below your horizon limit ({limit:g}°) Kochab "
@@ -399,14 +401,14 @@ class MotionPolicy:
 
         A park position that is lower than the horizon limit is that limit on the way to it.
         """
-        to_deg, low = (here.ra_deg, here.dec_deg), park_altitude_deg if action == "park" else None
+        place, low = (here.ra_deg, here.dec_deg), park_altitude_deg if action == "park" else None
         free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))  # its own way may flip it
         if low is not None:
             lowest = low - PARKED_DEG
             drawn = tuple((azimuth, min(altitude, lowest)) for azimuth, altitude in free.horizon_deg)
             free = replace(free, lowest_altitude_deg=min(free.lowest_altitude_deg, lowest), horizon_deg=drawn)
-        plan = replace(self.plan(action, here, state, to_deg), limits=free, park_altitude_deg=low)
-        return plan, preview_of(plan, to_deg, to_deg, REST_RULES)
+        plan = replace(self.plan(action, here, state, place), limits=free, park_altitude_deg=low, doubt=self.until_sync)
+        return plan, preview_of(plan, place, place, REST_RULES)
 
     def move(
         self, action: str, here: Pointing, state: MountState, direction: Direction, angle_deg: float, overrun: float
