@@ -50,6 +50,9 @@ def test_a_process_that_dies_is_told(tmp_path, capsys) -> None:
     mark = tmp_path / "killed"
     assert run_batch(work, [Item(str(mark)), Item(str(mark))], as_json=True, workers=2) == 2
     assert capsys.readouterr().out.count("ended from outside") == 2
+    run_batch(work, [Item(str(mark)), *map(Item, "abcdef")], as_json=True, workers=2)
+    lines = capsys.readouterr().out.splitlines()
+    assert ["outside" in line for line in lines] == [True] + 6 * [False]  # and costs no other file
     assert mark.exists()
 
 

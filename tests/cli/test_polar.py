@@ -10,6 +10,7 @@ import pytest
 
 from kochab.cli.main import main
 from kochab.cli.output import as_json
+from kochab.cli.polar import _measure
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
@@ -18,6 +19,7 @@ from kochab.frames.fits_write import write_fits
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
+from kochab.workflows.polar.sources import last_night
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.test_drift import falling, log_text
 
@@ -435,6 +437,35 @@ def test_a_guide_log_is_followed_until_somebody_ends_it(capsys, tmp_path, monkey
     assert "no minute of guiding" in told[0]["error"]
     assert [round(row["drift_minutes"]) for row in told[1:]] == [3, 10]
     assert told[1]["minutes_more"] > told[2]["minutes_more"]
+
+
+def test_what_a_log_gains_while_it_is_measured_is_measured_next(capsys, tmp_path, monkeypatch):
+    path, rounds = tmp_path / "PHD2_GuideLog_2026-03-14.txt", []
+    path.write_text(log_text(falling(2.0, minutes=3.0), hour=-0.1, dec=10.0))
+
+    def measured(args):
+        found = _measure(args)
+        if not rounds:
+            path.write_text(log_text(falling(2.0, minutes=10.0), hour=-0.1, dec=10.0))
+        rounds.append(found)
+        return found
+
+    def sleep(seconds):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("kochab.cli.polar._measure", measured)
+    monkeypatch.setattr("kochab.cli.polar.time", SimpleNamespace(sleep=sleep))
+    assert polar(capsys, str(path), "--site", "47,8", "--follow")[0] == 130
+    assert len(rounds) == 2
+
+
+def test_a_night_is_remembered_by_its_profile_not_by_the_cameras(capsys, tmp_path):
+    assert main(["profile", "save", "garden", "--camera-profile", "mono", "--site", "40,10,300"]) == 0
+    options = ["--profile", "garden", "--utc-offset=0", "--guided=no", "--pole=true"]
+    code, _, err = polar(capsys, stream(tmp_path, minutes=60), *options)
+    assert code == 0, err
+    assert last_night(Site(40.0, 10.0, 300.0), "garden") is not None
+    assert polar(capsys, "--profile", "garden")[0] == 0
 
 
 def test_following_ends_when_the_axis_is_known(capsys, tmp_path):

@@ -76,7 +76,8 @@ GAIA = """source_id,ra,dec,pmra,pmdec,phot_g_mean_mag,bp_rp,ref_epoch
 @pytest.mark.parametrize("name", ["g.csv", "g.csv.gz"])
 def test_gaia_tables_are_read(tmp_path, name, begin):
     """Spreadsheets write a byte order mark."""
-    data = (begin + GAIA).encode()
+    rows = GAIA.replace("source_id,", "", 1).replace("\n1,", "\n").replace("\n2,", "\n").replace("\n3,", "\n")
+    data = (begin + rows).encode()
     (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
     foreign = run(read_foreign(tmp_path / name))
     stars = foreign.stars

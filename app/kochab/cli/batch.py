@@ -107,10 +107,15 @@ def _in_processes(
         with signals_handled([signal.SIGINT], signal.SIG_IGN):  # processes leave Ctrl-C to us from their first moment
             jobs = [pool.submit(_attempt_in_worker, work, item) for item in items]
         # In the order given, not as they end: the lines of a batch do not depend on the number of workers.
-        for item, job in zip(items, jobs, strict=True):
+        for number, (item, job) in enumerate(zip(items, jobs, strict=True)):
             try:
                 outcome, records = job.result()
             except BrokenExecutor:  # killed from outside, out of memory most likely
+                # Nobody knows whose process it was, and the others' work is lost with it. Alone, a file ends its own.
+                if len(items) > 1:
+                    for again in filter(None, ([item], items[number + 1 :])):
+                        yield from _in_processes(work, again, workers)
+                    break
                 outcome, records = {"file": item.file, "error": "Its process was ended from outside."}, []
             for record in records:
                 logging.getLogger(record.name).handle(record)

@@ -114,18 +114,18 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     add_options(parser, "--timeout")
     parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
     add_options(parser, "--overwrite")
-    parser.set_defaults(run=run, scale=None)
+    parser.set_defaults(run=run, scale=None, equipment="")
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure the axis; with ``--follow`` again whenever a file has grown, until both bolts are known."""
-    code, result = _measure(argparse.Namespace(**vars(args)))
-    while args.follow and args.files and not is_complete(result):
-        before = _changes(args.files)
+    while True:
+        before = _changes(args.files)  # first: what comes while it measures is measured next
+        code, result = _measure(argparse.Namespace(**vars(args)))
+        if not args.follow or not args.files or is_complete(result):
+            return code
         while _changes(args.files) == before:
             time.sleep(LOOK_S)
-        code, result = _measure(argparse.Namespace(**vars(args)))
-    return code
 
 
 def _changes(files: Sequence[str]) -> list[int]:
@@ -158,7 +158,7 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
     # None leaves it to how the drift in RA and Dec looks.
     guided = None if args.guided is None else args.guided == "yes"
     refraction = Refraction(args.pressure, args.temperature)
-    told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.profile or "")
+    told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.equipment)
     try:
         axis = axis_of(files, [sweep for found, sweep in each for _ in found], logs, told)
     except (FrameError, UsageError) as error:
@@ -174,14 +174,14 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
         of_it = (
             drift_as_json(result, doubts, imaging) if isinstance(result, Drift) else as_json(result, doubts, imaging)
         )
-        print(json.dumps(of_it | {"last_night": axis.last and asdict(axis.last)}))
+        print(json.dumps(of_it | {"last_night": axis.last and asdict(axis.last)}), flush=True)
     else:
         text = drift_as_text(result, doubts, imaging) if isinstance(result, Drift) else as_text(result, doubts, imaging)
-        print(text + (f"\n  last      {axis.last}" if axis.last else ""))
+        print(text + (f"\n  last      {axis.last}" if axis.last else ""), flush=True)
     try:
         remember_axis(result, told.profile)
     except OSError as error:
-        say(f"Can't keep this for another night: {error.strerror}.")
+        say(f"Can't keep this for another night: {error.strerror or error}.")
     if args.report is not None:
         history = History()
         history.measured(result)
@@ -191,7 +191,7 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
 
 def _last(args: argparse.Namespace) -> int:
     """What was measured last at the site: where the axis of a tripod on the same marks stands, more or less."""
-    last = last_night(args.site, args.profile or "")
+    last = last_night(args.site, args.equipment)
     if last is None:
         return _fail("Nothing was measured there yet. Polar alignment needs two frames or more.", args.json, 2)
     print(json.dumps({"last_night": asdict(last)}) if args.json else last.guess)

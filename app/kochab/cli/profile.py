@@ -97,7 +97,7 @@ def _fill_in(args: dict[str, Any], profile: "EquipmentProfile") -> None:
     for name, value in told.items():
         if name in args and args[name] in (None, ""):
             args[name] = value if value != "" else args[name]
-    args["profile"] = profile.optics
+    args["equipment"], args["profile"] = profile.name, profile.optics  # the latter names the camera's calibration
 
 
 def _unknown(name: str) -> str:
