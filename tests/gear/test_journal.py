@@ -14,8 +14,10 @@ from pathlib import Path
 
 import pytest
 
+from kochab.core.frame import Site
 from kochab.gear import journal
 from kochab.gear.journal import FILE, open_journal, save_report, versions
+from kochab.gear.mounts.protocols import ioptron, lx200, nexstar
 from tests.gear.mounts.bench import simulated
 from tests.gear.mounts.test_conformance import wait_for
 
@@ -133,6 +135,12 @@ def test_a_report_holds_no_secret(opened, tmp_path, monkeypatch) -> None:
     wire = logging.getLogger("kochab.gear.mounts.serial_line")
     wire.debug("%s > %r", "/dev/ttyUSB0", b":Gt#")
     wire.debug("%s < %r", "/dev/ttyUSB0", b"+48*08#")
+    here = Site(48.1372, 11.5755)
+    for command in (*lx200.set_site(here), *ioptron.set_site(here), nexstar.set_site(here), b"W'''''''''"):
+        wire.debug("%s > %r", "/dev/ttyUSB0", command)
+        wire.debug("%s: %r was not sent, a Stop came first", "/dev/ttyUSB0", command)
+    wire.debug("%s > %r", "/dev/ttyUSB0", b":SL12:34:56#")
+    wire.debug("%s < %r", "/dev/ttyUSB0", b"W120#")
     wire.debug("%s > %r", "/dev/ttyUSB0", b":GR#")
     wire.debug("%s < %r", "/dev/ttyUSB0", b"05:30.0#")
     log = logging.getLogger("kochab.test")
@@ -149,10 +157,12 @@ def test_a_report_holds_no_secret(opened, tmp_path, monkeypatch) -> None:
         text = "".join(report.read(name).decode("utf-8") for name in names)
         assert json.loads(report.read("versions.json")) == versions()
     assert {"versions.json", "settings.json", FILE} <= set(names)
-    for secret in ("hunter2", "ann", "Ann", ".1372", ".5755", "48*08", "Pictures", "/media"):
+    site = ("48*08", ":St", ":Sg", ":SLA", ":SLO", "W0", "''")
+    for secret in ("hunter2", "ann", "Ann", ".1372", ".5755", *site, "Pictures", "/media"):
         assert secret not in text, secret
     assert '"site": "48,11"' in text
-    for kept in ("m42.fits", "/dev/ttyUSB0 > b':GR#'", "b'05:30.0#'", "ZeroDivisionError", "test_journal.py"):
+    wired = ("/dev/ttyUSB0 > b':GR#'", "b'05:30.0#'", ":SL12:34:56#", "W120#")
+    for kept in ("m42.fits", *wired, "ZeroDivisionError", "test_journal.py"):
         assert kept in text, kept
 
 

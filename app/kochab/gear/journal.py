@@ -171,6 +171,7 @@ class MotionLog:
 # -- A report for an issue tracker, without secrets --------------------------------------------
 
 SITE_QUESTIONS = {"b':Gt#'", "b':Gg#'", "b'w'", "b':GLS#'"}  # LX200, NexStar, iOptron
+SITE_ORDERS = re.compile(r"(serial_line \S+(?: >|:) )b['\"](?::S[tg]|:SL[AO]|W.).*")  # and with what was not sent
 SECRET = re.compile(r"pass|secret|token|key$", re.IGNORECASE)
 PLACE = re.compile(r"site|latitude|longitude", re.IGNORECASE)
 FOLDERS = re.compile(r"(?<![\w/:.])~?(?:[A-Za-z]:)?(?:[/\\](?!dev[/\\])[^\s/\\:'\"]+)+[/\\](?=[^\s/\\'\"])")
@@ -223,12 +224,13 @@ def _setting(name: str, value: Any) -> Any:
 
 
 def _without_site(lines: Iterator[str], questions: dict[str, tuple[str, bool]]) -> Iterator[str]:
-    """Leave out the replies to questions for the site, which give it to the arcsecond.
+    """Leave out the orders that set the site and the replies to questions for it, which give it to the arcsecond.
 
     ``questions`` holds the last question at each port and whether it was answered: its reply may
     follow in the next file, or after a Stop that did not wait for it.
     """
     for line in lines:
+        line = SITE_ORDERS.sub(r"\1(site left out)", line)
         found = re.search(r"serial_line (\S+) ([<>]) (.*)", line)
         if found is None:
             yield re.sub(r"(site|lat|lon)(\S*?[=: ]-?\d+)\.\d+", r"\1\2", line)
