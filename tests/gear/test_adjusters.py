@@ -73,6 +73,43 @@ def test_a_motor_that_stands_still_is_told_and_stopped():
         adjusters.close()
 
 
+class LateBoard(AdjusterBoard):
+    """Answers ok, and its motor begins to turn ``late_s`` after that."""
+
+    late_s, due = 0.5, None
+
+    def _jog(self, *order):
+        self.due = self.now() + self.late_s, order
+        return b"ok\r\n"
+
+    def advance(self):
+        if self.due and self.now() > self.due[0]:
+            order, self.due = self.due[1], None
+            super()._jog(*order)
+        super().advance()
+
+
+def test_a_motor_that_begins_late_is_not_given_up():
+    with BoardOnPty(LateBoard(steps_a_second=3000.0, acceleration=math.inf)) as served:
+        adjusters = Adjusters(served.port)
+        run(adjusters.move(X, 400))
+        assert served.board.position["X"] == 400
+        run(adjusters.move(X, 0))
+        assert b"!" not in served.received
+        adjusters.close()
+
+
+def test_a_motor_that_never_begins_is_stopped_before_that_is_told():
+    board = LateBoard()
+    board.late_s = math.inf
+    with BoardOnPty(board) as served:
+        adjusters = Adjusters(served.port)
+        with pytest.raises(RefusedError, match="azimuth motor moved 0 of 400 units"):
+            run(adjusters.move(X, 400))
+        assert b"!" in served.received
+        adjusters.close()
+
+
 def test_a_line_without_adjusters_is_told(monkeypatch):
     monkeypatch.setattr("kochab.gear.adjusters.ANSWER_S", 0.1)
     board = quick()

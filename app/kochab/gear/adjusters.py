@@ -69,7 +69,8 @@ class Adjusters:
                 moved_at = moved_at if gone == before else now
                 if now - moved_at > STALLED_S or now - began_at > LONGEST_S:
                     break
-                resting = state == b"Idle" and gone == before
+                # A board may still say Idle before its motor turns: nothing gone yet is no rest.
+                resting = state == b"Idle" and gone == before and (gone != 0.0 or amount == 0.0)
         finally:
             if not resting:
                 self._see_stopped()
