@@ -239,7 +239,7 @@ def _start(values: Keywords) -> datetime | None:
         if "T" not in text and text:
             clocks = (str(values.get(n) or "").strip() for n in _CLOCKS)
             clock = next((c for c in clocks if re.match(r"\d{1,2}:\d{2}", c)), "")
-            text = f"{text}T{clock.zfill(8)}" if clock else text
+            text = f"{text}T{'0' * (clock[1] == ':')}{clock}" if clock else text
         if start := aware_utc(text):
             return start
     if start := utc_of_mjd(_number(values, "MJD-OBS")):
