@@ -172,6 +172,40 @@ def test_one_that_cannot_be_opened_is_tried_anew(cameras):
             cameras.open("none", "")
 
 
+def test_whoever_comes_while_it_is_opened_or_closed_waits(opened):
+    opening, may_open, closing, may_close = Event(), Event(), Event(), Event()
+
+    def slow_to_open(*_):
+        device = Device()
+        opened.append(device)
+        opening.set()
+        may_open.wait(10.0)
+        return device
+
+    cameras, shares = SharedCameras(slow_to_open), []
+
+    def second(step, begun, go_on):
+        """A view that opens the camera while ``step`` goes on, and whether it came before that ended."""
+        first, other = Thread(target=step), Thread(target=lambda: shares.append(cameras.open("indi", "a")))
+        first.start()
+        begun.wait(10.0)
+        other.start()
+        other.join(0.3)
+        early = len(opened)
+        go_on.set()
+        first.join(10.0)
+        other.join(10.0)
+        return early
+
+    assert second(lambda: shares.append(cameras.open("indi", "a")), opening, may_open) == 1
+    assert len(opened) == 1
+    opened[0].close = lambda: closing.set() or may_close.wait(10.0)
+    shares.pop().close()
+    assert second(shares.pop().close, closing, may_close) == 1
+    assert len(opened) == 2
+    assert len(shares) == 1
+
+
 def test_it_tells_what_the_camera_tells(cameras):
     share = cameras.open("simulated", "new")
     assert share.limits.exposure_s == (0.1, 10.0)

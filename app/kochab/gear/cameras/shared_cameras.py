@@ -5,7 +5,7 @@ one, so that calls of the device never overlap and no thread is added between it
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from datetime import datetime
 from functools import partial
@@ -121,10 +121,13 @@ class _Device:
             if self.over:
                 return None
             if self._source is None:
-                self.over = True  # unless it can be opened
-                self._source = open_source()
-                self.in_force = self._source.configure(CaptureSettings())
-                self.over = False
+                # Over only once it has failed: whoever comes meanwhile would open the camera a second time.
+                with ExitStack() as failing:
+                    failing.callback(setattr, self, "over", True)
+                    source = open_source()
+                    self.in_force = source.configure(CaptureSettings())
+                    failing.pop_all()
+                self._source = source
             share = Share(self, self._source, wish)
             self._shares.append(share)
             self._set_for = self._set_for or share
@@ -167,9 +170,9 @@ class _Device:
                 return
         with self._alone():
             if not self._shares and self._source is not None:
-                self.over = True
                 source, self._source = self._source, None
                 source.close()
+                self.over = True  # not before: the next one would open a camera that is still ours
 
     def _ask(self, timeout_s: float) -> None:
         """Ask the device, which is ours now, and give everybody what comes."""
