@@ -206,6 +206,18 @@ def test_whoever_comes_while_it_is_opened_or_closed_waits(opened):
     assert len(shares) == 1
 
 
+def test_one_that_fails_once_opened_is_closed(opened):
+    class Broken(Device):
+        def configure(self, settings):
+            raise LineLostError("The cable was pulled.")
+
+    cameras = SharedCameras(lambda *_: opened.append(Broken()) or opened[-1])
+    for _ in range(2):
+        with pytest.raises(LineLostError, match="cable"):
+            cameras.open("indi", "a")
+    assert [device.closed for device in opened] == [1, 1]
+
+
 def test_it_tells_what_the_camera_tells(cameras):
     share = cameras.open("simulated", "new")
     assert share.limits.exposure_s == (0.1, 10.0)

@@ -125,6 +125,7 @@ class _Device:
                 with ExitStack() as failing:
                     failing.callback(setattr, self, "over", True)
                     source = open_source()
+                    failing.callback(source.close)
                     self.in_force = source.configure(CaptureSettings())
                     failing.pop_all()
                 self._source = source
