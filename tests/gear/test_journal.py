@@ -135,6 +135,9 @@ def test_a_report_holds_no_secret(opened, tmp_path, monkeypatch) -> None:
     wire = logging.getLogger("kochab.gear.mounts.serial_line")
     wire.debug("%s > %r", "/dev/ttyUSB0", b":Gt#")
     wire.debug("%s < %r", "/dev/ttyUSB0", b"+48*08#")
+    for question in (lx200.ALTITUDE, lx200.AZIMUTH, nexstar.ALTAZ_PRECISE, nexstar.ALTAZ_COARSE, ioptron.ALTAZ):
+        wire.debug("%s > %r", "/dev/ttyUSB0", question)
+        wire.debug("%s < %r", "/dev/ttyUSB0", b"+61*23#")
     here = Site(48.1372, 11.5755)
     for command in (*lx200.set_site(here), *ioptron.set_site(here), nexstar.set_site(here), b"W'''''''''"):
         wire.debug("%s > %r", "/dev/ttyUSB0", command)
@@ -157,7 +160,7 @@ def test_a_report_holds_no_secret(opened, tmp_path, monkeypatch) -> None:
         text = "".join(report.read(name).decode("utf-8") for name in names)
         assert json.loads(report.read("versions.json")) == versions()
     assert {"versions.json", "settings.json", FILE} <= set(names)
-    site = ("48*08", ":St", ":Sg", ":SLA", ":SLO", "W0", "''")
+    site = ("48*08", "61*23", ":St", ":Sg", ":SLA", ":SLO", "W0", "''")
     for secret in ("hunter2", "ann", "Ann", ".1372", ".5755", *site, "Pictures", "/media"):
         assert secret not in text, secret
     assert '"site": "48,11"' in text

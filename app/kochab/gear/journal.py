@@ -170,7 +170,8 @@ class MotionLog:
 
 # -- A report for an issue tracker, without secrets --------------------------------------------
 
-SITE_QUESTIONS = {"b':Gt#'", "b':Gg#'", "b'w'", "b':GLS#'"}  # LX200, NexStar, iOptron
+# LX200, NexStar, iOptron: the site, and the altitude and azimuth that give it beside RA, Dec and the time.
+SITE_QUESTIONS = {f"b'{q}'" for q in (":Gt#", ":Gg#", "w", ":GLS#", ":GA#", ":GZ#", "z", "Z", ":GAC#")}
 SITE_ORDERS = re.compile(r"(serial_line \S+(?: >|:) )b['\"](?::S[tg]|:SL[AO]|W.).*")  # and with what was not sent
 SECRET = re.compile(r"pass|secret|token|key$", re.IGNORECASE)
 PLACE = re.compile(r"site|latitude|longitude", re.IGNORECASE)
