@@ -10,7 +10,7 @@ from kochab.core.errors import RefusedError
 from kochab.core.mount import Ability
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
-from kochab.workflows.sync_mount import accept_sync, offer_sync, shifted, undo_sync
+from kochab.workflows.sync_mount import accept_sync, offer_of, offer_sync, shifted, sync_by_hand, undo_sync
 from tests.workflows.mount_nights import bench, good
 
 
@@ -98,6 +98,20 @@ def test_an_offer_of_another_place_is_not_accepted() -> None:
     run(b.guard.slew(ra - 1.0, dec))
     with pytest.raises(RefusedError, match="has moved by"):
         run(accept_sync(b.guard, offer, wait=b.wait))
+
+
+@pytest.mark.parametrize("moved_deg", [0.0, 1.0])
+def test_a_single_frame_is_synced_on_only_where_it_was_offered(moved_deg) -> None:
+    b = bench(good(lost_deg=1.5))
+    offer = offer_of(b.guard, run(b.solve_now()))
+    ra, dec = b.rig.mount.believed_deg()
+    if not moved_deg:
+        assert run(sync_by_hand(b.guard, offer)).synced
+        return
+    run(b.guard.slew(ra - moved_deg, dec))
+    with pytest.raises(RefusedError, match="has moved by"):
+        run(sync_by_hand(b.guard, offer))
+    assert "sync" not in [did[0] for did in b.mount.did]
 
 
 def test_solves_that_differ_are_no_evidence() -> None:

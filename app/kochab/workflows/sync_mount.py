@@ -117,9 +117,7 @@ def accept_sync(
     offer.
     """
     yield Progress("sync", 0.0, offer.in_words)
-    moved = apart(with_retries(mount.position), offer.mount)
-    if moved * 3600.0 > MOVED_ARCSEC:
-        raise RefusedError("The mount has moved by {angle} since the frames. Take new ones.", angle=angle_text(moved))
+    _require_unmoved(mount, offer)
     refusal = offer.no_sync
     if not refusal:
         # Asked of the guard anew: the preview may have waited long for its yes.
@@ -147,8 +145,12 @@ def accept_sync(
 
 
 def sync_by_hand(mount: Guard, offer: SyncOffer) -> Task[SyncDone]:
-    """Do what a single solve offered: a person vouches that the telescope has not moved since."""
+    """Do what a single solve offered: a person vouches that the telescope did not move before the offer.
+
+    Raises RefusedError when it has moved since, or the guard forbids it.
+    """
     yield Progress("sync", None, offer.in_words)
+    _require_unmoved(mount, offer)
     mount.sync(*mount.to_mount(*offer.sky_deg), by_hand=True, confirmed=True)
     return _done(offer)
 
@@ -157,6 +159,13 @@ def _done(offer: SyncOffer) -> SyncDone:
     return SyncDone(
         True, False, tr("Synced by {angle}. Undo takes it back.", angle=angle_text(offer.preview.offset_deg))
     )
+
+
+def _require_unmoved(mount: Guard, offer: SyncOffer) -> None:
+    """Raise RefusedError when the mount moved while the offer waited for its yes: the solved place is then another."""
+    moved = apart(with_retries(mount.position), offer.mount)
+    if moved * 3600.0 > MOVED_ARCSEC:
+        raise RefusedError("The mount has moved by {angle} since the frame. Take a new one.", angle=angle_text(moved))
 
 
 def require_allowed(mount: Guard, preview: Preview, confirmed: bool) -> None:
