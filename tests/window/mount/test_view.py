@@ -398,6 +398,7 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
         texts = " ".join(w.text() for w in dialog.findChildren(QWidget) if hasattr(w, "text"))
         assert "the open frame alone" in texts
         assert "only if the telescope has not moved" in texts
+        assert "slews by the offset" not in texts, "one frame alone is no ground for a slew"
         dialog.yes.click()
         qtbot.waitUntil(lambda: any(s.startswith("Synced") for s in mount.said), timeout=15_000)
         qtbot.waitUntil(lambda: mount.view.undo.explanation.reason == "", timeout=10_000)

@@ -235,7 +235,7 @@ class SyncDialog(QDialog):
             parts += [label(sentence, role, wrap=True) for sentence in sentences]
         if offer.no_sync:
             parts.append(label(f"{offer.no_sync} {tr(NO_SYNC)}", "", wrap=True))
-        elif preview.allowed:
+        elif preview.allowed and len(offer.evidence.centres_deg) > 1:  # one frame alone is no ground for a slew
             parts.append(label(tr(IF_REFUSED), "muted", wrap=True))
         self.yes = button(_yes(offer), self._accept, "main")
         self.yes.setVisible(preview.allowed)
