@@ -34,7 +34,7 @@ from kochab.workflows.polar.measure import (
     measure_drifting,
     plan_path,
 )
-from kochab.workflows.polar.sources import NotMeasuredError
+from kochab.workflows.polar.sources import NotMeasuredError, turned_deg
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource, _tutor, options_of
 from tests.polar.test_tutor import error_at
@@ -194,6 +194,59 @@ def test_without_a_mount_words_are_said_and_the_frames_show_when_it_was_done():
     assert "Rotate RA about 60°" in hand.words[0]
     assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
     assert any(u.stage == "turn" and u.detail == "0° of 60°" for u in updates)
+
+
+class Presser(ByHand):
+    """A person who also presses Done: as soon as it is turned, at so much of what was asked, or much later."""
+
+    def __init__(self, sky, share=1.0, late=0):
+        super().__init__(sky)
+        self.controls, self.share, self.late, self.turned = PolarControls(), share, late, 0
+
+    def turn(self, direction, degrees):
+        yield from super().turn(direction, degrees)
+        self.left[2] *= self.share
+
+    def sight(self):
+        waiting = self.left is not None
+        seen = yield from super().sight()
+        self.turned = self.turned + 1 if not waiting or self.left is None else 0
+        if len(self.words) and self.turned == self.late + 1:
+            self.controls.press(PolarButton.TURNED)
+        assert self.sky.sights < 60, "it waits for a second press"
+        return seen
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_a_press_of_done_confirms_no_other_turn(monkeypatch, late):
+    """The frames showed the turn anyway: pressed right away, or while the frames of the place are taken."""
+    monkeypatch.setattr("kochab.workflows.polar.measure._far", lambda found: False)
+    hand = Presser(rig(), late=late)
+    sweep = Sweep(turn_deg=60.0, frames=3, most_frames=3)
+    found = run(measure_axis(hand, hand, hand.sky.settings, sweep, hand.controls))
+    first, second, third = (next(a for a in found.measurement.attitudes if a.place == n) for n in range(3))
+    assert turned_deg(first, second) == pytest.approx(60.0, abs=1.5)
+    assert turned_deg(second, third) == pytest.approx(60.0, abs=1.5)
+    assert hand.controls.pressed(PolarButton.TURNED) is bool(late)
+
+
+def test_a_press_of_done_after_a_short_turn_needs_no_second_one():
+    hand = Presser(rig(), share=0.4)
+    sweep = Sweep(turn_deg=60.0, frames=2, most_frames=2)
+    found = run(measure_axis(hand, hand, hand.sky.settings, sweep, hand.controls))
+    assert found.measurement.turn_deg == pytest.approx(24.0, abs=1.5)
+
+
+def test_a_press_of_done_for_the_axis_is_no_bolts():
+    """The tutor would take its test move as made, and learn backlash that is not there."""
+    sky, controls = rig(), PolarControls()
+    found = run(measure_axis(sky, sky, sky.settings, Sweep(turn_deg=60.0)))
+    controls.press(PolarButton.TURNED)
+    tutor = BoltTutor()
+    task = adjust(sky, found.measurement, tutor, controls)
+    for _ in range(30):
+        next(task)
+    assert tutor.bolts == BoltTutor().bolts, "no bolt was turned: nothing is learned"
 
 
 class Clutch:

@@ -173,6 +173,7 @@ def adjust(
     controls, history = controls or PolarControls(), history or History()
     guide, steady = AdjustmentGuide(measurement, tutor, bolts), None
     followed: Instruction | None = None
+    controls.take(PolarButton.TURNED)  # pressed for the axis: it is no bolt's
     history.instruction(measurement.time_utc, measurement.error, guide.shown(measurement.error).words)
     yield _update(None, None, guide, measurement)
     while True:

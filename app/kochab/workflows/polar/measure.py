@@ -239,8 +239,7 @@ def sweep_from(
     while places < sweep.frames:
         way, step = steps[places - 1]
         yield PolarUpdate("turn", places / sweep.frames, _next_turn(path, way, step))
-        reported = yield from turner.turn(way, step)
-        now = yield from watch.still(seen[-1], step if turner.by_hand else 0.0)
+        now, reported = yield from _turned(watch, turner, way, step, seen[-1])
         if reported is not None and (slip := slipping(reported, turned_deg(seen[-1], now))):
             slips.append(slip)
         seen += yield from watch.rest(now, places, each)
@@ -253,6 +252,15 @@ def sweep_from(
         raise NotMeasuredError(result.sentence)
     went = sum(step if way is path.direction else -step for way, step in steps[: places - 1])
     return Measured(result, path, (*slips[:1], *result.findings), went)
+
+
+def _turned(
+    watch: RestWatch, turner: Turner, way: Direction, degrees: float, last: LocalAttitude
+) -> Task[tuple[LocalAttitude, float | None]]:
+    """The first attitude at rest after a turn, and how far the mount says that it turned."""
+    watch.controls.take(PolarButton.TURNED)  # pressed before it was asked for: it confirms nothing
+    reported = yield from turner.turn(way, degrees)
+    return (yield from watch.still(last, degrees if turner.by_hand else 0.0)), reported
 
 
 # Least turn by hand, frames at each stop, and sigmas beyond which the bolts come before more frames
@@ -354,9 +362,8 @@ def back_at_start(
         return first
     words = tr("Back to where RA began, for a last frame: it shows what crept.")
     yield PolarUpdate("turn", 0.0, words, measurement, findings=first.findings)
-    yield from turner.turn(way, turn)
     watch = RestWatch(source, measurement.settings, controls or PolarControls())
-    last = yield from watch.still(measurement.attitudes[-1], turn if turner.by_hand else 0.0)
+    last, _ = yield from _turned(watch, turner, way, turn, measurement.attitudes[-1])
     seen = [*measurement.attitudes, replace(last, sweep=measurement.attitudes[-1].sweep)]
     result = measure_local(seen, measurement.settings, measurement.before)
     if isinstance(result, NoAxis):
@@ -394,10 +401,8 @@ def second_sweep(
     yield PolarUpdate("turn", 0.0, _second_sweep_ahead(plan), measurement=measurement)
     watch = RestWatch(source, measurement.settings, controls)
     if plan.back_deg:
-        yield from turner.turn(_opposite(first.path.direction), plan.back_deg)
-        last = yield from watch.still(last, plan.back_deg if turner.by_hand else 0.0)
-    yield from turner.turn(plan.direction, plan.degrees)
-    begin = yield from watch.still(last, plan.degrees if turner.by_hand else 0.0)
+        last, _ = yield from _turned(watch, turner, _opposite(first.path.direction), plan.back_deg, last)
+    begin, _ = yield from _turned(watch, turner, plan.direction, plan.degrees, last)
     again = replace(sweep, frames=frames, backwards=None)
     second = yield from sweep_from(begin, plan.path, watch, turner, again, measurement.before)
     both = together(measurement, second.measurement)

@@ -379,14 +379,15 @@ class RestWatch:
         """The first attitude like the one before it, but for tracking.
 
         With ``turn_deg`` only one that has turned by half of that, at least, since ``before``: so
-        a person need not confirm the turn.
+        a person need not confirm the turn. Who does is heard even while the axis still moves.
         """
         last: LocalAttitude | None = None
+        pressed = False
         while True:
             now = yield from self.next(patient=turn_deg > 0.0)
             turned = turned_deg(before, now) if before is not None else 0.0
-            enough = turned >= 0.5 * turn_deg or self.controls.take(PolarButton.TURNED)
-            if enough and last is not None and at_rest(last, now):
+            pressed = self.controls.take(PolarButton.TURNED) or pressed  # taken even where the frames show the turn
+            if (pressed or turned >= 0.5 * turn_deg) and last is not None and at_rest(last, now):
                 return now
             if turn_deg:
                 yield PolarUpdate("turn", min(1.0, turned / turn_deg), f"{turned:.0f}° of {turn_deg:.0f}°")
