@@ -22,8 +22,17 @@ from kochab.simulate.camera import CameraConfig
 from kochab.simulate.camera_source import SimulatedCamera
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
-from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts, sightings_of, site_of
+from kochab.workflows.polar.sources import (
+    CameraSightings,
+    SolvedFile,
+    clock_doubts,
+    last_night,
+    remember_night,
+    sightings_of,
+    site_of,
+)
 from tests.polar.mounts import ARCSEC
+from tests.polar.test_tutor import error_at
 
 WHEN = datetime(2026, 3, 1, 22, tzinfo=UTC)
 
@@ -184,3 +193,14 @@ def test_what_the_mount_contradicts_comes_first():
     found = clock_doubts(3600.0, "Its clock is 1.0 h fast.", off, Site(47.0, 8.0))
     assert [f.kind for f in found] == [PolarFindingKind.CLOCK] * 2
     assert found[0].text == "Its clock is 1.0 h fast."
+
+
+# -- What is remembered of other nights ------------------------------------------------------------
+
+
+def test_a_bolt_that_taught_nothing_keeps_what_was_known_of_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    site = Site(47.0, 8.0)
+    for day, learned in enumerate([(10.0, 20.0), (None, None), (None, 30.0)]):
+        remember_night(site, "", WHEN + timedelta(days=day), error_at(60.0, 60.0), learned)
+    assert tuple(last_night(site).bolts_arcsec) == (10.0, 30.0)

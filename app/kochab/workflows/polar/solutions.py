@@ -441,7 +441,7 @@ def changed_ns(path: str | Path) -> int:
         return 0
 
 
-def remember_axis(result: Measurement | Drift, profile: str, bolts: Pitches | None = None) -> None:
+def remember_axis(result: Measurement | Drift, profile: str, bolts: Pitches = (None, None)) -> None:
     """Keep an axis for another night, unless it is spoilt or half known; raises OSError when that can't be."""
     if not result.spoilt and (isinstance(result, Measurement) or result.known):
         remember_night(result.settings.site, profile, result.time_utc, result.error, bolts)

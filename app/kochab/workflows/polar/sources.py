@@ -307,11 +307,15 @@ def last_night(site: Site, profile: str = "", before: datetime | None = None) ->
 
 
 def remember_night(
-    site: Site, profile: str, time_utc: datetime, error: PolarError, bolts: Pitches | None = None
+    site: Site, profile: str, time_utc: datetime, error: PolarError, bolts: Pitches = (None, None)
 ) -> None:
-    """Keep a measurement for another night, instead of an earlier one there; raises OSError when that can't be."""
+    """Keep a measurement for another night, instead of an earlier one there; raises OSError when that can't be.
+
+    Of a bolt that taught nothing what was known of it stays.
+    """
     last, place = last_night(site, profile), (site.latitude_deg, site.longitude_deg)
-    bolts = bolts or (last.bolts_arcsec if last is not None else (None, None))
+    if last is not None:
+        bolts = (bolts[0] or last.bolts_arcsec[0], bolts[1] or last.bolts_arcsec[1])
     now = PolarNight(*place, profile, time_utc.isoformat(), error.altitude_arcsec, error.azimuth_arcsec, bolts)
     if last is None or last.time_utc <= now.time_utc:
         kept = [now, *(night for night in _nights() if night != last)][:MOST_NIGHTS]

@@ -224,8 +224,8 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         task = align(source, turner, settings, options_of(wish), tools.controls, tutor, tools.keep, motors)
         done = yield from _with_each_step(task, doubted)
         bolts = (tutor.bolts[Knob.ALTITUDE], tutor.bolts[Knob.AZIMUTH])
-        known = [None if bolt.by_hand else bolt.arcsec_a_turn for bolt in bolts]
-        _remember(done.last, wish, (known[0], known[1]) if motors is None else None)
+        known = [None if bolt.by_hand or motors is not None else bolt.arcsec_a_turn for bolt in bolts]
+        _remember(done.last, wish, (known[0], known[1]))
         return done.history
 
 
@@ -390,7 +390,7 @@ def _kept(result: Measurement | Drift, wish: AlignmentRequest, tools: AlignmentT
     return history
 
 
-def _remember(result: Measurement | Drift, wish: AlignmentRequest, bolts: Pitches | None = None) -> None:
+def _remember(result: Measurement | Drift, wish: AlignmentRequest, bolts: Pitches = (None, None)) -> None:
     """For another night, but not of a simulated telescope."""
     if wish.source is not FrameSource.PRACTICE:
         try:
