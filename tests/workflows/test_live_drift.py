@@ -59,3 +59,11 @@ def test_only_the_last_minute_counts_and_time_never_goes_back() -> None:
         drift = meter.add(t, centre)
     assert drift.span_s <= WINDOW_S
     assert meter.add(5.0, unit_vectors(50.0, 0.0)) is None
+
+
+def test_frames_that_share_a_whole_second_still_show_the_drift() -> None:
+    meter = DriftMeter()
+    told = [meter.add(float(int(t)), c) for t, c in drifting(50.0, 0.0, 10.0, 0.0, np.arange(0.0, 5.0, 0.5))]
+    assert [drift is None for drift in told] == [True] * 4 + [False] * 6
+    assert told[-1].ra_arcsec_min == pytest.approx(10.0, abs=0.01)
+    assert meter.add(4.0, unit_vectors(52.0, 3.0)) is None, "a slew within the second"

@@ -47,11 +47,12 @@ class DriftMeter:
     def add(self, time_s: float, centre: Floats) -> Drift | None:
         """Take the ICRS unit vector (3,) of a frame's centre at ``time_s``, any steady seconds.
 
-        None until three frames in a row were solved without a slew between them.
+        None until three frames in a row were solved without a slew between them; of equal times the first counts.
         """
-        if self._points and (time_s <= self._points[-1][0] or self._moved(time_s, centre)):
+        if self._points and (time_s < self._points[-1][0] or self._moved(time_s, centre)):
             self.forget()
-        self._points.append((time_s, centre))
+        if not self._points or time_s > self._points[-1][0]:  # headers in whole seconds, and more than a frame in each
+            self._points.append((time_s, centre))
         while time_s - self._points[0][0] > WINDOW_S:  # never empties: the newest is 0 s old
             self._points.popleft()
         return self._line() if len(self._points) >= 3 else None
@@ -59,7 +60,7 @@ class DriftMeter:
     def _moved(self, time_s: float, centre: Floats) -> bool:
         last_s, last = self._points[-1]
         arcsec = float(np.linalg.norm(centre - last)) * ARCSEC
-        return arcsec > SLEW_ARCSEC and arcsec * 60.0 / (time_s - last_s) > SLEW_ARCSEC_MIN
+        return arcsec > SLEW_ARCSEC and arcsec * 60.0 > SLEW_ARCSEC_MIN * (time_s - last_s)
 
     def _line(self) -> Drift:
         times = np.array([t for t, _ in self._points])
