@@ -204,3 +204,23 @@ def test_a_bolt_that_taught_nothing_keeps_what_was_known_of_it(tmp_path, monkeyp
     for day, learned in enumerate([(10.0, 20.0), (None, None), (None, 30.0)]):
         remember_night(site, "", WHEN + timedelta(days=day), error_at(60.0, 60.0), learned)
     assert tuple(last_night(site).bolts_arcsec) == (10.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("whole", "spoilt"),
+    [
+        ('"profile": ', '"extra": 1, "profile": '),
+        ('"latitude_deg": 48.0', '"latitude_deg": NaN'),
+        ("2026-03-01T22:00:00+00:00", "0001-01-01T00:00:00+14:00"),
+    ],
+)
+def test_a_spoilt_night_takes_no_other_with_it(tmp_path, monkeypatch, whole, spoilt):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    sites = [Site(47.0, 8.0), Site(48.0, 8.0), Site(49.0, 8.0)]
+    for site in sites[:2]:
+        remember_night(site, "", WHEN, error_at(60.0, 60.0))
+    kept = (tmp_path / "polar-nights.json").read_text()
+    assert whole in kept
+    (tmp_path / "polar-nights.json").write_text(kept.replace(whole, spoilt, 1))  # of the newest, which stands first
+    remember_night(sites[2], "", WHEN, error_at(60.0, 60.0))
+    assert [last_night(site) is not None for site in sites] == [True, False, True]

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -324,17 +325,16 @@ def remember_night(
 
 
 def _nights() -> list[PolarNight]:
-    try:
-        told = json.loads((config_folder() / NIGHTS_FILE).read_text("utf-8"))
-        nights = [PolarNight(**night) for night in told]
-        for night in nights:
-            datetime.fromisoformat(night.time_utc).astimezone(UTC)
-            altitude, azimuth = (bolt or 0.0 for bolt in night.bolts_arcsec)
-            error = (night.altitude_arcsec, night.azimuth_arcsec, altitude, azimuth)
-            if not np.isfinite([night.latitude_deg, night.longitude_deg, *error]).all():
-                return []
-    except (OSError, ValueError, TypeError, RecursionError):
-        return []
+    nights = []
+    with suppress(OSError, ValueError, TypeError, RecursionError):
+        for told in json.loads((config_folder() / NIGHTS_FILE).read_text("utf-8")):
+            with suppress(ValueError, TypeError, OverflowError):  # spoilt, or another version's: the others still hold
+                night = PolarNight(**told)
+                datetime.fromisoformat(night.time_utc).astimezone(UTC)
+                altitude, azimuth = (bolt or 0.0 for bolt in night.bolts_arcsec)
+                error = (night.altitude_arcsec, night.azimuth_arcsec, altitude, azimuth)
+                if np.isfinite([night.latitude_deg, night.longitude_deg, *error]).all():
+                    nights.append(night)
     return nights
 
 
