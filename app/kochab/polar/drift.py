@@ -364,7 +364,7 @@ def _findings(stretches: Sequence[Stretch], error: PolarError, lowest_deg: float
         found.append(PolarFinding(PolarFindingKind.GUIDED, tr(GUIDED)))
     if lowest_deg < LOWEST_DEG:
         found.append(PolarFinding(PolarFindingKind.LOW, tr(LOW, high=lowest_deg)))
-    long, _, angle = replace(error, flexure=np.zeros((2, 2))).ellipse_arcsec()
+    long, _, angle = error.ellipse_arcsec()
     if long > 2.0 * KNOWN_ARCSEC:
         altitude = abs(np.sin(angle)) > np.sqrt(0.5)  # the long axis stands nearer to altitude
         text = tr(UNSEEN[Knob.ALTITUDE if altitude else Knob.AZIMUTH], sigma=angle_in_words(long))
