@@ -112,6 +112,10 @@ ADDED = {
     "four frames at each stop of a hand, wedges, platforms and tripod heads": 30,
     "a mode made, styled and shown in three turns, a line that outlives a sleep": 32,
     "the planets from a spline while comets are carried": 9,
+    "a Stop that ends moves of a line that broke, slews that begin late, a position that was lost": 79,
+    "fields that the wheel leaves alone, limits and alarms that outlive a Stop, a press of Done for its own turn": 78,
+    "few stars under a wrong place, the stars' weights under aberration": 29,
+    "a killed worker that costs one file, a camera that two views open once": 9,
 }
 """What it has learned since, and how many lines more that may take; every other change must fit below."""
 COMMENTS = 551
