@@ -459,7 +459,8 @@ def test_what_a_log_gains_while_it_is_measured_is_measured_next(capsys, tmp_path
     assert len(rounds) == 2
 
 
-def test_a_night_is_remembered_by_its_profile_not_by_the_cameras(capsys, tmp_path):
+def test_a_night_is_remembered_by_its_profile_not_by_the_cameras(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
     assert main(["profile", "save", "garden", "--camera-profile", "mono", "--site", "40,10,300"]) == 0
     options = ["--profile", "garden", "--utc-offset=0", "--guided=no", "--pole=true"]
     code, _, err = polar(capsys, stream(tmp_path, minutes=60), *options)
