@@ -62,19 +62,23 @@ def test_a_motion_that_is_given_up_is_stopped_and_the_next_one_goes(grbl):
         adjusters.close()
 
 
-def test_a_motor_that_stands_still_is_told_and_stopped():
-    board = quick()
-    board.stalled = {"Y"}
+def stopped_and_told(board, knob, units, sentence):
     with BoardOnPty(board) as served:
         adjusters = Adjusters(served.port)
-        with pytest.raises(RefusedError, match="altitude motor moved 0 of 500 units"):
-            run(adjusters.move(Y, 500))
+        with pytest.raises(RefusedError, match=sentence):
+            run(adjusters.move(knob, units))
         assert b"!" in served.received
         adjusters.close()
 
 
+def test_a_motor_that_stands_still_is_told_and_stopped():
+    board = quick()
+    board.stalled = {"Y"}
+    stopped_and_told(board, Y, 500, "altitude motor moved 0 of 500 units")
+
+
 class LateBoard(AdjusterBoard):
-    """Answers ok, and its motor begins to turn ``late_s`` after that."""
+    """Answers ok; its motor begins to turn ``late_s`` later."""
 
     late_s, due = 0.5, None
 
@@ -102,12 +106,7 @@ def test_a_motor_that_begins_late_is_not_given_up():
 def test_a_motor_that_never_begins_is_stopped_before_that_is_told():
     board = LateBoard()
     board.late_s = math.inf
-    with BoardOnPty(board) as served:
-        adjusters = Adjusters(served.port)
-        with pytest.raises(RefusedError, match="azimuth motor moved 0 of 400 units"):
-            run(adjusters.move(X, 400))
-        assert b"!" in served.received
-        adjusters.close()
+    stopped_and_told(board, X, 400, "azimuth motor moved 0 of 400 units")
 
 
 def test_a_line_without_adjusters_is_told(monkeypatch):

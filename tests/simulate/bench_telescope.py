@@ -141,7 +141,7 @@ class BenchTelescope:
         return None
 
     def stop(self, moves: bool = True) -> None:
-        """Stop everything but tracking, or slews alone."""
+        """Stop everything but tracking; without ``moves``, slews alone."""
         self.log.append(("stop",))
         with self._lock:
             self._advance()

@@ -528,7 +528,7 @@ def test_only_clear_stars_count_as_stars() -> None:
     """Four stars beside nine bumps of the noise were "no pattern agreed"."""
     few = doctor(stars(13, snr=np.where(np.arange(13) < 4, 400.0, 6.0)))
     assert few.reason is Reason.TOO_FEW_STARS
-    assert "Only 4 stars stand out of the noise" in few.advice
+    assert "Only 4 stars stand out from the noise" in few.advice
     assert "Only 1 star found, " in doctor(stars(1, snr=400.0)).advice
     assert doctor(stars(13, snr=np.where(np.arange(13) < 6, 400.0, 6.0))).reason is Reason.NO_PATTERN_AGREED
 

@@ -146,7 +146,7 @@ AZIMUTH_BOLT = Bolt(Knob.AZIMUTH, "left azimuth bolt")
 
 
 Pitches = tuple[float | None, float | None]
-"""What a clockwise turn of the altitude and of the left azimuth bolt adds, arcsec; None not known."""
+"""What a clockwise turn of the altitude and of the left azimuth bolt adds, arcsec; None if unknown."""
 
 
 def bolts_of(base: Base, known: Pitches = (None, None)) -> tuple[Bolt, Bolt]:

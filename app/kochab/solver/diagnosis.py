@@ -132,7 +132,7 @@ def _findings(case: Evidence) -> Iterator[Finding]:
         if clear == len(case.detections):
             found = tr_n("Only {n} star found", "Only {n} stars found", clear)
         else:
-            found = tr_n("Only {n} star stands out of the noise", "Only {n} stars stand out of the noise", clear)
+            found = tr_n("Only {n} star stands out from the noise", "Only {n} stars stand out from the noise", clear)
         needed = tr("{found}, {fewest} or more are needed: expose longer or use a wider field.")
         yield Reason.TOO_FEW_STARS, needed.format(found=found, fewest=FEWEST_STARS)
 

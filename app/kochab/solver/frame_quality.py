@@ -171,7 +171,7 @@ def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[flo
 
 
 def measure_trails(bins: Bins) -> Trails:
-    """Shapes of whatever stands out of the background, vast patches left out."""
+    """Shapes of whatever stands out from the background, vast patches left out."""
     from scipy import ndimage
 
     small, step = bins.image, bins.step

@@ -143,7 +143,7 @@ def grid(
 
 
 class ChoiceBox(QComboBox):
-    """A box to choose from, by mouse and keys alone: the wheel scrolls its page, and orders nothing of a mount."""
+    """A box to choose from by mouse or keys; the wheel scrolls its page and never changes the choice."""
 
     def __init__(self, letters: int = 0) -> None:
         super().__init__(minimumContentsLength=letters)

@@ -185,7 +185,7 @@ def test_whoever_comes_while_it_is_opened_or_closed_waits(opened):
     cameras, shares = SharedCameras(slow_to_open), []
 
     def second(step, begun, go_on):
-        """A view that opens the camera while ``step`` goes on, and whether it came before that ended."""
+        """Open the camera from another view during ``step``; whether it was open before that ended."""
         first, other = Thread(target=step), Thread(target=lambda: shares.append(cameras.open("indi", "a")))
         first.start()
         begun.wait(10.0)

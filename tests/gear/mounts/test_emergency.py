@@ -466,7 +466,7 @@ def test_a_motion_that_is_prolonged_or_ended_is_not_ended_again() -> None:
 
 
 def test_a_move_that_expires_does_not_forget_the_next_one() -> None:
-    """Its halt may wait three seconds for an answer, and the next move of that axis begin meanwhile."""
+    """Its halt may wait three seconds for an answer; the next move of that axis may begin meanwhile."""
     dog = Watchdog()
 
     def halt():

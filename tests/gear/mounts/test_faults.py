@@ -119,15 +119,19 @@ def test_unplugging_during_a_slew_is_said_and_stop_is_sent_again_on_reconnect(be
     assert CANNOT_STOP in str(caught.value)
     assert bench.guard.emergency.unfinished
     assert bench.telescope.slewing  # as a real mount would
-    bench.line.plug()
+    reconnect(bench)
+    wait_for(lambda: still(bench.telescope))
+    assert not bench.guard.emergency.unfinished
+    assert len(bench.guard.log.sent("goto")) == 1  # never repeated
 
+
+def reconnect(bench):
+    """Plug the cable in again and open the mount as a person's program would."""
+    bench.line.plug()
     bench.guard._reopen = lambda: opened(bench.driver, bench.line.port, bench.clock)
     if bench.driver in COUNTERS:
         bench.guard._reopen = lambda: open_mount(bench.driver, bench.line.port, site=SITE, clock=bench.clock)
     bench.guard.reconnect()
-    wait_for(lambda: still(bench.telescope))
-    assert not bench.guard.emergency.unfinished
-    assert len(bench.guard.log.sent("goto")) == 1  # never repeated
 
 
 def test_a_move_whose_line_broke_is_stopped_on_reconnect(bench) -> None:
@@ -137,11 +141,7 @@ def test_a_move_whose_line_broke_is_stopped_on_reconnect(bench) -> None:
     bench.line.unplug()
     wait_for(lambda: "Lost the mount" in str(said(bench.guard.position)))
     assert not still(bench.telescope)  # as a real mount would
-    bench.line.plug()
-    bench.guard._reopen = lambda: opened(bench.driver, bench.line.port, bench.clock)
-    if bench.driver in COUNTERS:
-        bench.guard._reopen = lambda: open_mount(bench.driver, bench.line.port, site=SITE, clock=bench.clock)
-    bench.guard.reconnect()
+    reconnect(bench)
     wait_for(lambda: still(bench.telescope))
 
 

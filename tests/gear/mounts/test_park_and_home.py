@@ -63,7 +63,7 @@ def test_a_park_position_that_the_mount_reports_is_reached_below_the_horizon_lim
 
 
 def test_the_drawn_horizon_holds_on_the_way_to_a_park_position_above_it() -> None:
-    """Beside a roof of 40 deg the mount dips to 30, on its way to a park position 45 deg high."""
+    """Beside a roof 40 deg high the mount dips to 30 on its way to a park position at 45."""
     guard, mount = guarded(hour_angle_deg=-60.0, dec_deg=50.0, horizon_deg=((0.0, 40.0),))
     mount.park = lambda: mount._rest("park", at(-60.0, 17.2), parked=True)
     mount.slew_deg_s = 25.0

@@ -150,7 +150,7 @@ def test_with_home_confirmed_a_slew_ends_where_it_was_sent(eqmod, home) -> None:
 
 @pytest.mark.parametrize("refused", [b"G", b"J"])
 def test_a_goto_that_the_second_motor_refuses_leaves_the_first_standing(refused) -> None:
-    """Nobody would watch it: to the guard a refused goto is none."""
+    """To the guard a refused goto never began: nobody would watch it."""
     with board(slew_deg_s=2.0) as b, Guard(b.connect(home=Home.NOW), SITE, LIMITS, clock=b.clock) as guard:
         real = b.far_end.obey
         b.far_end.obey = lambda order, motor, data: (

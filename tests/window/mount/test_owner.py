@@ -230,7 +230,7 @@ def test_a_new_site_waits_for_the_next_connection_and_that_is_said(qtbot, opened
                 hints.show_site(site)
                 hints.site.editingFinished.emit()
             assert commands.settings.site == site
-            assert ("only then it uses the new site" in mount.view.message.text()) == (site != SITE)
+            assert ("again to use the new site" in mount.view.message.text()) == (site != SITE)
         assert mount.opening.guard.site == SITE
 
 

@@ -346,7 +346,7 @@ def sync_evidence(plan: Plan) -> Findings:
 
 
 def own_way(plan: Plan) -> Findings:
-    """Tell that the way is the mount's own, and watched. Refuse to park below the horizon, or by a lost position."""
+    """Warn that the mount goes its own way. Refuse to park below the horizon, or by a lost position."""
     low, limit = plan.park_altitude_deg, plan.limits.lowest_altitude_deg
     yield warn("The mount goes its own way there, which Kochab cannot check before: watch the telescope.")
     if plan.action != "park":

@@ -2,6 +2,7 @@
 
 import math
 import threading
+from collections.abc import Iterable
 
 import erfa
 import numpy as np
@@ -224,13 +225,8 @@ class EquatorialMount:
 
     def stop(self, moves: bool = True) -> None:
         """Stop every motion but tracking; without ``moves`` those go on that :meth:`move` began."""
-        with self._lock:
-            t = self.clock.now_unix()
-            self._parks_at = None
-            for number, axis in enumerate(self._axes):
-                # A slew ends at the rate of tracking, a move not.
-                if moves or abs(axis.last_rate_deg_s - self._carrier(number)) < 1e-9:
-                    axis.run(t, self._carrier(number))
+        # A slew ends at the rate of tracking, a move does not.
+        self._end(n for n in (0, 1) if moves or abs(self._axes[n].last_rate_deg_s - self._carrier(n)) < 1e-9)
 
     def pulse(self, direction: Direction, milliseconds: float) -> None:
         """Move at the guide rate for so long."""
@@ -252,10 +248,14 @@ class EquatorialMount:
 
     def halt(self, direction: Direction | None = None) -> None:
         """End a move in one direction, or in all."""
+        self._end((0, 1) if direction is None else (SIGNS[direction][0],))
+
+    def _end(self, axes: Iterable[int]) -> None:
+        """Let these axes do nothing but track."""
         with self._lock:
             t = self.clock.now_unix()
             self._parks_at = None
-            for axis in (0, 1) if direction is None else (SIGNS[direction][0],):
+            for axis in axes:
                 self._axes[axis].run(t, self._carrier(axis))
 
     def turn_axis(self, axis: int, rate_deg_s: float) -> None:

@@ -239,7 +239,7 @@ class MountControl(QObject):
         return result if isinstance(result, Solution) else None
 
     def use_site(self, site: Site | None) -> None:
-        """Keep the site, which sets the horizon limit of the next guard."""
+        """Keep the site; the horizon limit goes by it from the next connection on."""
         self._settings.keep_site(site)
         self.compare_site()
 
@@ -247,7 +247,7 @@ class MountControl(QObject):
         """Tell of a new site: the guard keeps the old one, by which its driver finds time, pole and pier side."""
         connected = self.known.connected
         if connected is not None and not self.known.practice and connected.site != self._settings.site:
-            self.message.emit(tr("Disconnect the mount and connect it again: only then it uses the new site."), "wrong")
+            self.message.emit(tr("Disconnect the mount and connect it again to use the new site."), "wrong")
 
     def use_limits(self, **changes: Any) -> None:
         """Keep these limits in the profile, by its names, and go by them from the next motion on."""

@@ -126,7 +126,7 @@ class HorizonPicture(QWidget):
         self.drawn.emit(self.limits.horizon_deg)
 
     def _draw(self, event: QMouseEvent) -> None:
-        """Put the horizon where the pointer is and came from, or take it away."""
+        """Draw the horizon along the pointer's way, or erase it there."""
         sky, at = self._sky, event.position()
         which = round(min(max((at.x() - sky.left()) / sky.width(), 0.0), 1.0) * len(AZIMUTHS_DEG))
         # The drawn horizon alone: the horizon limit must not become a part of it.

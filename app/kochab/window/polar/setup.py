@@ -95,7 +95,7 @@ DRIFT_ADVICE = tr_noop(
 GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
 GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
 GROWS_TIP = tr_noop("For a guide log or a live session still being recorded, until the axis is known to 30″")
-BASE_TIP = tr_noop("What carries the mount. Without adjusting screws 4′ is the finest goal")
+BASE_TIP = tr_noop("What carries the mount. Without adjusting screws, 4′ is the finest goal")
 MOTORS_TIP = tr_noop(
     "Motorised azimuth and altitude adjusters: OAPA, AAPA, Avalon. A small move shows Kochab which way each one goes"
 )
