@@ -237,6 +237,27 @@ def test_a_press_of_done_after_a_short_turn_needs_no_second_one():
     assert found.measurement.turn_deg == pytest.approx(24.0, abs=1.5)
 
 
+class Quick(ByHand):
+    """A person who turns and presses Done while frames from before the turn are still being solved."""
+
+    def __init__(self, sky):
+        super().__init__(sky)
+        self.controls = PolarControls()
+
+    def sight(self):
+        if self.left is not None and self.left[0] == 2:
+            self.controls.press(PolarButton.TURNED)
+        return (yield from super().sight())
+
+
+def test_frames_from_before_the_turn_are_none_of_the_place_that_done_tells_of():
+    """They agree with each other and passed for the new place: "RA rotated by only 0.01°" ended the alignment."""
+    hand = Quick(rig())
+    sweep = Sweep(turn_deg=60.0, frames=2, most_frames=2)
+    found = run(measure_axis(hand, hand, hand.sky.settings, sweep, hand.controls))
+    assert found.measurement.turn_deg == pytest.approx(60.0, abs=1.5)
+
+
 def test_a_press_of_done_for_the_axis_is_no_bolts():
     """The tutor would take its test move as made, and learn backlash that is not there."""
     sky, controls = rig(), PolarControls()

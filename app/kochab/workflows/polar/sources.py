@@ -340,8 +340,7 @@ def _nights() -> list[PolarNight]:
 
 # -- Waiting for frames that show a mount at rest ----------------------------------------------
 
-STILL_ARCSEC = 30.0
-SIGMAS = 5.0
+STILL_ARCSEC, SIGMAS, SEEN_DEG = 30.0, 5.0, 0.3  # of rest; of a turn, below which no axis can be measured
 MOST_EMPTY = 40  # frames without a solution, or waits without a frame, before a measurement is given up
 
 
@@ -383,7 +382,8 @@ class RestWatch:
         """The first attitude like the one before it, but for tracking.
 
         With ``turn_deg`` only one that has turned by half of that, at least, since ``before``: so
-        a person need not confirm the turn. Who does is heard even while the axis still moves.
+        a person need not confirm the turn. Who does is heard even while the axis still moves, and confirms
+        a shorter turn, but not frames that show none: they were exposed before it.
         """
         last: LocalAttitude | None = None
         pressed = False
@@ -391,7 +391,8 @@ class RestWatch:
             now = yield from self.next(patient=turn_deg > 0.0)
             turned = turned_deg(before, now) if before is not None else 0.0
             pressed = self.controls.take(PolarButton.TURNED) or pressed  # taken even where the frames show the turn
-            if (pressed or turned >= 0.5 * turn_deg) and last is not None and at_rest(last, now):
+            least_deg = min(0.5 * turn_deg, SEEN_DEG if pressed else turn_deg)
+            if turned >= least_deg and last is not None and at_rest(last, now):
                 return now
             if turn_deg:
                 yield PolarUpdate("turn", min(1.0, turned / turn_deg), f"{turned:.0f}° of {turn_deg:.0f}°")
