@@ -153,12 +153,12 @@ def test_no_solution_is_told_in_the_ini_and_by_the_code(tmp_path, capsys) -> Non
 
 
 @pytest.mark.parametrize(
-    "arguments", [["-fov", "x", "-ra", "nan", "-spd", "999", "-r", "-3"], ["-r"], ["-fov", "1e999"]]
+    "arguments", [["-foo"], ["-fov", "x", "-ra", "nan", "-spd", "999", "-r", "-3"], ["-r"], ["-fov", "1e999"]]
 )
 def test_hints_that_are_none_are_left_alone(tmp_path, capsys, arguments) -> None:
     path = tmp_path / "a.fits"
     path.write_bytes(b"not a picture")
-    assert main(["-f", str(path), *arguments]) == 1
+    assert main([*arguments, "-f", str(path)]) == 1
     assert ini_of(tmp_path / "a.ini")["ERROR"] == capsys.readouterr().err.strip()[len("kochab: ") :]
 
 

@@ -133,8 +133,18 @@ def test_astap_spares_the_frame_and_what_no_solver_wrote(night, capsys, monkeypa
     assert "no solver wrote it" in capsys.readouterr().err
     assert notes.read_text() == "[mine]\n"
     frame = night.rename(night.with_suffix(".wcs"))
-    assert main(["-f", str(frame), "-o", str(night.with_suffix(""))]) == 1
+    asked = ["-f", str(frame), "-o", str(night.with_suffix(""))]
+    assert main(asked) == 1
     assert frame.read_bytes() == b"a person's only copy"
+    notes.write_text("PLTSOLVD=T\n")  # of an earlier frame: a program that reads it would go there
+    assert main(asked) == 1
+    assert notes.read_text().startswith("PLTSOLVD=F")
+    assert frame.read_bytes() == b"a person's only copy"
+    picture = frame.rename(night.with_name(f"{night.stem}_annotated.jpg"))
+    asked = ["-annotate", "-f", str(picture), "-o", str(night.with_suffix(""))]
+    assert main(asked) == 1
+    assert "is an input file" in notes.read_text()
+    assert picture.read_bytes() == b"a person's only copy"
 
 
 def test_catalogues_spare_what_is_there(night, capsys, monkeypatch) -> None:

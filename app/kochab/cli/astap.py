@@ -28,7 +28,7 @@ from kochab.core.solution import NoSolution, Reason, Solution
 
 FLAGS = {"-wcs", "-update", "-annotate", "-log", "-debug", "-progress", "-sip", "-h", "-help"}
 """Options without a value; all others have one."""
-TIMEOUT_S = 60.0
+TIMEOUT_S, PICTURE = 60.0, "_annotated.jpg"
 FIELD_FACTOR = 2.5
 """How far off ``-fov`` may be: binning not told to the caller makes 2, a reducer or a Barlow lens forgotten up to 2."""
 
@@ -64,7 +64,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         if not Path(order.file).name:
             raise UsageError("A file's name is empty.")
-        _refuse_overwriting(order)
+        _spare(order, ".ini")
     except UsageError as error:
         say(str(error))
         return 1
@@ -82,24 +82,20 @@ def run(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _refuse_overwriting(order: AstapRequest) -> None:
-    """Spare the frame, and any ``.ini`` and ``.wcs`` that are no solver's; ASTAP renews its own."""
+def _spare(order: AstapRequest, *endings: str) -> None:
+    """Spare the frame, and what no solver wrote; ASTAP renews its own, a picture is never replaced."""
     from kochab.frames.outputs import is_solution_file, refuse_input
 
-    for target in (f"{order.base}.ini", f"{order.base}.wcs"):
+    for ending in endings:
+        target = order.base + ending
         refuse_input(target, [order.file])
-        if Path(target).is_file() and not is_solution_file(target):
+        if ending != PICTURE and Path(target).is_file() and not is_solution_file(target):
             raise UsageError(f"{target} exists and no solver wrote it: name another base with -o.")
-    if "-annotate" in order.said:
-        refuse_input(_picture_of(order), [order.file])
-
-
-def _picture_of(order: AstapRequest) -> str:
-    return f"{order.base}_annotated.jpg"
 
 
 def _answered(order: AstapRequest) -> Task[Json]:
-    """What the ``.ini`` says."""
+    """What the ``.ini`` says, also of what is refused: one of an earlier frame must not stay."""
+    _spare(order, ".wcs", *([PICTURE] if "-annotate" in order.said else []))
     frame, result = yield from _solved(order)
     if isinstance(result, NoSolution):
         reason = f"{Path(order.file).name}: {result.reason}. {result.advice}"
@@ -113,8 +109,8 @@ def _order(arguments: Sequence[str]) -> AstapRequest:
     order, words = AstapRequest(), list(arguments)
     while words:
         name = words.pop(0)
-        # A word that is no flag takes the next one, whatever that begins with.
-        order.said[name.lower()] = "" if name.lower() in FLAGS or not words else words.pop(0)
+        # A word that is no flag takes the next one, whatever that begins with, but for the file's own.
+        order.said[name.lower()] = "" if name.lower() in FLAGS or words[:1] in ([], ["-f"]) else words.pop(0)
     return order
 
 
@@ -186,10 +182,10 @@ def _written(order: AstapRequest, frame: Frame, solution: Solution) -> list[str]
 
     notes = write_wcs_to(f"{order.base}.wcs", solution)
     if "-annotate" in order.said:
-        if Path(_picture_of(order)).exists():
-            notes.append(f"{_picture_of(order)} exists already and was not replaced.")
+        if Path(picture := order.base + PICTURE).exists():
+            notes.append(f"{picture} exists already and was not replaced.")
         else:
-            notes += write_picture(_picture_of(order), frame, solution)
+            notes += write_picture(picture, frame, solution)
     if "-update" in order.said:
         try:
             write_solved_copy(solution, order.file, order.file)
