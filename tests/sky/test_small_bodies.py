@@ -245,6 +245,14 @@ def test_the_small_body_databases_tables_are_read_as_json_and_csv(tmp_path):
     assert one.slope.tolist() == other.slope.tolist() == [0.12, -11.9]
 
 
+def test_bodies_of_no_magnitude_do_not_cost_the_file_and_are_never_seen(tmp_path):
+    (tmp_path / "MPCORB.DAT").write_text(f"{ORB}\n{ORB[:8]}{' ' * 11}{ORB[19:]}\n")
+    (tmp_path / "comets.txt").write_text(f"{COM}\n{COM.replace(' 12.1  4.0 ', ' ' * 11)}\n")
+    small_body_file(tmp_path / "a.json", CERES, [None if cell == CERES[FIELDS.index("H")] else cell for cell in CERES])
+    for name, first in (("MPCORB.DAT", 3.33), ("comets.txt", 12.1), ("a.json", float(CERES[FIELDS.index("H")]))):
+        assert read_elements(tmp_path / name).magnitude.tolist() == [first, 99.0]
+
+
 def test_a_comet_brightens_by_its_own_law_and_by_the_usual_one_where_none_is_known():
     slopes = np.array([-25.0, np.nan, 0.15])
     bodies = SmallBodies(["A", "B", "1 C"], np.zeros((3, 6)), np.zeros(3), np.full(3, 8.0), slopes)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 MJD = 2400000.5
 USUAL_SLOPE = 0.15
+UNSEEN = 99.0  # the magnitude of bodies that have none: lost ones, fragments of comets
 
 NEEDED = "name, epoch, q or a, e, i, node, peri, tp or ma, H or M1"
 ALIASES = {  # what the Small-Body Database calls them
@@ -96,12 +97,12 @@ def _lines(path: Path, text: str) -> Iterator[tuple[str, Any]]:
     """Where each body stands in a file, and how to read it."""
     if text.lstrip().startswith("{"):
         for k, given in enumerate(sbdb_json(path, text)):
-            yield f"entry {k + 1}", lambda given=given: sbdb_row(given)
+            yield f"entry {k + 1}", lambda given=given: sbdb_row(given, UNSEEN)
         return
     lines = text.splitlines()
     if lines and {"e", "i"} <= {cell.strip() for cell in lines[0].split(",")}:
         for number, given in enumerate(csv.DictReader(lines, skipinitialspace=True), 2):
-            yield f"line {number}", lambda given=given: sbdb_row(given)
+            yield f"line {number}", lambda given=given: sbdb_row(given, UNSEEN)
         return
     begin = next((k + 1 for k, line in enumerate(lines) if line.startswith("-----")), 0)  # after MPCORB's preface
     for number, line in enumerate(lines[begin:], begin + 1):
@@ -120,8 +121,8 @@ def sbdb_json(path: Path, text: str) -> list[dict[str, Any]]:
         raise CatalogueError("Can't read {name}: no answer of JPL's Small-Body Database.", name=path.name) from None
 
 
-def sbdb_row(given: Mapping[str, Any]) -> Row:
-    """An entry of the Small-Body Database; ValueError or KeyError when something is missing."""
+def sbdb_row(given: Mapping[str, Any], faintest: float | str = "") -> Row:
+    """An entry of the Small-Body Database, ``faintest`` where it has no magnitude; ValueError or KeyError."""
     known = {key: next((given[name] for name in names if given.get(name)), None) for key, names in ALIASES.items()}
     cells = {**given, **known}
     e = float(cells["e"])
@@ -131,7 +132,7 @@ def sbdb_row(given: Mapping[str, Any]) -> Row:
     comet = bool(cells.get("M1"))
     slope = comet_slope(cells.get("K1")) if comet else float(cells.get("G") or USUAL_SLOPE)
     angles = {key: float(cells[key]) for key in ("i", "node", "peri")}
-    magnitude = float(cells["M1"] if comet else cells["H"])
+    magnitude = float((cells["M1"] if comet else cells["H"]) or faintest)  # no number is a ValueError
     return _row(name=short_name(cells["name"]), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=slope, **angles)
 
 
@@ -140,15 +141,15 @@ def mpc_asteroid(line: str) -> Row:
     packed, a = line[20:25], float(line[92:103])
     # packed dates: I, J, K are the centuries 18, 19, 20; month and day 1 to 9, then A to V (31)
     year = 100 * "IJK".index(packed[0]) + 1800 + int(packed[1:3])
-    epoch = julian_date(year, _packed(packed[3]), _packed(packed[4]))
+    epoch = julian_date(year, int(packed[3], 36), int(packed[4], 36))
     e = float(line[70:79])
     name = line[166:194].strip() or line[:7].strip()
     number, _, rest = name.partition(")")
     angles = {"peri": float(line[37:46]), "node": float(line[48:57]), "i": float(line[59:68])}
     tp = perihelion_jd(epoch, float(line[26:35]), a * (1.0 - e), e)
-    slope = float(line[14:19].strip() or USUAL_SLOPE)
+    magnitude, slope = float(line[8:13].strip() or UNSEEN), float(line[14:19].strip() or USUAL_SLOPE)
     told = f"{number[1:]}{rest}" if name.startswith("(") else name
-    return _row(name=told, epoch=epoch, q=a * (1.0 - e), e=e, tp=tp, mag=float(line[8:13]), slope=slope, **angles)
+    return _row(name=told, epoch=epoch, q=a * (1.0 - e), e=e, tp=tp, mag=magnitude, slope=slope, **angles)
 
 
 def mpc_comet(line: str) -> Row:
@@ -156,7 +157,7 @@ def mpc_comet(line: str) -> Row:
     tp = julian_date(int(line[14:18]), int(line[19:21]), float(line[22:29]))
     epoch = julian_date(int(line[81:85]), int(line[85:87]), int(line[87:89])) if line[81:89].strip() else tp
     angles = {"peri": float(line[51:59]), "node": float(line[61:69]), "i": float(line[71:79])}
-    q, e, magnitude = float(line[30:39]), float(line[41:49]), float(line[91:95])
+    q, e, magnitude = float(line[30:39]), float(line[41:49]), float(line[91:95].strip() or UNSEEN)
     slope = comet_slope(2.5 * float(line[96:100].strip() or USUAL_K1 / 2.5))
     return _row(name=line[102:158].strip(), epoch=epoch, q=q, e=e, tp=tp, mag=magnitude, slope=slope, **angles)
 
@@ -164,10 +165,6 @@ def mpc_comet(line: str) -> Row:
 def comet_slope(k1: float | str | None) -> float:
     """A comet's K1 as :class:`SmallBodies` has it."""
     return -max(float(k1), LEAST_K1) if k1 else math.nan
-
-
-def _packed(letter: str) -> int:
-    return int(letter, 36)
 
 
 def julian_date(year: int, month: int, day: float) -> float:
