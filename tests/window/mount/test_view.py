@@ -6,9 +6,18 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt, QTimer
 from PySide6.QtGui import QWheelEvent
-from PySide6.QtWidgets import QAbstractButton, QApplication, QComboBox, QDialog, QDoubleSpinBox, QLineEdit, QWidget
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QApplication,
+    QComboBox,
+    QDialog,
+    QDoubleSpinBox,
+    QFileDialog,
+    QLineEdit,
+    QWidget,
+)
 
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
@@ -16,7 +25,8 @@ from kochab.core.progress import Progress
 from kochab.gear import actions as why
 from kochab.gear.profiles import current_profile
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
-from kochab.window.mount.status import MountStatus, mount_status_text
+from kochab.window.mount.status import MountStatus, StopKey, mount_status_text
+from kochab.window.shell.dialogs import ask_frames
 from kochab.window.shell.views import VIEWS
 from kochab.window.widgets import field_value
 from tests.gear.mounts.bench import SITE, place, simulated
@@ -243,6 +253,33 @@ def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
         assert mount.telescope.log[0][0] == "goto"
         assert len([e for e in mount.telescope.log if e[0] == "goto"]) == 1
         assert any("topped" in s for s in mount.said)
+
+
+def test_escape_stops_a_slew_from_a_file_dialog_too(qtbot, opened):
+    """The system's own dialog would keep the key to itself: Qt's is shown while a mount is connected."""
+    window, commands = opened
+    native = Qt.ApplicationAttribute.AA_DontUseNativeDialogs
+    assert not QApplication.testAttribute(native)
+    with connected(qtbot, commands, slew_deg_s=1.0) as mount:
+        assert QApplication.testAttribute(native)
+        StopKey(lambda: None, window).listen(False)  # the polar view's own, without motors
+        assert QApplication.testAttribute(native)
+        far = place(-60.0, 40.0, mount.bench.clock)
+        mount.view.go.target.setText(f"{far[0]:.4f} {far[1]:.4f}")
+        mount.view.go.goto.click()
+        qtbot.waitUntil(lambda: mount.telescope.slewing, timeout=20_000)
+        dialogs = []
+
+        def press():
+            dialogs.append(QApplication.activeModalWidget())
+            qtbot.keyClick(dialogs[0], Qt.Key.Key_Escape)
+
+        QTimer.singleShot(200, press)
+        assert ask_frames(window, "", "Open", "*") == []
+        assert isinstance(dialogs[0], QFileDialog)
+        qtbot.waitUntil(lambda: at_rest(mount), timeout=10_000)
+        assert "stop" in [e[0] for e in mount.telescope.log]
+    assert not QApplication.testAttribute(native)
 
 
 def test_stop_goes_out_while_an_answer_is_still_waited_for(qtbot, opened):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from time import monotonic
+from weakref import WeakSet
 
 from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
@@ -17,6 +18,7 @@ from kochab.window.widgets import ElidedLabel, button, row, set_role
 
 KEY = "Esc"
 SAME_S = 0.1  # the events of one press come closer together
+_LISTENING: WeakSet["StopKey"] = WeakSet()  # the mount's and the adjusters'
 
 
 class StopKey(QObject):
@@ -28,10 +30,13 @@ class StopKey(QObject):
         self._last = -1, 0.0  # stamp, and when it came
 
     def listen(self, on: bool) -> None:
-        """Watch every event of the program, only while a mount is connected."""
+        """Watch every event of the program, also of file dialogs, only while a mount is connected."""
         if (app := QApplication.instance()) is not None:
             # Every event of the program passes through Python while the filter is installed.
             (app.installEventFilter if on else app.removeEventFilter)(self)
+            # No key that is pressed in the system's own file dialog would come here.
+            (_LISTENING.add if on else _LISTENING.discard)(self)
+            app.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs, len(_LISTENING) > 0)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() in (QEvent.Type.ShortcutOverride, QEvent.Type.KeyPress):
