@@ -135,6 +135,8 @@ def test_bare_lists_must_be_pairs():
     for xy, flux in ((np.zeros((4, 3)), None), (np.zeros(4), None), (np.zeros((4, 2)), np.ones(3))):
         with pytest.raises(kochab.UsageError, match="xy must be"):
             kochab.identify(xy, 100, 100, flux=flux)
+    with pytest.raises(kochab.UsageError, match="0 x 100 px"):
+        kochab.identify(np.ones((4, 2)), 0, 100)
 
 
 def test_the_wcs_is_the_solution_s_own_projection(samples):

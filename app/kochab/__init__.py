@@ -184,6 +184,8 @@ def identify(
     light = None if flux is None else np.asarray(flux, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or (light is not None and light.shape != places.shape[:1]):
         raise UsageError("xy must be an array (N, 2), and flux one of (N,).")
+    if min(width, height) < 1:
+        raise UsageError(f"A frame of {width} x {height} px holds no stars.")
     stars = Detections.from_list(places, width, height, light)
     return run(solve_detections(stars, _options(fov, scale, near, timeout, method=method, **options)))
 
