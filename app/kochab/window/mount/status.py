@@ -80,7 +80,8 @@ class MountStatus(QWidget):
 
     def _show(self) -> None:
         known = self._control.known
-        self._key.listen(known.phase != "off")
+        # The line may close after the window: that must not listen anew.
+        self._key.listen(known.phase != "off" and not self.window().isHidden())
         self.text.setText(mount_status_text(known))
         name = "" if known.connected is None else known.connected.name
         self.text.setToolTip(", ".join(w for w in (name, known.port, known.user) if name and w))
