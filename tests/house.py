@@ -316,7 +316,7 @@ def watched(painter, view):
         walked.clear()
 
 
-BEFORE, TRACED, painted, walks = 3, 3, 0, []  # frames before those that are traced, which are tracked
+BEFORE, TRACED, painted, walks = 3, 9, 0, []  # frames before those that are traced, which are tracked
 app, camera = QApplication([]), OnDemand()
 with tempfile.TemporaryDirectory() as home:
     settings = WindowSettings(QSettings(home + "/window.ini", QSettings.Format.IniFormat))

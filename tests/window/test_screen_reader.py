@@ -23,6 +23,7 @@ def absent():
     return subprocess.run([SYSTEM, "-c", asked], capture_output=True).returncode and "gir1.2-atspi-2.0 and python3-gi"
 
 
+@pytest.mark.timeout(600)
 def test_a_screen_reader_solves_and_finds_a_name_for_every_control(environment):  # noqa: F811
     if missing := absent():
         pytest.skip(f"a screen reader needs {missing}")

@@ -38,7 +38,8 @@ elif what == "nudge":
 else:
     guard = Guard(mount, SITE, LIMITS, clock=clock)
     try:
-        run(guard.slew(*place(-60.0, 60.0, clock)) if what == "goto" else nudge(guard, Direction.NORTH, 18000.0))
+        for dec_deg in [60.0, 40.0] * 4:
+            run(guard.slew(*place(-60.0, dec_deg, clock)) if what == "goto" else nudge(guard, Direction.NORTH, 18000.0))
     except StoppedError as told:
         print(told, flush=True)
 import time
@@ -121,7 +122,7 @@ def test_a_computer_that_slept_during_a_motion_says_so_and_has_stopped_it(driver
     with simulated(driver, slew_deg_s=1.0) as bench:
         bench.telescope.sync(*place(-60.0, 40.0, bench.clock))
         with moving(bench, driver, what) as (before, child):
-            for _ in range(3):
+            for _ in range(8):
                 child.send_signal(signal.SIGSTOP)
                 wait_for(lambda: still(bench.telescope), 60.0)
                 slept = abs(bench.telescope.axes_deg()[1] - before)
