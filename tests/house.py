@@ -284,6 +284,7 @@ from kochab.window.application import build
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
+from kochab.workflows.live import solve
 from kochab.workflows.session.live_stream import StreamRequest
 from tests.workflows.live_sky import sky_frame
 
@@ -316,8 +317,9 @@ def watched(painter, view):
         walked.clear()
 
 
-BEFORE, TRACED, painted, walks = 3, 9, 0, []  # frames before those that are traced, which are tracked
+BEFORE, TRACED, painted, walks = 3, 3, 0, []  # frames before those that are traced, which are tracked
 app, camera = QApplication([]), OnDemand()
+solve.WAIT_S = 2.0  # what is said while no frame comes is no part of a frame's way
 with tempfile.TemporaryDirectory() as home:
     settings = WindowSettings(QSettings(home + "/window.ini", QSettings.Format.IniFormat))
     window, commands = build(WorkflowEngine(), settings, [])
