@@ -3,7 +3,7 @@
 #   make run      open the window           (make run ARGS="solve picture.jpg" for anything else)
 #   make test     every check, then the tests
 #   make test-any-day   tests that know of time, on other days and in other places (needs faketime)
-#   make house    the numbers of the house (modules, lines, circles of imports), each with its limit
+#   make house    what the house looks like: sizes of the rooms, circles of imports, the files of each walk
 #   make resolve  every dependency has a wheel for Python 3.11, 3.12 and 3.13
 #   make lint     the checks alone          make format   put the source in order
 #   make coverage   every test, and the share of each room's lines that they execute
