@@ -62,12 +62,13 @@ def empty_house(repository, tmp_path_factory):
     shutil.copy(repository / "pyproject.toml", folder)
     settings = tomllib.loads((repository / "pyproject.toml").read_text("utf-8"))
     floors = settings["tool"]["importlinter"]["contracts"][0]["layers"]
-    rooms = {room.strip() for floor in floors for room in floor.split("|")} - {"__main__"}
+    rooms = {room.strip() for floor in floors for room in floor.split("|")} - {"start", "__main__"}
     for room in rooms:
         (folder / "app" / "kochab" / room).mkdir(parents=True)
         (folder / "app" / "kochab" / room / "__init__.py").touch()
     (folder / "app" / "kochab" / "__init__.py").touch()
     (folder / "app" / "kochab" / "__main__.py").touch()
+    (folder / "app" / "kochab" / "start.py").touch()
     assert check_imports(folder).returncode == 0
     return folder
 

@@ -29,7 +29,7 @@ def wheel(repository, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dist")
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder]
     run(build, repository)
-    (found,) = folder.glob("kochab-*.whl")
+    (found,) = folder.glob("kochab_astro-*.whl")
     return found
 
 
@@ -70,7 +70,7 @@ def test_the_wheel_installs_kochab_alone_with_all_its_data(wheel, repository):
     inside = {n for n in zipfile.ZipFile(wheel).namelist() if not n.endswith("/")}
     package = {name for name in inside if name.startswith("kochab/")}
     metadata = inside - package
-    assert {name.split("/")[0] for name in metadata} == {f"kochab-{kochab.__version__}.dist-info"}
+    assert {name.split("/")[0] for name in metadata} == {f"kochab_astro-{kochab.__version__}.dist-info"}
     assert any(name.endswith("/licenses/LICENSE") for name in metadata)
     if not (repository / ".git").exists():
         pytest.skip("not a git checkout, so what is tracked cannot be asked")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Open the window for nothing or for a file, ``--language de`` before it in German; leave all else to the commands.
+    """Open the window for nothing or for files, with ``--language de`` in German; leave all else to the commands.
 
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         from kochab.gear.journal import open_journal
 
-        to_window = not arguments or _is_file(arguments)
+        to_window = not arguments or _are_files(arguments)
         open_journal(terminal=not to_window)
         if to_window:
             return _window(arguments, spoken)
@@ -46,15 +46,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _is_file(arguments: list[str]) -> bool:
-    """Whether the one argument is a file to open rather than a command of the same name."""
-    if len(arguments) != 1 or arguments[0].startswith("-"):
+def _are_files(arguments: list[str]) -> bool:
+    """Whether all arguments are files and folders to open, and the first is no command of the same name."""
+    if any(argument.startswith("-") for argument in arguments):
         return False
     from kochab.cli.main import COMMANDS
 
-    name = arguments[0]
     # A name with an ending is a file even if there is none: the window then says what is wrong with it.
-    return name not in COMMANDS and (Path(name).exists() or bool(Path(name).suffix))
+    return arguments[0] not in COMMANDS and all(Path(name).exists() or Path(name).suffix for name in arguments)
 
 
 def _window(paths: list[str], language: str = "") -> int:

@@ -221,6 +221,6 @@ def test_the_simulators_sky_is_solved_where_it_says_it_points(shared_server, tmp
 
 def test_absent_it_says_how_to_get_it(monkeypatch) -> None:
     monkeypatch.setattr("kochab.gear.servers.indi_link.find_spec", lambda name: None)
-    assert "pip install 'kochab[indi]'" in IndiCamera.missing()
+    assert "pip install 'kochab-astro[indi]'" in IndiCamera.missing()
     with pytest.raises(PortError, match="kochab"):
         open_camera("indi", ADDRESS)

@@ -170,6 +170,6 @@ def test_exposure_and_gain_in_the_drivers_units() -> None:
 
 def test_absent_it_says_how_to_get_it(monkeypatch) -> None:
     monkeypatch.setattr("kochab.gear.cameras.uvc.find_spec", lambda name: None)
-    assert "pip install 'kochab[webcam]'" in Webcam.missing()
+    assert "pip install 'kochab-astro[webcam]'" in Webcam.missing()
     with pytest.raises(PortError, match="kochab"):
         list_devices("webcam")

@@ -379,7 +379,7 @@ def test_a_folder_that_is_not_there_is_a_sentence_and_the_window_goes_on(qtbot, 
 # choosing ------------------------------------------------------------------------------------------
 def test_an_absent_extra_says_how_to_get_it(qtbot, live, monkeypatch):
     view, _ = live
-    sentence = "INDI cameras need one more package: pip install kochab[indi]"
+    sentence = "INDI cameras need one more package: pip install kochab-astro[indi]"
     monkeypatch.setattr("kochab.gear.cameras.indi.IndiCamera.missing", classmethod(lambda _: sentence))
     view.camera.box.source.setCurrentIndex(view.camera.box.source.findData("indi"))
     qtbot.waitUntil(lambda: view.camera.box.status.text() == sentence, timeout=10_000)

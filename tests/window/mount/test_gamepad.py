@@ -22,7 +22,7 @@ with warnings.catch_warnings():
     except ImportError:
         sdl2 = None
 
-needs_sdl = pytest.mark.skipif(sdl2 is None, reason="PySDL2 is not installed: pip install 'kochab[gamepad]'")
+needs_sdl = pytest.mark.skipif(sdl2 is None, reason="PySDL2 is not installed: pip install 'kochab-astro[gamepad]'")
 
 
 @contextmanager
@@ -244,5 +244,5 @@ def test_without_sdl_the_view_says_how_to_get_it(qtbot, opened, monkeypatch):
     monkeypatch.setitem(sys.modules, "sdl2", None)  # an import raises ImportError
     assert gamepad.load_sdl() is None
     with connected(qtbot, commands) as mount:
-        assert "pip install 'kochab[gamepad]'" in mount.view.pad.hint.text()
+        assert "pip install 'kochab-astro[gamepad]'" in mount.view.pad.hint.text()
         assert mount.control.known.phase == "on"

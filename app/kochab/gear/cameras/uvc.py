@@ -109,7 +109,7 @@ class Webcam(CameraSource):
     @classmethod
     def missing(cls) -> str | None:
         """The video library is an extra."""
-        return None if find_spec("av") else tr("Webcams need one more package: pip install 'kochab[webcam]'.")
+        return None if find_spec("av") else tr("Webcams need one more package: pip install 'kochab-astro[webcam]'.")
 
     @classmethod
     def devices(cls, address: str = "") -> list[CameraDevice]:

@@ -33,7 +33,7 @@ TELESCOPE_INTERFACE, CCD_INTERFACE = 1 << 0, 1 << 1  # INDI's DriverInterface bi
 
 def missing() -> str | None:
     """How to get the client library, which is an extra; None when it is there."""
-    return None if find_spec("indipyclient") else tr("INDI needs one more package: pip install 'kochab[indi]'.")
+    return None if find_spec("indipyclient") else tr("INDI needs one more package: pip install 'kochab-astro[indi]'.")
 
 
 class IndiLink:

@@ -96,7 +96,7 @@ class GaussianDetector:
             xy = dao_sources(flat.image, flat.threshold(self.sigmas, self.clipped), self.fwhm_px, broken)
         except ImportError as error:
             raise UsageError(
-                "This detector needs photutils; install it with: pip install 'kochab[photutils]'"
+                "This detector needs photutils, which has no wheel for this system: pip install photutils builds it"
             ) from error
         xy = xy[np.isfinite(xy).all(axis=1)]
         stars = _apart(flat, xy, max(2, round(self.fwhm_px / 2)), 0.5 * self.fwhm_px)
