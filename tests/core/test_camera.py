@@ -100,6 +100,12 @@ def test_field_and_scale():
     assert camera.unproject(np.empty((0, 2))).shape == (0, 3)
 
 
+@pytest.mark.parametrize("k2", [5e-324, 2e-316, -2e-316, 1e-200])
+def test_a_distortion_smaller_than_numbers_can_hold_bounds_no_field(k2):
+    plain, bent = (Camera(64, 64, 3666.8, 31.5, 31.5, k2=k) for k in (0.0, k2))
+    assert bent.reach == plain.reach
+
+
 @given(cameras(), st.floats(-180, 180), st.floats(-85, 85))
 def test_no_direction_far_outside_the_field_lands_in_the_frame(camera, ra, dec):
     """Places up to 72 deg and more from the axis, whatever the distortion does out there."""

@@ -82,10 +82,11 @@ class Camera:
         """
         corners = np.array([[x, y] for x in (-0.5, self.width - 0.5) for y in (-0.5, self.height - 0.5)])
         far = float(np.arccos(np.clip(self.unproject(corners)[:, 2].min(), 0.0, 1.0)))
-        # Its roots are r2; only real, positive ones are radii. Without k2 it is linear, without both it has no root.
-        turns = np.roots([5.0 * self.k2, 3.0 * self.k1, 1.0])
-        real = turns.real[(np.abs(turns.imag) < 1e-12) & (turns.real > 0.0)]
-        return min(float(np.tan(min(FIELDS * far, np.radians(89.0)))), float(np.sqrt(real.min(initial=np.inf))))
+        # Solved for 1 / r2, whose leading factor is 1 however small k1 and k2 are; only real, positive ones are radii.
+        turns = np.roots([1.0, 3.0 * self.k1, 5.0 * self.k2])
+        nearest = turns.real[(np.abs(turns.imag) < 1e-12) & (turns.real > 0.0)].max(initial=0.0)
+        at_most = float(np.tan(min(FIELDS * far, np.radians(89.0))))
+        return min(at_most, float(nearest**-0.5)) if nearest > 0.0 else at_most
 
     def bent(self, uv: Floats) -> Floats:
         """The recorded points of the tangent plane (..., 2) of ideal ones."""
