@@ -13,7 +13,7 @@
 #   make audit    bandit's remarks on the code, and known vulnerabilities of the packages (needs the network)
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make translations   the texts for translators, and what they have made of them      (make translations INTO=de)
-#   make system   install Qt's system libraries           make clean    remove what was made
+#   make clean    remove what was made
 
 PYTHON ?= python3
 VENV := .venv
@@ -31,20 +31,23 @@ FUZZ ?=
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house audit coverage fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean qt
+.PHONY: house audit coverage fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean
 
-run: $(STAMP) qt
+run: SYSTEM = run
+run: system $(STAMP)
 	@$(BIN)/python -m app $(ARGS)
 
 # Quick checks first, so that a slip is told within seconds; with -j the slow one goes on beside the
 # making of patterns. Then three processes more than there are cores: many tests wait for lines, screens
 # and exposures. A process that is done takes over from the others.
-test: style types $(if $(filter tests,$(TESTS)),patterns) qt
+test: SYSTEM = test
+test: system style types $(if $(filter tests,$(TESTS)),patterns)
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
 	  -n auto --maxprocesses 8 --dist worksteal $(TESTS)
 
 # ANY_DAY=--quick for two of the days and the quickest tests.
-test-any-day: $(STAMP) qt
+test-any-day: SYSTEM = test
+test-any-day: system $(STAMP)
 	@$(BIN)/python -m tests.any_day $(ANY_DAY)
 
 lint: style types
@@ -62,7 +65,8 @@ resolve: $(STAMP)
 	@KOCHAB_RESOLVE=1 $(BIN)/python -m pytest -n 0 tests/test_wheel.py -k every_dependency
 
 # Counting lines makes the tests a third slower, so `make test` does without.
-coverage: $(STAMP) patterns qt
+coverage: SYSTEM = test
+coverage: system $(STAMP) patterns
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
 	  -n auto --maxprocesses 8 --dist worksteal --cov=kochab --cov-report= $(TESTS)
 	@for room in app/kochab/[a-z]*/; do \
@@ -99,21 +103,18 @@ format: $(STAMP)
 bench: $(BENCH_STAMP)
 	@$(BIN)/python -m app bench $(BENCH)
 
-qt: $(STAMP)
-	@.ci/qt_libraries.sh $(VENV)
-
-system: $(STAMP)
-	@.ci/qt_libraries.sh $(VENV) --install
+# Installs what is absent where it may; else it says in one sentence what to type.
+SYSTEM := run
+system:
+	@PYTHON="$(PYTHON)" .ci/system.sh $(SYSTEM)
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find app catalogs resources tests -type d -name __pycache__ -prune -exec rm -rf {} +
 
-$(BIN)/python:
+$(BIN)/python: | system
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
 	  echo "Kochab needs Python 3.11 or newer; name one with: make PYTHON=python3.12" >&2; exit 1; }
-	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
-	  echo "Kochab needs Python's venv module; install it with: sudo apt-get install python3-venv" >&2; exit 1; }
 	@$(PYTHON) -m venv $(VENV)
 
 # Made again whenever the requirements change.
