@@ -18,7 +18,7 @@ screen=$!
 trap 'kill $screen; for place in "$folder"/*/; do release "${place%/}"; done' EXIT
 
 release() { # whatever is mounted in the root $1
-  for inside in tmp/.X11-unix dev proc; do umount -q "$1/$inside" 2>/dev/null; done
+  for inside in tmp/.X11-unix dev/pts dev proc; do umount -q "$1/$inside" 2>/dev/null; done
 }
 
 base() { # SUITE: Debian, Python and make, and this machine's way to its package indexes
@@ -40,6 +40,7 @@ fresh() { # SUITE CASE: a copy of the base with the checkout; its path
   chroot "$root" chown -R ann /home/ann/kochab
   mount --bind /proc "$root/proc"
   mount --bind /dev "$root/dev"
+  mount --bind /dev/pts "$root/dev/pts"
   mount --bind /tmp/.X11-unix "$root/tmp/.X11-unix"
   echo "$root"
 }

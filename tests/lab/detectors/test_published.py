@@ -31,6 +31,8 @@ def plain():
         ("peaks", 1.0, 0.35),
         ("contours", 0.97, 0.15),
         ("thesis", 1.0, 0.04),
+        ("daostarfinder", 0.97, 0.06),
+        ("irafstarfinder", 0.97, 0.12),
     ],
 )
 def test_a_plain_field_is_found(plain, name, completeness, error_px) -> None:
@@ -54,7 +56,8 @@ def test_detections_are_well_formed_and_the_brightest_come_first(name, bayer) ->
     assert found.background == pytest.approx(500, abs=120 if bayer else 2)
     brightest = xy[np.argsort(-flux)[:10]]
     away = np.hypot(*(found.xy[:10, None] - brightest).transpose(2, 0, 1)).min(axis=1)
-    assert (away < 2).sum() >= 7
+    # DAOStarFinder judges sharpness, which the chequers of a mosaic spoil.
+    assert (away < 2).sum() >= (5 if bayer and name == "daostarfinder" else 7)
     if bayer:
         assert np.isnan(found.fwhm_px).all()
     else:
@@ -94,7 +97,7 @@ def test_any_kind_of_number(plain, name, dtype) -> None:
     assert pure > 0.95
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("daostarfinder", "irafstarfinder")])
 def test_a_picture_of_two_values(name) -> None:
     pixels = np.zeros((64, 64), bool)
     pixels[20:24, 30:34] = True
@@ -196,7 +199,7 @@ def test_bright_stars_raise_the_threshold_unless_the_spread_is_clipped(name) -> 
     assert found[0] < 0.3 * len(xy) < 0.85 * len(xy) < found[1]
 
 
-@pytest.mark.parametrize("name", ["gaussian", "thesis"])
+@pytest.mark.parametrize("name", ["gaussian", "thesis", "daostarfinder", "irafstarfinder"])
 def test_without_photutils_its_detectors_say_what_to_install(name, plain, monkeypatch):
     monkeypatch.setitem(sys.modules, "photutils.detection", None)
     with pytest.raises(UsageError, match=r"pip install photutils"):
@@ -211,7 +214,7 @@ def test_nothing_else_needs_photutils(repository):
         "from kochab.detection import DETECTORS\n"
         "from kochab.frames import read_frame\n"
         "file = 'resources/samples/pleiades.fits'\n"
-        "for name in set(DETECTORS) - {'gaussian', 'thesis'}:\n"
+        "for name in set(DETECTORS) - {'gaussian', 'thesis', 'daostarfinder', 'irafstarfinder'}:\n"
         "    assert len(DETECTORS.make(name).detect(read_frame(file))), name\n"
         "sys.exit(main(['solve', file]))"
     )

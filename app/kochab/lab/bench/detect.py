@@ -24,7 +24,7 @@ from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
 from kochab.detection import DETECTORS
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
-from kochab.lab.detectors.peaks import dao_sources
+from kochab.lab.detectors.star_finders import found_places
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
 
 # -- How good a list of stars is, when the truth is known --------------------------------------
@@ -130,7 +130,7 @@ def dao_star_finder(frame: Frame, fwhm_px: float) -> Floats:
 
     data = frame.pixels.astype(np.float32)
     _, median, std = sigma_clipped_stats(data, sigma=3.0)
-    return dao_sources(data - median, 5.0 * std, fwhm_px)
+    return found_places("DAOStarFinder", data - median, 5.0 * std, fwhm_px)
 
 
 def seiza(frame: Frame, fwhm_px: float) -> Floats:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats, Floats32
 from kochab.core.frame import Detections, Frame
 from kochab.detection.background import BROKEN, Halving
-from kochab.detection.peaks import Stamps, cut
+from kochab.detection.peaks import Stamps, apart, cut
 from kochab.detection.star_fit import FWHM_PER_SIGMA, PIXEL_VARIANCE, adaptive_moments
 
 MIN_SIDE = 8  # px; smaller frames hold no star with a background around it
@@ -98,6 +98,14 @@ def box_light(flat: Flat, xy: Floats, half: int) -> tuple[Floats, Floats]:
         light[k : k + BATCH] = stamps.value.sum(axis=(1, 2))
         pixels[k : k + BATCH] = stamps.weight.sum(axis=(1, 2))
     return light, pixels
+
+
+def separated_stars(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple[Floats, Floats, Floats]:
+    """Places (N, 2), brightest first, without those near a brighter one; light and pixels in boxes (N,)."""
+    flux, pixels = box_light(flat, xy, half)
+    order = np.argsort(-flux, kind="stable")
+    order = order[apart(xy[order], np.full(len(order), reach_px))]
+    return xy[order], flux[order], pixels[order]
 
 
 def measured_detections(

@@ -3,18 +3,15 @@
 Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.3, the "peak detection method".
 """
 
-import warnings
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
-from kochab.core.arrays import Bools, Floats, Floats32
-from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.registry import integer, number, switch
-from kochab.detection.peaks import apart
-from kochab.lab.detectors.background import Flat, box_light, measured_detections, no_detections, without_background
+from kochab.lab.detectors.background import measured_detections, no_detections, separated_stars, without_background
+from kochab.lab.detectors.star_finders import found_places
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +44,7 @@ class MaximaDetector:
         places = center_of_mass(top, plateaus, np.arange(1, count + 1))
         xy = np.array(places, dtype=np.float64).reshape(-1, 2)[:, ::-1]
         half = self.box_px // 2
-        xy, flux, pixels = _apart(flat, xy, half, half + 0.5)
+        xy, flux, pixels = separated_stars(flat, xy, half, half + 0.5)
         if self.refined:
             stamps = flat.stamps(xy, half)
             # Negative pixels around a faint star would push the centre out of the box.
@@ -57,14 +54,6 @@ class MaximaDetector:
             dy = (light.sum(axis=2) @ stamps.offsets) / total
             xy = np.stack([stamps.x + dx, stamps.y + dy], axis=1).astype(np.float64)
         return measured_detections(flat, xy, flux, pixels, self.max_stars)
-
-
-def _apart(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple[Floats, Floats, Floats]:
-    """Places (N, 2), brightest first, without those near a brighter one; light and pixels in boxes (N,)."""
-    flux, pixels = box_light(flat, xy, half)
-    order = np.argsort(-flux, kind="stable")
-    order = order[apart(xy[order], np.full(len(order), reach_px))]
-    return xy[order], flux[order], pixels[order]
 
 
 # Stars as peaks shaped like a Gaussian: photutils' DAOStarFinder (Stetson 1987, PASP 99, 191). Source: "Lost in
@@ -92,29 +81,11 @@ class GaussianDetector:
         if flat is None:
             return no_detections(frame)
         broken = flat.broken if flat.broken.any() else None
-        try:
-            xy = dao_sources(flat.image, flat.threshold(self.sigmas, self.clipped), self.fwhm_px, broken)
-        except ImportError as error:
-            raise UsageError(
-                "This detector needs photutils, which has no wheel for this system: pip install photutils builds it"
-            ) from error
+        threshold = flat.threshold(self.sigmas, self.clipped)
+        xy = found_places("DAOStarFinder", flat.image, threshold, self.fwhm_px, broken)
         xy = xy[np.isfinite(xy).all(axis=1)]
-        stars = _apart(flat, xy, max(2, round(self.fwhm_px / 2)), 0.5 * self.fwhm_px)
+        stars = separated_stars(flat, xy, max(2, round(self.fwhm_px / 2)), 0.5 * self.fwhm_px)
         return measured_detections(flat, *stars, self.max_stars)
-
-
-def dao_sources(image: Floats32, threshold: float, fwhm_px: float, mask: Bools | None = None) -> Floats:
-    """Places (N, 2) px of photutils' DAOStarFinder; ImportError where it is not installed."""
-    from photutils.detection import DAOStarFinder
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that there are none is an answer
-        table = DAOStarFinder(threshold=threshold, fwhm=fwhm_px)(image, mask=mask)
-    if table is None:
-        return np.empty((0, 2))
-    new = "x_centroid" in table.colnames  # "xcentroid" before photutils 3
-    names = ("x_centroid", "y_centroid") if new else ("xcentroid", "ycentroid")
-    return np.stack([np.asarray(table[name], dtype=np.float64) for name in names], axis=1)
 
 
 # -- The combined detector of "Lost in space" for robotic telescopes (thesis, 2018) ------------
