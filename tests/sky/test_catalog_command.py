@@ -60,7 +60,7 @@ def test_packages_are_kept_in_the_cache_that_was_asked_for(monkeypatch, tmp_path
         raise CatalogueError("Enough.")
 
     monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
-    monkeypatch.setattr("kochab.sky.catalogue_build.fetch", fetch)
+    monkeypatch.setattr("catalogs.making.build.fetch", fetch)
     assert main(["catalog", "build", "--out", str(tmp_path / "out")]) == 2
     assert asked == [tmp_path / "catalogue-sources"]
 

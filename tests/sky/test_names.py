@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from catalogs.making.objects import SkyObject, plain, read_names, read_stellarium
 from kochab.core import cache_folder
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, StarNames, position_name, printed, read_objects
-from kochab.sky.objects_build import SkyObject, plain, read_names, read_stellarium
 
 SPELLINGS = {
     91262: [
@@ -73,7 +73,7 @@ def test_the_names_of_objects_agree_with_the_second_source(catalogue):
     """Every shown name that Stellarium has, in the package that ``kochab catalog build`` fetches, is where it is there."""
     found = sorted((cache_folder() / "catalogue-sources").rglob("nebulae/default/catalog.dat"))
     if not found:
-        pytest.skip("Stellarium's table of objects is not here: kochab catalog build fetches it")
+        pytest.skip("Stellarium's table of objects is not here: make catalogs fetches it")
     names = read_names(found[0].with_name("names.dat"))
     places = {}
     for one in read_stellarium(found[0]):

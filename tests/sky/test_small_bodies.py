@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from catalogs.making.solar_system import write_small_bodies
 from kochab.core.attitude import unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
@@ -24,7 +25,6 @@ from kochab.sky.small_bodies import (
     shipped_small_bodies,
 )
 from kochab.sky.solar_system import BodyKind
-from kochab.sky.solar_system_build import write_small_bodies
 from tests.sky.packages import CERES, COMET, FIELDS, ephemeris_file, small_body_file
 
 TRUTH = json.loads(Path(__file__).with_name("asteroids.json").read_text(encoding="utf-8"))["rows"]

@@ -7,13 +7,13 @@ import erfa
 import numpy as np
 import pytest
 
+from catalogs.making.solar_system import read_spk, write_ephemeris
 from kochab.core.attitude import apart_deg, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.sky.apparent import julian_date_tt
 from kochab.sky.ephemeris import read_ephemeris, shipped_ephemeris
 from kochab.sky.solar_system import BodyKind, covers, major_bodies, observer_at, phase_angle_deg
-from kochab.sky.solar_system_build import read_spk, write_ephemeris
 from tests.sky.packages import ephemeris_file
 
 TRUTH = json.loads(Path(__file__).with_name("solar_system.json").read_text(encoding="utf-8"))["rows"]

@@ -1,7 +1,9 @@
 """``kochab catalog``: build the star catalogue, say what it holds and how far it reaches."""
 
 import argparse
+import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ from kochab.cli.options import add_options, between, number, valued, whole
 from kochab.cli.output import tell, tell_failure, with_progress
 from kochab.core import cache_folder
 from kochab.core.errors import CatalogueError, KochabError
+from kochab.sky import shipped_folder
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -18,7 +21,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
 
-    build = actions.add_parser("build", help="make every catalogue file from registry packages")
+    build = actions.add_parser("build", help="make every catalogue file from registry packages (in a checkout)")
     build.add_argument("--sources", type=Path, metavar="DIR", help="already unpacked packages")
     build.add_argument("--cache", type=Path, metavar="DIR", help="where packages are kept")
     build.add_argument("--out", type=Path, metavar="DIR", help="default: the catalogs folder")
@@ -65,19 +68,27 @@ def run(args: argparse.Namespace) -> int:
         return 2
 
 
+def _making() -> Any:
+    """What makes the catalogue: it stands beside the data in a checkout, and nowhere else."""
+    checkout = shipped_folder().parent
+    if not (checkout / "catalogs" / "making").is_dir():
+        raise CatalogueError("The catalogue is made in a checkout of Kochab: make catalogs.")
+    sys.path.append(str(checkout))
+    return import_module("catalogs.making.build")
+
+
 def _build(args: argparse.Namespace) -> int:
     from kochab.frames.outputs import refuse_overwriting
-    from kochab.sky import shipped_folder
-    from kochab.sky.catalogue_build import FILES, build, fetch
 
+    making = _making()
     if args.sources is not None and not args.sources.is_dir():
         raise CatalogueError(f"{args.sources} is not a folder.")
     # The shipped folder is renewed without asking; a folder of one's own is not.
     if args.out is not None:
-        refuse_overwriting((args.out / name for name in FILES), overwrite=args.overwrite)
+        refuse_overwriting((args.out / name for name in making.FILES), overwrite=args.overwrite)
     cache = args.cache or cache_folder() / "catalogue-sources"
-    sources = args.sources or with_progress("catalog", fetch(cache))
-    manifest = with_progress("catalog", build(sources, args.out or shipped_folder()))
+    sources = args.sources or with_progress("catalog", making.fetch(cache))
+    manifest = with_progress("catalog", making.build(sources, args.out or shipped_folder()))
     if args.out is None:  # the patterns name stars by row, so they are made anew
         from kochab.identification.index_build import build_shipped
 

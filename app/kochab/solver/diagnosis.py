@@ -191,7 +191,7 @@ def _aligned(twice: NDArray[np.complex128]) -> bool:
     count, length = len(twice), abs(twice.sum())
     # few directions must agree the better
     log_chance = math.sqrt(1.0 + 4.0 * count + 4.0 * (count**2 - length**2)) - (1.0 + 2.0 * count)
-    return length > 0.6 * count and log_chance < math.log(CHANCE_ALIGNED)
+    return bool(length > 0.6 * count) and log_chance < math.log(CHANCE_ALIGNED)
 
 
 def _trail(case: Evidence, length_px: float, angle_deg: float) -> Finding:

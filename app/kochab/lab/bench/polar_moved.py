@@ -105,7 +105,8 @@ def wobble(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
 def dec_play(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Declination falls by 60 arcsec once, between any two frames."""
     across = unit(np.cross(UP, t.matrices[0].T @ t.axis) * [1.0, 1.0, 0.0])
-    falls = (np.arange(len(t.share)) >= rng.integers(1, len(t.share))) * rng.choice([-60.0, 60.0])
+    fall_arcsec = float(rng.choice([-60.0, 60.0]))
+    falls = np.where(np.arange(len(t.share)) >= rng.integers(1, len(t.share)), fall_arcsec, 0.0)
     return t.matrices @ small_towards(across, falls), t.axis
 
 

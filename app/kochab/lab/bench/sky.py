@@ -25,10 +25,10 @@ from kochab.core.frame import Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
+from kochab.lab.bench.stellarium_objects import plain, read_names, read_stellarium
 from kochab.sky.elements import bodies_of, perihelion_jd
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.layer import View, faintest_of, in_frame, labels
-from kochab.sky.objects_build import plain, read_names, read_stellarium
 from kochab.sky.orbits import carried
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.small_bodies import bodies_near, shipped_small_bodies

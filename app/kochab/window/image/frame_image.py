@@ -37,7 +37,7 @@ class ScreenStretch:
 def automatic(stored: NDArray[np.generic]) -> tuple[ScreenStretch, float, float]:
     """The automatic stretch, and the range (low, high) in stored values that it is a share of."""
     chosen = stretch_parameters(stored)
-    low = float(min(chosen.black, stored.min()))
+    low = min(float(chosen.black), float(stored.min()))
     # A flat image has a range, too.
     high = max(float(chosen.white), float(stored.max()), low + 1.0)
     black = (chosen.black - low) / (high - low)

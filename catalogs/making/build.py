@@ -10,6 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.making.merge import merge
+from catalogs.making.objects import write_boundaries, write_objects, write_outlines
+from catalogs.making.solar_system import write_ephemeris, write_small_bodies
+from catalogs.making.sources import LIST_EPOCH, POLE_SIN, Listed, Sources, least_of_each, read_sources, row_of
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
 from kochab.sky.catalogue import Catalogue
@@ -24,19 +28,7 @@ from kochab.sky.catalogue_file import (
     write_manifest,
     write_whole,
 )
-from kochab.sky.catalogue_merge import merge
-from kochab.sky.catalogue_sources import (
-    ARCSEC,
-    LIST_EPOCH,
-    POLE_SIN,
-    Listed,
-    Sources,
-    least_of_each,
-    read_sources,
-    row_of,
-)
-from kochab.sky.objects_build import write_boundaries, write_objects, write_outlines
-from kochab.sky.solar_system_build import write_ephemeris, write_small_bodies
+from kochab.sky.proper_motion import ARCSEC
 
 DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "kstars-data": "5:3.6.2-2", "stellarium-data": "0.22.2-1"}
 PYPI = {

@@ -1,18 +1,18 @@
 """The sources of the catalogue as arrays, and the epochs of their positions."""
 
-import mmap
 import re
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from kochab.core.arrays import Array, Bools, Bytes, Floats, Ints, Table
+from kochab.core.arrays import Bools, Bytes, Floats, Ints, Table
 from kochab.core.attitude import unit
 from kochab.core.errors import CatalogueError
+from kochab.sky.astrometry_index import read_index
 from kochab.sky.catalogue_file import StarList
+from kochab.sky.proper_motion import ARCSEC, tangent
 
 # -- Stellarium's star files: zones of a geodesic grid holding Hipparcos and Tycho-2 stars -----
 # The layout is a documented fact of the format (Stellarium 0.22, type 0 and type 1 files): a header of eight int32, a
@@ -118,54 +118,6 @@ def _on_sphere(motion: Floats, plane: Floats) -> Floats:
     cosine = 1.0 / np.sqrt(1.0 + square)
     outward = plane * (np.sum(motion * plane, axis=1, keepdims=True) / np.maximum(square, 1e-30))
     return np.asarray((motion - outward) * cosine + outward * cosine**2)
-
-
-# -- The star table inside an astrometry.net index file (series 4100, 5000 and their like) -----
-# A FITS file of tables, each one column of raw bytes. The stars are the data of a kd-tree: unsigned
-# integers x 3 that span the range given beside them. Rows of the tag-along table follow the order
-# of the stars. The file's byte order is stated in the header's ENDIAN card.
-
-
-def read_index(path: Path) -> tuple[Floats, dict[str, Array]]:
-    """Unit vectors (N, 3) of the stars of an astrometry.net index file, and tag-along columns (N,)."""
-    from astropy.io import fits
-
-    try:
-        _check_counts(path)
-        # astropy remarks on files that are refused, or fine, in any case
-        with warnings.catch_warnings(action="ignore"), fits.open(path, memmap=False) as hdus:
-            names = {h.columns.names[0]: i for i, h in enumerate(hdus) if i and h.columns.names}
-            reach = hdus[names["kdtree_range_stars"]].data
-            data = hdus[names["kdtree_data_stars"]].data
-            tags = hdus[-1].data
-            stars = np.frombuffer(data.tobytes(), "<u4").reshape(-1, 3)
-            span = np.frombuffer(reach.tobytes(), "<f8")
-            vector = stars / span[6] + span[:3]
-            columns = {n: np.array(tags[n]) for n in tags.names if np.issubdtype(tags[n].dtype, np.number)}
-    except Exception as error:  # a damaged header fails in astropy in a dozen ways
-        why = " ".join(str(error).split())[:200]
-        raise CatalogueError(
-            "{name} is not an index file with a star table ({why}).", name=path.name, why=why
-        ) from error
-    length = np.linalg.norm(vector, axis=1, keepdims=True)
-    if len(vector) == 0 or not np.all(np.abs(length - 1.0) < 1e-3):
-        raise CatalogueError("{name} holds stars that are not directions.", name=path.name)
-    return vector / length, {n: c for n, c in columns.items() if len(c) == len(vector)}
-
-
-_COUNTS = re.compile(rb"(?:NAXIS   |TFIELDS )= *([^ /]*)")
-_MOST_COUNTED = 999  # FITS standard 4.0, sections 4.4.1 and 7.3.1
-
-
-def _check_counts(path: Path) -> None:
-    """Refuse more axes and columns than the standard allows, through which astropy would count for ever."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        if data[:9] != b"SIMPLE  =":
-            raise ValueError("it is not FITS")
-        for found in _COUNTS.finditer(data):
-            at_a_card = found.start() % 80 == 0
-            if at_a_card and not (found[1].isdigit() and len(found[1]) < 9 and int(found[1]) <= _MOST_COUNTED):
-                raise ValueError("it has more axes or columns than FITS allows")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -329,7 +281,6 @@ def _named(path: Path) -> Iterator[tuple[int, str]]:
 # 1 arcsec/yr that is an error of 8 arcsec. The judges are the independent list, whose positions are
 # at 2024.0 (but within 5 deg of the poles lack proper motion, so are at 1991.25), and Tycho-2.
 
-ARCSEC = np.radians(1.0 / 3600.0)
 EARLY = 1991.65  # the median over the stars found so, with a spread of 0.15 yr
 SUPPLEMENT = 1991.25
 LIST_EPOCH = 2024.0
@@ -340,22 +291,6 @@ ALSO_EARLY = (70890,)
 MOTIONS = {87937: (-801.55, 10362.39), 24186: (6491.22, -5708.61)}
 TELLING = 0.15  # arcsec: a smaller shift can neither be told nor does it harm
 POLE_SIN = np.sin(np.radians(85.0))  # nearer the poles the independent list has no motion
-
-
-def tangent(vector: Floats) -> tuple[Floats, Floats]:
-    """Unit vectors (N, 3) to the east and the north at ``vector`` (N, 3)."""
-    x, y = vector[:, 0], vector[:, 1]
-    # at a pole itself east is undefined; any direction will do, but not NaN
-    flat = np.maximum(np.hypot(x, y), 1e-15)
-    east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)
-    return east, np.asarray(np.cross(vector, east), dtype=np.float64)
-
-
-def moved(vector: Floats, pm_mas: Floats, years: Floats | float) -> Floats:
-    """Vectors (N, 3) after ``years`` of the motion (N, 2) pmRA*, pmDE in mas/yr."""
-    east, north = tangent(vector)
-    step = pm_mas * 1e-3 * ARCSEC * np.reshape(years, (-1, 1))
-    return unit(vector + step[:, :1] * east + step[:, 1:] * north)
 
 
 def offsets(vector: Floats, other: Floats) -> Floats:

@@ -5,12 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core.arrays import Bools, Floats, Ints
-from kochab.core.progress import Progress, Task
-from kochab.sky.catalogue_file import HIPPARCOS, MERGED, MOVING, REDATED, V_FROM_VT, StarList
-from kochab.sky.catalogue_sources import (
+from catalogs.making.sources import (
     ALSO_EARLY,
-    ARCSEC,
     EARLY,
     MOTIONS,
     SUPPLEMENT,
@@ -18,10 +14,13 @@ from kochab.sky.catalogue_sources import (
     Sources,
     early_by_list,
     least_of_each,
-    moved,
     row_of,
     shift_arcsec,
 )
+from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.progress import Progress, Task
+from kochab.sky.catalogue_file import HIPPARCOS, MERGED, MOVING, REDATED, V_FROM_VT, StarList
+from kochab.sky.proper_motion import ARCSEC, moved
 
 # The cells in which an astrometry.net index keeps only so many stars: HEALPix of any size. Which cell a star falls
 # in tells whether a star that the index lacks may have been left out for room: only if the cell is full, and of

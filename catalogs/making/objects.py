@@ -1,74 +1,27 @@
 """Make the tables of deep-sky objects, outlines and boundaries from OpenNGC and Stellarium, names checked by both."""
 
-import gzip
 import re
 import sqlite3
-import struct
 from collections import defaultdict
 from contextlib import closing
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.lab.bench.stellarium_objects import SkyObject, designation, plain, read_names, read_stellarium
 from kochab.sky.catalogue_file import write_whole
 from kochab.sky.names import GENITIVES
 
-CATALOGUES = ("NGC", "IC", "M", "C", "B", "Sh2", "vdB", "RCW", "LDN", "LBN", "Cr", "Mel", "PGC", "UGC")
-"""Of Stellarium's numbers the first fourteen, in the order of its records; after them one has Abell's."""
 BROUGHT = ("M", "C", "B", "Sh2", "vdB", "Abell", "Cr", "Mel")
 """Objects of these that OpenNGC lacks are taken from Stellarium, called by the first that they have."""
-KINDS = {5: "OCl", 6: "OCl", 7: "GCl", 8: "*Ass", 9: "*Ass", 10: "Neb", 11: "PN", 12: "DrkN", 13: "RfN", 14: "Neb"}
-KINDS |= {0: "G", 1: "G", 2: "G", 3: "G", 4: "G", 15: "EmN", 16: "Cl+N", 17: "HII", 18: "SNR", 23: "DrkN", 33: "GalCl"}
-"""Stellarium's kinds of object in OpenNGC's words; GalCl, a cluster of galaxies, is our own."""
 APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third of the object
-DARK, UNKNOWN_MAG = 12, 90.0
 CITED = 3  # sources that Stellarium gives for a name before it is shown
 SIZES_ARCMIN = {"IC 349": 0.5}
 """OpenNGC gives IC 349 the 26 arcmin of NGC 1435: it is a patch beside Merope (Herbig 1996, AJ 111, 1241)."""
 OUTLINE_OF = {"NGC 1978": "NGC 1977"}
 """Stellarium's outline about the Running Man bears a number of the Large Magellanic Cloud."""
-SPELT = str.maketrans({"'": "", "-": " ", "’": ""})
-
-
-@dataclass(slots=True)
-class SkyObject:
-    """One object: degrees ICRS, arcmin, PA east of north; ``also`` are its other designations and names."""
-
-    name: str
-    kind: str
-    ra_deg: float
-    dec_deg: float
-    mag: float | None = None
-    major: float | None = None
-    minor: float | None = None
-    pa_deg: float | None = None
-    messier: str = ""
-    common: list[str] = field(default_factory=list)
-    also: list[str] = field(default_factory=list)
-
-    def away_arcmin(self, other: "SkyObject") -> float:
-        """The distance on the sky."""
-        places = unit_vectors(np.array([self.ra_deg, other.ra_deg]), np.array([self.dec_deg, other.dec_deg]))
-        return float(np.degrees(2.0 * np.arcsin(np.linalg.norm(places[1] - places[0]) / 2.0)) * 60.0)
-
-
-def designation(text: str) -> str:
-    """A designation as people write it: ``NGC0224``, ``B033``, ``SH 2-155`` are NGC 224, B 33, Sh2-155."""
-    found = re.fullmatch(r"(sh ?2|[a-z]+)[\s-]*0*(\d.*)", text.strip(), re.IGNORECASE)
-    if found is None:
-        return text.strip()
-    head = {"VDB": "vdB", "CR": "Cr", "CL": "Cr", "MEL": "Mel", "ACO": "Abell"}.get(found[1].upper(), found[1].upper())
-    return f"Sh2-{found[2]}" if head.startswith("SH") else f"{head} {found[2]}"
-
-
-def plain(name: str) -> str:
-    """A name without what differs from list to list."""
-    words = name.translate(SPELT).lower().split()
-    return " ".join(word for word in words if word not in {"the", "great", "nebula", "galaxy", "cluster"}) or name
 
 
 def read_openngc(database: Path) -> list[SkyObject]:
@@ -90,62 +43,6 @@ def read_openngc(database: Path) -> list[SkyObject]:
         one.common = [word.strip().removeprefix("the ") for word in (common or "").split(",") if word.strip()]
         found.append(one)
     return found
-
-
-def read_stellarium(path: Path) -> list[SkyObject]:
-    """Stellarium's objects, a Qt data stream; names in the order of :data:`CATALOGUES` are in ``also``."""
-    try:
-        data = gzip.decompress(path.read_bytes())
-        at, found = 0, []
-
-        def text() -> str:
-            nonlocal at
-            (length,) = struct.unpack_from(">I", data, at)
-            # Qt's null string has this length and no bytes
-            length = 0 if length == 0xFFFFFFFF else length
-            at += 4 + length
-            return data[at - length : at].decode("utf-16-be").strip()
-
-        def numbers(form: str) -> tuple[float, ...]:
-            nonlocal at
-            at += struct.calcsize(form)
-            return struct.unpack_from(form, data, at - struct.calcsize(form))
-
-        text(), text()  # version and edition
-        while at < len(data):
-            _, ra, dec, blue, visual, kind = numbers(">I4dI")
-            text()
-            major, minor, pa = numbers(">2di")
-            numbers(">6d")  # redshift, parallax and distance
-            given = [f"{name} {int(n)}" for name, n in zip(CATALOGUES, numbers(">14I"), strict=True) if n]
-            text()
-            numbers(">2I")
-            abell = [text() for _ in range(7)][3]
-            numbers(">5I")
-            given += [f"Abell {abell}"] * bool(abell)
-            mag = next((m for m in (visual, blue) if m < UNKNOWN_MAG), None)
-            mag = None if kind == DARK else mag  # it has a dark nebula's opacity there
-            one = SkyObject("", KINDS.get(int(kind), "Other"), float(np.degrees(ra)), float(np.degrees(dec)), mag)
-            one.major, one.minor = (60.0 * side or None for side in (major, minor))
-            one.pa_deg = pa or None  # 0 stands for unknown
-            one.also = [word.replace("Sh2 ", "Sh2-") for word in given]
-            found.append(one)
-    except (OSError, EOFError, struct.error, UnicodeDecodeError) as error:
-        raise CatalogueError(
-            "{name} is not Stellarium's table of objects ({error}).", name=path.name, error=error
-        ) from error
-    return found
-
-
-def read_names(path: Path) -> dict[str, list[tuple[str, int]]]:
-    """Designation -> names and how many sources Stellarium cites for each (a well-known one has many)."""
-    names: dict[str, list[tuple[str, int]]] = defaultdict(list)
-    for line in path.read_text("utf-8").splitlines():
-        found = re.match(r'([^#].{4})(.{15}) *_\("(.+?)"\)(?:\s*#\s*(.*))?', line)
-        if found is not None:
-            cited = [word.strip() for word in (found[4] or "").split(",") if word.strip()]
-            names[designation(found[1].strip() + found[2].strip())].append((found[3], len(cited) + 9 * ("WK" in cited)))
-    return names
 
 
 def named_by_both(
