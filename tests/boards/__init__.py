@@ -1,0 +1,65 @@
+"""Mount boards that share nothing with the drivers they test, for anybody's tests.
+
+Written from protocols and from what INDI's and OnStep's sources do; axes accelerate, the tube's true direction is known
+apart from what the board believes, and the supply can be cut while the port stays open::
+
+    with served("onstep") as board:                    # or "onstepx", "am5", "ioptron"
+        board.align(-20.0, 40.0)                       # hour angle, Dec: tube and belief agree, tracking
+        mount = open_mount("onstep", board.port, site=board.site, clock=board.clock)
+        board.cut_power(off_s=1.0)                     # wakes at its false home after board.boot_s
+        assert not board.false_slews() and board.lowest_deg() > 0.0 and not board.moving
+
+``board.radec_deg()`` is the truth, ``board.believed_deg()`` what the board takes for it, both of date;
+``board.false_by_deg()`` the angle between. ``lose_stops``, ``lose_answers``, ``delay_answers``, ``clock_error_s`` (13
+years: ``board.clock_error_s = -13 * 31557600``) and ``site_deg`` spoil an evening; ``orders``, ``transcript`` and
+``tube.path`` tell of it. Everything runs on ``board.clock``: `Night` by the computer's time, or as many times faster.
+"""
+
+import os
+from contextlib import contextmanager
+
+from kochab.core.frame import Site
+
+from .am5 import Am5
+from .board import Board, Order
+from .ioptron import Ioptron
+from .onstep import OnStep, OnStepX
+from .serving import Line
+from .sky import LATITUDE_DEG, LONGITUDE_DEG, START, Frozen, Night
+
+BOARDS = {"onstep": OnStep, "onstepx": OnStepX, "am5": Am5, "ioptron": Ioptron}
+DRIVERS = {"onstep": "onstep", "onstepx": "onstep", "am5": "am5", "ioptron": "ioptron"}
+"""The product's driver of each board, by its name in the registry."""
+
+SITE = Site(LATITUDE_DEG, LONGITUDE_DEG)
+
+
+@contextmanager
+def served(kind, tcp=os.name == "nt", **settings):
+    """A board on a pseudo-terminal, or on a TCP port; ``board.port`` is what a driver opens."""
+    board = BOARDS[kind](**settings)
+    board.site = SITE
+    line = Line(board, tcp)
+    board.port, board.line, board.driver = line.port, line, DRIVERS[kind]
+    try:
+        yield board
+    finally:
+        line.close()
+
+
+__all__ = [
+    "BOARDS",
+    "DRIVERS",
+    "SITE",
+    "START",
+    "Am5",
+    "Board",
+    "Frozen",
+    "Ioptron",
+    "Line",
+    "Night",
+    "OnStep",
+    "OnStepX",
+    "Order",
+    "served",
+]
