@@ -27,7 +27,7 @@ from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from its pole before anything is known
 CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each way, while altitude hardly changes
 RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
-PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share
+PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share (one sigma)
 LEAST_S, BLOCKS = 60.0, 12
 TOLD_ARCSEC = 120.0
 KNOWN_ARCSEC, LONGEST_H, LOWEST_DEG = 30.0, 4.0, 15.0
@@ -41,7 +41,8 @@ class Stretch:
 
     ``pulses_rad`` (N,) is how far guide pulses had moved Dec by then, towards the elevated pole, and ``steps`` (N,)
     counts the dithers. ``held``: a guider held Dec and RA, so that only the rotation of the field tells; ``ra_held``:
-    RA alone, whose drift then says nothing. ``sign_known``: whether north is known from south.
+    RA alone, whose drift then says nothing. ``sign_known``: whether north is known from south. Stretches of one
+    ``calibration`` share the error of their pulses.
     """
 
     attitudes: tuple[LocalAttitude, ...]
@@ -50,6 +51,7 @@ class Stretch:
     sign_known: bool = True
     pulses_rad: Floats = field(default_factory=lambda: np.zeros(0))
     steps: Floats = field(default_factory=lambda: np.zeros(0))
+    calibration: str = ""
 
     @property
     def seconds(self) -> Floats:
@@ -236,17 +238,36 @@ def _solved(stretches: Sequence[Stretch], pole: Floats, wider: float) -> tuple[_
     covariance = np.linalg.inv(normal)[:2, :2]
     free = np.append([True, True], np.array(doubts) == np.inf)  # noise alone: nothing bends, creeps or is pushed
     noise = np.linalg.inv(normal[np.ix_(free, free)])[:2, :2]
+    pulses = _of_pulses(stretches, parts, np.linalg.solve(normal, matrix.T)[:2] / np.sqrt(wider))
     left = aim - matrix @ answer
-    return _Solved(answer[:2], noise, covariance), wider * _restless(left, parts, len(answer))
+    return _Solved(answer[:2], noise + pulses, covariance + pulses), wider * _restless(left, parts, len(answer))
+
+
+def _of_pulses(stretches: Sequence[Stretch], parts: Sequence["_Rows"], gain: Floats) -> Floats:
+    """Covariance (2, 2), rad^2, of what pulses moved: known to a share that the star's own path must not refine.
+
+    A guider's pulses answer the noise of the positions, so a scale fitted to both is drawn towards nothing (0.48 of
+    the drift at 0.25 px of seeing). ``gain`` (2, M) is of the axis by equation. Stretches of one calibration err alike.
+    """
+    by_calibration: dict[str, Floats] = {}
+    ends = np.cumsum([len(p.aim) for p in parts])
+    for stretch, part, end in zip(stretches, parts, ends, strict=True):
+        moved = gain[:, end - len(part.aim) : end] @ part.pushed
+        by_calibration[stretch.calibration] = by_calibration.get(stretch.calibration, np.zeros(2)) + moved
+    return np.asarray(sum(np.outer(m, m) for m in by_calibration.values()) * PULSES**2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rows:
-    """Equations of one stretch, in sigmas: columns of axis and droop, columns of its own with their priors."""
+    """Equations of one stretch, in sigmas: columns of axis and droop, columns of its own with their priors.
+
+    ``pushed`` is the share of the pulses in ``aim``.
+    """
 
     common: Floats
     own: Floats
     aim: Floats
+    pushed: Floats
     doubts: list[float]
 
 
@@ -267,12 +288,13 @@ def _rows(stretch: Stretch, pole: Floats) -> _Rows:
     steps = stretch.steps if len(stretch.steps) else np.zeros(count)
     pulses = stretch.pulses_rad if len(stretch.pulses_rad) else np.zeros(count)
     zero, names = np.zeros(count), np.unique(steps)
-    # Own unknowns: Dec after each dither, the rotation, the creep of each an hour, and the scale of the pulses.
+    # Own unknowns: Dec after each dither, the rotation, the creep of each an hour.
     columns = [np.stack([(steps == name) * 1.0, zero], axis=-1) for name in names]
     columns += [np.stack([zero, np.ones(count)], axis=-1), np.stack([hours, zero], axis=-1)]
-    columns += [np.stack([zero, hours], axis=-1), np.stack([-pulses, zero], axis=-1)]
-    doubts = [np.inf] * (len(names) + 1) + [CREEP_ARCSEC_H * ARCSEC] * 2 + [PULSES]
-    aim = aim + np.stack([pulses, zero], axis=-1)  # without the pulses, were each what the calibration says
+    columns += [np.stack([zero, hours], axis=-1)]
+    doubts = [np.inf] * (len(names) + 1) + [CREEP_ARCSEC_H * ARCSEC] * 2
+    pushed = np.stack([pulses, zero], axis=-1)
+    aim = aim + pushed  # as it were without the pulses
     # A small rotation v about the camera's axes moves the axis by v . n along w and by -v . w along n.
     noisy = np.stack([n, -w])
     covariances = np.stack([noisy @ a.covariance @ noisy.T for a in stretch.attitudes])
@@ -280,8 +302,8 @@ def _rows(stretch: Stretch, pole: Floats) -> _Rows:
         covariances[:, 0, 0] += 1.0  # a radian: Dec that a guider held says nothing
     whiten = np.linalg.inv(np.linalg.cholesky(covariances))
     common, own = -np.stack([high, around, droops], axis=-1), np.stack(columns, axis=-1)
-    rows = [(whiten @ part).reshape(2 * count, -1) for part in (common, own, aim[..., None])]
-    return _Rows(rows[0], rows[1], rows[2][:, 0], doubts)
+    rows = [(whiten @ part).reshape(2 * count, -1) for part in (common, own, aim[..., None], pushed[..., None])]
+    return _Rows(rows[0], rows[1], rows[2][:, 0], rows[3][:, 0], doubts)
 
 
 def _ra_row(stretch: Stretch, pole: Floats) -> tuple[float, Floats, float]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import angle_between
-from kochab.lab.bench import polar, polar_frames, polar_moved, polar_rig
+from kochab.lab.bench import polar, polar_frames, polar_guided, polar_moved, polar_rig
 from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.rotations import ARCSEC
@@ -90,6 +90,7 @@ def test_it_runs_and_reports(monkeypatch):
     monkeypatch.setattr(bench, "WORN_QUICK", (2, 1))
     monkeypatch.setattr(polar_frames, "QUICK", 1)
     monkeypatch.setattr(polar_moved, "QUICK", 1)
+    monkeypatch.setattr(polar_guided, "QUICK", 1)
     monkeypatch.setattr(polar_frames, "FIELDS_DEG", (8.0, 15.0))
     said = []
     result = bench.run(True, said.append)
@@ -99,10 +100,11 @@ def test_it_runs_and_reports(monkeypatch):
     rendered = {kind for kind in kinds if kind.startswith("rendered: ")}
     assert {"rendered: 8 deg", "rendered: 15 deg"} < rendered
     moved = {f"gives way: {fault}" for fault in polar_moved.FAULTS}
-    assert kinds - rendered - moved == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
-    assert moved < kinds
-    assert len(result.goals) == 23
-    assert len(said) == 7
+    guided = {f"guide log: {kind}" for kind in polar_guided.KINDS}
+    assert kinds - rendered - moved - guided == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
+    assert moved | guided < kinds
+    assert len(result.goals) == 25
+    assert len(said) == 8
 
 
 def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():

@@ -12,6 +12,7 @@ camera rolled at will, bolts with backlash and threads of unknown pitch and sens
 * ``worn``: mounts as amateurs own them, scored against two claims: the ellipse of the frames' own
   noise, and the one with what was not seen.
 * ``gives way``: see :mod:`kochab.lab.bench.polar_moved`.
+* ``guide log``: see :mod:`kochab.lab.bench.polar_guided`.
 * ``rendered``: see :mod:`kochab.lab.bench.polar_frames`; the others make up attitudes.
 
 The worn mounts have
@@ -37,6 +38,7 @@ import numpy as np
 from kochab.core.progress import run as run_task
 from kochab.lab.bench import BenchResult, Goal, Report, Row, column, summary, timed
 from kochab.lab.bench.polar_frames import frames_rows
+from kochab.lab.bench.polar_guided import guided_rows
 from kochab.lab.bench.polar_moved import moved_rows
 from kochab.lab.bench.polar_rig import ALIGN, RigSky, follow, make_rig, point_for_sweep, point_where_best
 from kochab.polar.error import CHI2_68, CHI2_95, PolarError
@@ -148,8 +150,10 @@ def run(quick: bool, report: Report) -> BenchResult:
     honest = [_worn_row(kind, own) for kind, own in worn.items()]
     frames, of_frames = frames_rows(quick, report)
     moved, of_moved = moved_rows(quick, report)
-    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *frames]
-    return BenchResult("polar", rows, [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_frames])
+    guided, of_guided = guided_rows(quick, report)
+    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *guided, *frames]
+    met = [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_guided, *of_frames]
+    return BenchResult("polar", rows, met)
 
 
 def _rows(runs: Sequence[Row], kind: str) -> list[Row]:

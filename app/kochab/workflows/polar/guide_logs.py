@@ -1,0 +1,197 @@
+"""A PHD2 guide log: how the mount drifted, once what the guider's pulses moved is put back.
+
+The format is github.com/OpenPHDGuiding/phd2/wiki/PHD2GuideLog, its ``mount.cpp`` says what the signs mean. KStars and
+ASIAIR write alike. A star's distance in Dec and the pulses up to then make the mount's own drift. How far a pulse moves
+is what PHD2's calibration says, to a fifth: it is never fitted to the star's distances, for a guider answers their
+very noise.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.errors import FrameError
+from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.polar.drift import Stretch
+from kochab.polar.horizon import northern, observed_at, pole_direction
+from kochab.polar.measure import MeasureSettings
+from kochab.polar.rotations import ARCSEC
+from kochab.polar.sighting import LocalAttitude
+
+BIN_S = 30.0
+LEAST_ARCSEC = 0.1  # no mean over a bin is better than that
+LARGEST_BYTES = 50_000_000
+OTHER_LOCK = ("INFO: DITHER", "INFO: SET LOCK POSITION", "INFO: Guiding parameter change, MountGuidingEnabled")
+FOUND = (0, 1)  # PHD2's Star::FindResult: a star, a saturated star; others are none that can be believed
+JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse explains: another star, or a kick
+
+
+@dataclass(slots=True)
+class _Section:
+    """One run of guiding; ``rows``: time, s, RA and Dec of the star, px, pulses west and south, ms, dithers so far."""
+
+    begun: datetime
+    scale: float = 0.0
+    declination_deg: float = float("nan")
+    hour_deg: float = float("nan")
+    altaz_deg: tuple[float, float] | None = None
+    y_rate: float = 0.0
+    parity: tuple[int, int] = (0, 0)
+    dithers: int = 0
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+
+
+def is_guide_log(path: str | Path) -> bool:
+    """Whether a file is a guide log of PHD2, or of a program that writes them alike (KStars, ASIAIR)."""
+    try:
+        with open(path, "rb") as file:
+            return b"PHD2" in file.read(200).split(b"\n")[0] and Path(path).suffix.lower() in (".txt", ".log")
+    except OSError:
+        return False
+
+
+def guide_log(path: str | Path, settings: MeasureSettings) -> list[Stretch]:
+    """What each run of guiding of a log shows of the mount's drift; the hour angle in it needs no clock.
+
+    The star's distance in Dec from its place, what pulses moved added, is the mount's. Distances above 0 are corrected
+    by pulses west and south; ``parity`` says whether the mount's own north is meant.
+
+    Raises FrameError when it holds none that can be used.
+    """
+    try:
+        text = Path(path).read_bytes()[:LARGEST_BYTES].decode("utf-8", "replace")
+    except OSError as error:
+        raise FrameError("{path} cannot be read: {why}.", path=path, why=error.strerror) from None
+    sections = list(_sections(text))
+    found = [s for s in (_stretch(section, settings) for section in sections) if s is not None]
+    if not found:
+        placed = any(np.isfinite(_hour_rad(s, settings)) for s in sections)
+        if placed or not sections:
+            raise FrameError("{path} has no minute of guiding.", path=path)
+        raise FrameError("{path} has no hour angle: connect the mount in PHD2.", path=path)
+    return found
+
+
+def _sections(text: str) -> Iterator[_Section]:
+    now: _Section | None = None
+    columns: list[str] = []
+    for line in text.splitlines():
+        if begun := re.match(r"Guiding Begins at (\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)", line):
+            now, columns = _Section(datetime.fromisoformat(begun[1]).replace(tzinfo=UTC)), []
+            yield now
+        elif line.startswith(("Guiding Ends", "Calibration Begins")):
+            now = None
+        elif now is None:
+            continue
+        elif line.startswith("Frame,Time,mount"):
+            columns = line.split(",")
+        elif line.startswith(OTHER_LOCK):
+            now.dithers += 1
+        elif columns and line[:1].isdigit():
+            _row(now, dict(zip(columns, line.split(","), strict=False)))
+        elif not columns:
+            _header(now, line)
+
+
+def _header(section: _Section, line: str) -> None:
+    def told(pattern: str) -> float:
+        found = re.search(pattern + r" = (-?\d+(?:\.\d+)?)", line)
+        return float(found[1]) if found else float("nan")
+
+    if line.startswith("Pixel scale"):
+        section.scale = told("Pixel scale")
+    elif line.startswith("Mount = "):
+        section.y_rate = told("yRate")
+        if parity := re.search(r"parity = ([+-])/([+-])", line):
+            section.parity = (1 if parity[1] == "+" else -1, 1 if parity[2] == "+" else -1)
+    elif "Dec = " in line and "Hour angle" in line:
+        section.declination_deg, section.hour_deg = told("Dec"), 15.0 * told("Hour angle")
+        section.altaz_deg = (told("Alt"), told("Az"))
+
+
+def _row(section: _Section, row: Mapping[str, str]) -> None:
+    """A frame; pulses come after it, and move what the next one shows, even where its own star was bad."""
+    try:
+        if row["mount"].strip('"') != "Mount":  # others are of an adaptive optics unit ("AO") or a lost star ("DROP")
+            return
+        west = float(row.get("RADuration") or 0.0) * (1.0 if row.get("RADirection") == "W" else -1.0)
+        south = float(row.get("DECDuration") or 0.0) * (1.0 if row.get("DECDirection") == "S" else -1.0)
+        place = float(row["Time"]), float(row["RARawDistance"]), float(row["DECRawDistance"])
+        found = int(row.get("ErrorCode") or 0) in FOUND
+    except (KeyError, ValueError):
+        return
+    if not np.isfinite([west, south]).all():
+        return
+    if found and np.isfinite(place).all():
+        section.rows.append((*place, west, south, float(section.dithers)))
+    elif section.rows:  # moved before the next star that is believed, as the last one's own
+        *last, was_west, was_south, dithers = section.rows[-1]
+        section.rows[-1] = (*last, was_west + west, was_south + south, dithers)
+
+
+def _hour_rad(section: _Section, settings: MeasureSettings) -> float:
+    """The hour angle at the beginning; of altitude and azimuth where the log has no other."""
+    if np.isfinite(section.hour_deg) or section.altaz_deg is None:
+        return float(np.radians(section.hour_deg))
+    (altitude, azimuth), latitude = np.radians(section.altaz_deg), np.radians(settings.site.latitude_deg)
+    across = -np.sin(azimuth) * np.cos(altitude)
+    along = np.sin(altitude) * np.cos(latitude) - np.cos(altitude) * np.cos(azimuth) * np.sin(latitude)
+    return float(np.arctan2(across, along))
+
+
+def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
+    hour, declination = _hour_rad(section, settings), np.radians(section.declination_deg)
+    rows = np.array(section.rows, dtype=np.float64).reshape(-1, 6)
+    sound = section.scale > 0.0 and abs(section.declination_deg) < 89.0 and np.isfinite(hour)
+    if not sound or len(rows) < 6 or np.ptp(rows[:, 0]) < 2.0 * BIN_S:
+        return None
+    time, ra, dec, west, south, dither = rows.T
+    if south.any() and not section.y_rate > 0.0:
+        return None
+    east_of, north_of = (p or 1 for p in section.parity)
+    scale = section.scale * ARCSEC
+    # y_rate is in px/s and pulses in ms; a frame shows those before it and not its own.
+    pushed = -np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate)  # px, as dec counts
+    level = _levels(time, dec, pushed, dither)
+    # No bin spans a dither or a jump.
+    _, bin_of = np.unique(np.stack([level, np.floor(time / BIN_S)]), axis=1, return_inverse=True)
+    bins = [bin_of.ravel() == n for n in range(int(bin_of.max()) + 1)]
+    at = np.array([time[b].mean() for b in bins])
+    north = declination + np.array([north_of * dec[b].mean() for b in bins]) * scale
+    lag = np.array([east_of * ra[b].mean() for b in bins]) * scale / np.cos(declination)
+    seen = observed_at(settings.site, settings.refraction, hour + SIDEREAL_RAD_S * at - lag, north)
+    if seen[:, 2].min() < 0.0:
+        return None
+    pole = pole_direction(settings.site, settings.pole, settings.refraction)
+    scatter = float(np.median([dec[b].std() for b in bins])) * section.scale
+    sigma = [max(scatter / np.sqrt(b.sum()), LEAST_ARCSEC) * ARCSEC for b in bins]
+    # One star does not show roll: 1 rad of sigma. Its mean over a bin is better by the root of the frames.
+    attitudes = tuple(
+        LocalAttitude(_upright(b, pole), np.diag([s**2, s**2, 1.0]), section.begun + timedelta(seconds=float(t)))
+        for b, s, t in zip(seen, sigma, at, strict=True)
+    )
+    towards_pole = north_of * scale * (1.0 if northern(settings.site) else -1.0)
+    moved = np.array([pushed[b].mean() for b in bins]) * towards_pole
+    steps = np.array([level[b][0] for b in bins])
+    known = section.parity != (0, 0)
+    return Stretch(attitudes, False, bool(west.any()), known, moved, steps, f"{section.y_rate:.3f}")
+
+
+def _levels(time: Floats, dec: Floats, pushed: Floats, dither: Floats) -> Floats:
+    """By frame (N,), the number of times that the star was given another place: by a dither, or by a jump."""
+    step, seconds = np.diff(dec - pushed), np.maximum(np.diff(time), 1e-3)
+    step = step - np.median(step / seconds) * seconds  # a drift is no jump, however long the star was lost
+    usual = max(float(np.median(np.abs(step))) / 0.6745, 1e-3)
+    jumps = np.abs(step) > JUMP_SIGMAS * usual + JUMP_OF_PULSE * np.abs(np.diff(pushed))
+    return np.cumsum(np.append(False, jumps | (np.diff(dither) != 0.0))).astype(np.float64)
+
+
+def _upright(boresight: Floats, pole: Floats) -> Floats:
+    """Camera axes (3, 3) in E, N, U about a direction, the pole up as an equatorial mount holds them."""
+    across = np.cross(boresight, pole) / np.linalg.norm(np.cross(boresight, pole))
+    return np.stack([across, np.cross(boresight, across), boresight], axis=1)
