@@ -420,6 +420,56 @@ def test_a_guide_log_is_told_with_what_it_knows(capsys, tmp_path):
     assert "no report of a drift" in err
 
 
+def test_both_answers_are_told_where_a_log_has_no_parity_and_one_where_somebody_says_it(capsys, tmp_path):
+    path = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
+    given = [str(path), "--site", "47,8", "--pressure", "0", "--pole", "true"]
+
+    def told(parity, *more):
+        path.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0, parity=parity))
+        code, out, err = polar(capsys, *given, "--json", *more)
+        assert err == ""
+        return code, json.loads(out)
+
+    _, plain = told("+/+")
+    _, turned = told("+/-")
+    code, unknown = told("?/?")
+    assert (code, unknown["spoilt"], plain["either"]) == (1, True, None)
+    assert [one["dec_sign"] for one in unknown["either"]] == ["+", "-"]
+    for one, known in zip(unknown["either"], (plain, turned), strict=True):
+        assert one["azimuth_error_arcsec"] == pytest.approx(known["azimuth_error_arcsec"])
+    for sign, known in (("+", plain), ("-", turned)):
+        code, said = told("?/?", "--dec-sign", sign)
+        assert (code, said["spoilt"], said["either"]) == (0, False, None)
+        assert said["azimuth_error_arcsec"] == pytest.approx(known["azimuth_error_arcsec"])
+    assert told("+/+", "--dec-sign", "-")[1]["azimuth_error_arcsec"] == plain["azimuth_error_arcsec"]
+    told("?/?")
+    code, out, _ = polar(capsys, *given)
+    assert code == 1
+    assert re.search(r"north: \S+ ± \S+ too far east\. .* south: \S+ ± \S+ too far west\. .*\(--dec-sign\)", out)
+    assert "rotate the mount" not in out
+
+
+def test_only_one_side_of_the_pier_counts_where_nothing_tells_north_from_south(capsys, tmp_path):
+    """After a flip the same pulses may move the other way: two sides, and the sign of one says nothing of the other."""
+    path = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
+    place = "RA = 5.00 hr, Dec = 10.0 deg, Hour angle = {} hr, Pier side = {}, Rotator pos = N/A"
+
+    def log(*sides, parity="?/?"):
+        runs = [log_text(falling(rate), parity=parity, place=place.format(hour, side)) for rate, hour, side in sides]
+        path.write_text("\n".join(runs))
+        code, out, _ = polar(capsys, str(path), "--site", "47,8", "--dec-sign", "+", "--json")
+        return code, json.loads(out)
+
+    west, east = (-2.0, -0.5, "West"), (2.0, 0.5, "East")
+    _, both = log(west, east)
+    _, one = log(east)
+    assert both["azimuth_error_arcsec"] == one["azimuth_error_arcsec"]
+    assert "Only the runs with pier side east count" in both["warnings"][-1]
+    assert len(one["warnings"]) == len(both["warnings"]) - 1
+    code, known = log(west, east, parity="+/+")
+    assert (code, known["spoilt"]) == (1, True)  # the log tells the sign: then the two do show two axes
+
+
 def test_a_guide_log_is_followed_until_somebody_ends_it(capsys, tmp_path, monkeypatch):
     path, grown = tmp_path / "PHD2_GuideLog_2026-03-14.txt", iter([3.0, 10.0])
     path.write_text(log_text(falling(2.0, minutes=0.5), hour=-0.1, dec=10.0))

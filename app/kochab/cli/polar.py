@@ -53,6 +53,7 @@ SAID_BY = {
     PolarFindingKind.CLOCK: "--utc-offset",
     PolarFindingKind.LONGITUDE_SIGN: "--site",
     PolarFindingKind.GUIDED: "--guided no",
+    PolarFindingKind.DEC_SIGN: "--dec-sign",
 }
 
 
@@ -107,6 +108,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--utc-offset", **valued("HOURS", ahead, between(-14.0, 14.0, "h")))
     guided = "whether a guider held frames of one place (default: as their drift in RA and Dec looks)"
     parser.add_argument("--guided", choices=["yes", "no"], help=guided)
+    sign = (
+        "north pulses of the guide log move the mount north (+) or south (-), where the log doesn't say it, as ASIAIR's"
+        " (default: both answers)"
+    )
+    parser.add_argument("--dec-sign", choices=["+", "-"], help=sign)
     growing = "measure again whenever a file has grown, as a guide log does, until the axis is known to 30 arcsec"
     parser.add_argument("--follow", action="store_true", help=growing)
     add_options(parser, "--fov", help="width of the frames in degrees")
@@ -158,7 +164,8 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
     # None leaves it to how the drift in RA and Dec looks.
     guided = None if args.guided is None else args.guided == "yes"
     refraction = Refraction(args.pressure, args.temperature)
-    told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, args.equipment)
+    dec_sign = {None: 0, "+": 1, "-": -1}[args.dec_sign]
+    told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, dec_sign, args.equipment)
     try:
         axis = axis_of(files, [sweep for found, sweep in each for _ in found], logs, told)
     except (FrameError, UsageError) as error:
@@ -226,6 +233,8 @@ def drift_as_json(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | N
         "drift_minutes": drift.minutes,
         "minutes_more": drift.minutes_more,
         "guided": any(s.held for s in drift.stretches),
+        "either": drift.otherwise
+        and [{"dec_sign": s} | _error_json(e) for s, e in (("+", error), ("-", drift.otherwise))],
         "frames": sum(len(s.attitudes) for s in drift.stretches),
         "spoilt": drift.spoilt,
         "good_enough": good_enough(error, imaging) if imaging and drift.known and not drift.spoilt else None,

@@ -17,7 +17,7 @@ from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, total_in_words
+from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, offset_in_words, total_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
 from kochab.polar.horizon import pole_direction
 from kochab.polar.measure import MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
@@ -41,8 +41,8 @@ class Stretch:
 
     ``pulses_rad`` (N,) is how far guide pulses had moved Dec by then, towards the elevated pole, and ``steps`` (N,)
     counts the dithers. ``held``: a guider held Dec and RA, so that only the rotation of the field tells; ``ra_held``:
-    RA alone, whose drift then says nothing. ``sign_known``: whether north is known from south. Stretches of one
-    ``calibration`` share the error of their pulses.
+    RA alone, whose drift then says nothing. ``sign_known``: whether north is known from south; ``pier`` is the side
+    of it, for a flip turns that round. Stretches of one ``calibration`` share the error of their pulses.
     """
 
     attitudes: tuple[LocalAttitude, ...]
@@ -52,6 +52,7 @@ class Stretch:
     pulses_rad: Floats = field(default_factory=lambda: np.zeros(0))
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     calibration: str = ""
+    pier: str = ""
 
     @property
     def seconds(self) -> Floats:
@@ -61,13 +62,17 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """The axis by drift. ``minutes_more`` on the same place make it known to 30 arcsec; None: not within hours."""
+    """The axis by drift. ``minutes_more`` on the same place make it known to 30 arcsec; None: not within hours.
+
+    ``otherwise`` is the error where north and south in Dec change places, when nothing tells which is which.
+    """
 
     error: PolarError
     settings: MeasureSettings
     stretches: tuple[Stretch, ...]
     minutes_more: float | None
     findings: tuple[PolarFinding, ...] = ()
+    otherwise: PolarError | None = None
 
     @property
     def spoilt(self) -> bool:
@@ -110,6 +115,12 @@ class Drift:
     def unknown(self, knob: Knob) -> str:
         """That a bolt is not known, and how far it may be off."""
         return tr("not known yet (± {angle})", angle=angle_in_words(self.error.with_flexure.knob_sigma_arcsec(knob)))
+
+    @property
+    def where(self) -> str:
+        """Where the axis stands, of the bolts that are known."""
+        known = [offset_in_words(self.error, knob) for knob in Knob if self.tells(knob)]
+        return ", ".join(known) or tr("at least {angle}", angle=angle_in_words(self.at_least_arcsec))
 
     @property
     def better(self) -> str:
@@ -352,6 +363,10 @@ def _restless(left: Floats, parts: Sequence[_Rows], unknown: int) -> float:
 DEC_SIGN = tr_noop(
     "The guide log doesn't say which way its Dec pulses move the mount: the error may be to the other side."
 )
+EITHER = tr_noop(
+    "The guide log doesn't say which way its Dec pulses move the mount. If north pulses move it north: {plus}."
+    " If they move it south: {minus}. Say which."
+)
 OTHER_AXIS = tr_noop("Part {part} of {parts} shows another axis. Was a bolt turned, or the mount guided?")
 GUIDED = tr_noop("Guided frames hold their place: only the rotation of the field counts. Not guided? Say so.")
 LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
@@ -378,6 +393,13 @@ def _doubts(stretches: Sequence[Stretch], pole: Floats, wider: float, all_of_the
             found.append(PolarFinding(PolarFindingKind.DISAGREE, text, spoils=True))
             break
     return found
+
+
+def either(north: Drift, south: Drift) -> Drift:
+    """Both answers of a drift whose Dec has no sign: as if north pulses moved the mount north, and south."""
+    text = tr(EITHER, plus=north.where, minus=south.where)
+    findings = (replace(f, text=text) if f.kind is PolarFindingKind.DEC_SIGN else f for f in north.findings)
+    return replace(north, findings=tuple(findings), otherwise=south.error)
 
 
 def _findings(stretches: Sequence[Stretch], error: PolarError, lowest_deg: float) -> list[PolarFinding]:

@@ -307,6 +307,14 @@ def azimuth_in_words(error: PolarError) -> str:
     return text.format(error=knob_in_words(error, Knob.AZIMUTH), side=towards(error), way=way)
 
 
+def offset_in_words(error: PolarError, knob: Knob) -> str:
+    """Where the axis stands, and no word of what to do about it."""
+    if knob is Knob.AZIMUTH:
+        return tr("{error} too far {side}", error=knob_in_words(error, knob), side=towards(error))
+    high, low = tr("{error} too high"), tr("{error} too low")
+    return (high if error.altitude_arcsec > 0 else low).format(error=knob_in_words(error, knob))
+
+
 def towards(error: PolarError) -> str:
     """East or west: where the axis stands beside the pole."""
     # by the east component: at the south pole azimuth runs the other way

@@ -353,3 +353,24 @@ def test_a_guide_log_is_followed_while_it_grows(qtbot, polar, tmp_path):
     drive(view)
     assert view.state.stage == "done"
     assert view.page.words.text().endswith("from 10 minutes of drift.")
+
+
+def test_a_log_without_parity_shows_both_answers_until_somebody_says_which(polar, tmp_path):
+    _, view = polar()
+    log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
+    log.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0, parity="?/?"))
+    view.setup.source.setCurrentText(FrameSource.FILES)
+    assert not view.setup.form.isRowVisible(view.setup.dec_sign)
+    unknown = measured(view, [log])
+    assert view.setup.form.isRowVisible(view.setup.dec_sign)
+    assert unknown.drift.spoilt
+    assert "too far east" in view.page.words.text()
+    assert "too far west" in view.page.words.text()
+    shown = " ".join(way.text() for _, way in view.page.numbers.knobs.values())
+    assert "clockwise" not in shown
+    view.setup.dec_sign.setCurrentIndex(view.setup.dec_sign.findData(-1))
+    said = measured(view, [log])
+    assert not said.drift.spoilt
+    assert said.error.azimuth_arcsec == pytest.approx(unknown.drift.otherwise.azimuth_arcsec)
+    view.setup.files.clear()
+    assert not view.setup.form.isRowVisible(view.setup.dec_sign)

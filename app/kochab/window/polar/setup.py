@@ -38,6 +38,7 @@ from kochab.window.widgets import (
     switch,
     text_field,
 )
+from kochab.workflows.polar.guide_logs import is_guide_log
 from kochab.workflows.polar.sources import last_night
 from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
 
@@ -47,6 +48,8 @@ LINES = 6
 
 class FrameList(QListWidget):
     """The frames to measure, each once; those of a second sweep measure flexure."""
+
+    changed = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -64,6 +67,12 @@ class FrameList(QListWidget):
                 item.setToolTip(str(path))
                 item.setData(SWEEP, sweep)
                 self.addItem(item)
+        self.changed.emit()
+
+    def clear(self) -> None:
+        """Take all out."""
+        super().clear()
+        self.changed.emit()
 
     def fill(self, sweeps: tuple[tuple[Path, ...], ...]) -> None:
         """The files of each sweep, in place of all there are."""
@@ -94,6 +103,10 @@ DRIFT_ADVICE = tr_noop(
 )
 GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
 GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
+DEC_SIGNS = {tr_noop("as the log says"): 0, tr_noop("north is north"): 1, tr_noop("north is south"): -1}
+DEC_SIGN_TIP = tr_noop(
+    "Which way the north pulses of a guide log move the mount, where the log doesn't say it, as ASIAIR's"
+)
 GROWS_TIP = tr_noop("For a guide log or a live session still being recorded, until the axis is known to 30″")
 BASE_TIP = tr_noop("What carries the mount. Without adjusting screws, 4′ is the finest goal")
 MOTORS_TIP = tr_noop(
@@ -138,6 +151,8 @@ class AlignmentSetupPanel(Page):
         self.zone = zone_box()
         self.guided = narrow_box(tr("Guided"), 8, {tr(text): guided for text, guided in GUIDED.items()})
         self.guided.setToolTip(tr(GUIDED_TIP))
+        self.dec_sign = narrow_box(tr("Dec pulses"), 8, {tr(text): sign for text, sign in DEC_SIGNS.items()})
+        self.dec_sign.setToolTip(tr(DEC_SIGN_TIP))
         self.grows = switch(tr("measure again as they grow"), tr(GROWS_TIP))
         self.grows.setAccessibleName(tr("Follow files that grow"))
         self.advice = label("", "muted", wrap=True)
@@ -180,6 +195,7 @@ class AlignmentSetupPanel(Page):
         self._lay_out()
         self.source.currentIndexChanged.connect(self._enable)
         self.hand.currentIndexChanged.connect(self._enable)
+        self.files.changed.connect(self._enable)
         self.motors.toggled.connect(self._enable)
         self.pole.currentIndexChanged.connect(self._name_pole)
         self.site.textChanged.connect(self._name_pole)
@@ -198,6 +214,7 @@ class AlignmentSetupPanel(Page):
             ("", self.file_row),
             (tr("Clock"), self.zone),
             (tr("Guided"), self.guided),
+            (tr("Dec pulses"), self.dec_sign),
             (tr("Follow"), self.grows),
             (tr("Exposure"), self.exposure),
             (tr("RA a&xis"), self.hand),
@@ -253,6 +270,7 @@ class AlignmentSetupPanel(Page):
             follow=self.grows.isChecked(),
             adjusters=self._adjusters,
             base=Base(self.base.currentData()),
+            dec_sign=self.dec_sign.currentData(),
             profile=self._profile_name,
             mount_doubt=self._mount_doubt,
         )
@@ -324,6 +342,7 @@ class AlignmentSetupPanel(Page):
             self.form.setRowVisible(widget, not (files or drifts))
         self.form.setRowVisible(self.goal, not drifts)
         self.form.setRowVisible(self.grows, files)
+        self.form.setRowVisible(self.dec_sign, files and any(is_guide_log(path) for path in self.files.paths(0)))
         for widget in (self.site, self.fov):
             self.form.setRowVisible(widget, source is not FrameSource.PRACTICE)
         self._name_pole()

@@ -27,6 +27,7 @@ BIN_S = 30.0
 LEAST_ARCSEC = 0.1  # no mean over a bin is better than that
 LARGEST_BYTES = 50_000_000
 OTHER_LOCK = ("INFO: DITHER", "INFO: SET LOCK POSITION", "INFO: Guiding parameter change, MountGuidingEnabled")
+SIGNS = {"+": 1, "?": 0, "-": -1}
 FOUND = (0, 1)  # PHD2's Star::FindResult: a star, a saturated star; others are none that can be believed
 JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse explains: another star, or a kick
 
@@ -42,6 +43,7 @@ class _Section:
     altaz_deg: tuple[float, float] | None = None
     y_rate: float = 0.0
     parity: tuple[int, int] = (0, 0)
+    pier: str = ""
     dithers: int = 0
     rows: list[tuple[float, ...]] = field(default_factory=list)
 
@@ -55,11 +57,12 @@ def is_guide_log(path: str | Path) -> bool:
         return False
 
 
-def guide_log(path: str | Path, settings: MeasureSettings) -> list[Stretch]:
+def guide_log(path: str | Path, settings: MeasureSettings, dec_sign: int = 0) -> list[Stretch]:
     """What each run of guiding of a log shows of the mount's drift; the hour angle in it needs no clock.
 
     The star's distance in Dec from its place, what pulses moved added, is the mount's. Distances above 0 are corrected
-    by pulses west and south; ``parity`` says whether the mount's own north is meant.
+    by pulses west and south; ``parity`` says whether the mount's own north is meant. Where it does not, ``dec_sign``
+    1 or -1 says that north pulses move the mount north or south; with 0 north is assumed and the sign is unknown.
 
     Raises FrameError when it holds none that can be used.
     """
@@ -68,7 +71,7 @@ def guide_log(path: str | Path, settings: MeasureSettings) -> list[Stretch]:
     except OSError as error:
         raise FrameError("{path} cannot be read: {why}.", path=path, why=error.strerror) from None
     sections = list(_sections(text))
-    found = [s for s in (_stretch(section, settings) for section in sections) if s is not None]
+    found = [s for s in (_stretch(section, settings, dec_sign) for section in sections) if s is not None]
     if not found:
         placed = any(np.isfinite(_hour_rad(s, settings)) for s in sections)
         if placed or not sections:
@@ -107,11 +110,13 @@ def _header(section: _Section, line: str) -> None:
         section.scale = told("Pixel scale")
     elif line.startswith("Mount = "):
         section.y_rate = told("yRate")
-        if parity := re.search(r"parity = ([+-])/([+-])", line):
-            section.parity = (1 if parity[1] == "+" else -1, 1 if parity[2] == "+" else -1)
+        if parity := re.search(r"parity = ([+?-])/([+?-])", line):
+            section.parity = SIGNS[parity[1]], SIGNS[parity[2]]
     elif "Dec = " in line and "Hour angle" in line:
         section.declination_deg, section.hour_deg = told("Dec"), 15.0 * told("Hour angle")
         section.altaz_deg = (told("Alt"), told("Az"))
+        if pier := re.search(r"Pier side = (East|West)", line):
+            section.pier = pier[1]
 
 
 def _row(section: _Section, row: Mapping[str, str]) -> None:
@@ -144,7 +149,7 @@ def _hour_rad(section: _Section, settings: MeasureSettings) -> float:
     return float(np.arctan2(across, along))
 
 
-def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
+def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Stretch | None:
     hour, declination = _hour_rad(section, settings), np.radians(section.declination_deg)
     rows = np.array(section.rows, dtype=np.float64).reshape(-1, 6)
     sound = section.scale > 0.0 and abs(section.declination_deg) < 89.0 and np.isfinite(hour)
@@ -153,7 +158,7 @@ def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
     time, ra, dec, west, south, dither = rows.T
     if south.any() and not section.y_rate > 0.0:
         return None
-    east_of, north_of = (p or 1 for p in section.parity)
+    east_of, north_of = section.parity[0] or 1, section.parity[1] or dec_sign or 1
     scale = section.scale * ARCSEC
     # y_rate is in px/s and pulses in ms; a frame shows those before it and not its own.
     pushed = -np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate)  # px, as dec counts
@@ -178,8 +183,8 @@ def _stretch(section: _Section, settings: MeasureSettings) -> Stretch | None:
     towards_pole = north_of * scale * (1.0 if northern(settings.site) else -1.0)
     moved = np.array([pushed[b].mean() for b in bins]) * towards_pole
     steps = np.array([level[b][0] for b in bins])
-    known = section.parity != (0, 0)
-    return Stretch(attitudes, False, bool(west.any()), known, moved, steps, f"{section.y_rate:.3f}")
+    held, known = bool(west.any()), bool(section.parity[1])
+    return Stretch(attitudes, False, held, known, moved, steps, f"{section.y_rate:.3f}", section.pier)
 
 
 def _levels(time: Floats, dec: Floats, pushed: Floats, dither: Floats) -> Floats:

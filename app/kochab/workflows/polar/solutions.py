@@ -20,7 +20,7 @@ from kochab.core.frame import Hint, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Matches, NamedStar, NoSolution, Solution
 from kochab.frames.hints import NO_ZONE, aware_utc
-from kochab.polar.drift import Drift, measure_drift, stretches_of, tracked
+from kochab.polar.drift import Drift, Stretch, either, measure_drift, stretches_of, tracked
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.rotations import ARCSEC, best_rotation
@@ -199,7 +199,8 @@ def _hint_of(picture: Path) -> tuple[Hint, tuple[str, ...]]:
 class FilesTold:
     """What a person says of files; None where the files say it, and ``guided`` where their drift shows it.
 
-    ``how`` is how to say where they were taken.
+    ``dec_sign`` is 1 or -1 where north pulses of a guide log that does not say it move the mount north or south, 0
+    where nobody knows. ``how`` is how to say where they were taken.
     """
 
     site: Site | None = None
@@ -207,6 +208,7 @@ class FilesTold:
     refraction: Refraction = STANDARD_REFRACTION
     utc_offset_h: float | None = None
     guided: bool | None = None
+    dec_sign: int = 0
     profile: str = ""
     how: str = GIVE_SITE
 
@@ -261,7 +263,8 @@ def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[s
     result: Measurement | Drift | NoAxis
     if logs or told.guided is not None or (tracked(sightings) and len(set(sweeps)) < 2):
         stretches = stretches_of(sightings, settings, told.guided)
-        result = measure_drift([*stretches, *(s for log in logs for s in guide_log(log, settings))], settings)
+        result, left_out = _drift_of(stretches, logs, settings, told.dec_sign)
+        warnings += left_out
     else:
         result = measure(sightings, settings)
     named = tuple((Path(path).name, warning) for path, warning in warnings)
@@ -270,6 +273,37 @@ def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[s
     doubts = doubts_of(files, result.error, site, told.site is not None, known)
     result = replace(result, findings=(*result.findings, *doubts))
     return FilesAxis(result, named, last_night(site, told.profile, result.time_utc))
+
+
+OTHER_PIER = tr_noop("Only the runs with pier side {pier} count: nothing says what a flip did to the Dec pulses.")
+
+
+def _drift_of(
+    stretches: Sequence[Stretch], logs: Sequence[str], settings: MeasureSettings, dec_sign: int
+) -> tuple[Drift | NoAxis, list[tuple[str, str]]]:
+    """The axis by drift of frames and logs, both answers where Dec has no sign, and what is left out of it."""
+    found: list[Drift | NoAxis] = []
+    left_out: list[tuple[str, str]] = []
+    for sign in (dec_sign,) if dec_sign else (1, -1):
+        used, left_out = _one_pier([(log, s) for log in logs for s in guide_log(log, settings, sign)])
+        found.append(
+            measure_drift([*stretches, *(replace(s, sign_known=True) if dec_sign else s for s in used)], settings)
+        )
+        if all(s.sign_known for s in used):
+            break
+    north, south = found[0], found[-1]
+    if len(found) == 2 and isinstance(north, Drift) and isinstance(south, Drift):
+        return either(north, south), left_out
+    return north, left_out
+
+
+def _one_pier(runs: Sequence[tuple[str, Stretch]]) -> tuple[list[Stretch], list[tuple[str, str]]]:
+    """Without the runs whose Dec has no sign and that are not on the pier's last side, and a warning of each log."""
+    unsigned = [stretch for _, stretch in runs if not stretch.sign_known]
+    last = unsigned[-1].pier if unsigned else ""
+    left = {log for log, s in runs if not s.sign_known and s.pier != last}
+    used = [s for _, s in runs if s.sign_known or s.pier == last]
+    return used, [(log, tr(OTHER_PIER, pier=tr(last.lower()))) for log in sorted(left)]
 
 
 def is_complete(result: Measurement | Drift | NoAxis | None) -> bool:

@@ -96,7 +96,7 @@ class AlignmentRequest:
     guider held what tracked; None: as it shows. ``profile`` is the equipment's, "" for none. ``mount_doubt`` says what
     the connected mount contradicts of clock and site. ``follow`` measures files again while they grow.
     ``adjusters`` is the port of motorised ones, "" for hands; a practice telescope has its own. ``base`` is what the
-    hands turn.
+    hands turn. ``dec_sign`` says which way north pulses of a guide log move the mount; 0: as the log says.
     """
 
     source: FrameSource
@@ -120,6 +120,7 @@ class AlignmentRequest:
     follow: bool = False
     adjusters: str = ""
     base: Base = Base.BOLTS
+    dec_sign: int = 0
 
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
@@ -371,6 +372,7 @@ def _axis_of_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesA
         wish.pole,
         utc_offset_h=wish.utc_offset_h,
         guided=wish.guided,
+        dec_sign=wish.dec_sign,
         profile=wish.profile,
         how=tr_noop("fill in “Your site”"),
     )
