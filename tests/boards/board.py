@@ -40,7 +40,7 @@ class Board:
         self.tube = Tube(self.clock, slew_deg_s, acceleration_deg_s2)
         self.keeps_clock, self.claims_home = keeps_clock, claims_home
         self.orders, self.transcript = [], []
-        self.power_cuts = 0
+        self.cuts = []  # (unix time, the goto, home or park that it ended)
         self.clock_error_s, self.clock_set = 0.0, True
         self.site_deg = (LATITUDE_DEG, LONGITUDE_DEG)
         self.zone_h = 0.0
@@ -78,7 +78,6 @@ class Board:
         """Take its supply for ``off_s``; the port stays open. Then it boots, and wakes where it believes to be."""
         with self.lock:
             self.tube.advance()
-            self.power_cuts += 1
             for axis in self.tube.axes:
                 axis.lose_power()
             self.tube.sample()
@@ -87,6 +86,7 @@ class Board:
             self._pulses.clear()
             self.tracking = False
             was, self.going = self.going, ""
+            self.cuts.append((self.tube.now, was))
             if not self.keeps_clock:
                 self.clock_set = False
                 self.clock_error_s = self.wakes_at.timestamp() - self._mute_until
@@ -117,7 +117,17 @@ class Board:
     @property
     def powered(self):
         """Whether it is awake."""
-        return self.clock.unix() >= self._mute_until
+        return self.awake_s >= 0.0
+
+    @property
+    def awake_s(self):
+        """Seconds since it last woke; negative while it has no power."""
+        return self.clock.unix() - self._mute_until
+
+    @property
+    def heard(self):
+        """Whether it has answered anything since it last woke."""
+        return any(mark == "<" and unix >= self._mute_until for unix, mark, _ in self.transcript[-200:])
 
     @property
     def moving(self):

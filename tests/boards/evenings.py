@@ -1,0 +1,397 @@
+"""Random evenings with power cuts against the guard and the drivers: ``python -m tests.boards.evenings N --seed S``.
+
+An astronomer who solves every picture rightly slews, syncs, nudges, parks, goes home, stops, sets the clock and
+disconnects, while the mount's supply fails, answers and Stops are lost, and clocks are wrong. The boards know where the
+tube truly is, and what they see there is counted: see :data:`KINDS`. One line a violation, one a board, one in all;
+exit 0 when there was no violation. Evenings run by the computer's time, so a seed repeats what is done, not each
+millisecond.
+"""
+
+import argparse
+import os
+import re
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from random import Random
+
+from kochab.core.errors import KochabError
+from kochab.core.mount import Direction, TrackingRate
+from kochab.core.progress import run
+from kochab.gear.session import Meridian as Pier
+from kochab.gear.session import MountSelection, guarded, limits_at
+
+from . import BOARDS, SITE, Night, served
+from .mechanics import HOME_DEG
+from .sky import altaz_deg, apart_deg, half_turn, sidereal_deg, sun_deg
+
+KINDS = {
+    "low": "the tube below the horizon limit",
+    "sun": "the tube near the Sun",
+    "false": "a slew that started while the board was wrong about where it is",
+    "done": "said to be done, and the tube is somewhere else",
+    "running": "a motion that ran on after a Stop that was said to work, or after the session's end",
+    "word": "the end of a motion that lost its power, with no word of power or a restart",
+    "hang": "an order that did not end",
+    "fault": "an end that is no sentence of Kochab's",
+}
+HANG_S = 200.0  # a slew of 120 deg at the slowest rate is given longer, but no board here is that slow
+LOW_DEG, SUN_DEG, FALSE_DEG = 3.0, 28.0, 5.0  # two degrees for the motors to stop in
+RUNS_OUT_S = 4.0
+RESTART = re.compile(r"power|switched|restart|woke", re.IGNORECASE)
+THIRTEEN_YEARS_S = -13 * 31557600.0
+
+
+@dataclass
+class Evening:
+    """What happened: what was done and told, and ``(kind, what)`` of every violation."""
+
+    board: str
+    seed: int
+    diary: list[str] = field(default_factory=list)
+    violations: list[tuple[str, str]] = field(default_factory=list)
+    cuts: int = 0
+
+
+class Astronomer:
+    """One evening at one board. ``orders`` are how many things are done; the guard is the product's own."""
+
+    def __init__(self, kind, seed, orders=10):
+        self.kind, self.orders = kind, orders
+        self.random = Random(f"{kind} {seed}")
+        self.evening = Evening(kind, seed)
+        self.guard = None
+
+    # -- the evening ---------------------------------------------------------------------------------
+
+    def spend(self):
+        """The whole evening; never raises."""
+        chance = self.random
+        start = datetime(2026, chance.randint(1, 12), chance.randint(1, 28), tzinfo=UTC)
+        start += timedelta(hours=chance.choice((19, 20, 21, 22, 23, 0, 1, 2, 3, 8, 12, 15)))
+        settings = {
+            "slew_deg_s": chance.uniform(5.0, 12.0),
+            "acceleration_deg_s2": chance.uniform(3.0, 9.0),
+            "keeps_clock": chance.random() < 0.4,
+            "claims_home": chance.random() < 0.7,
+        }
+        with served(self.kind, tcp=chance.random() < 0.3, clock=Night(start), **settings) as board:
+            self.board = board
+            board.align(*self._start())
+            if chance.random() < 0.1:
+                board.clock_error_s = THIRTEEN_YEARS_S
+            self._note(f"{start:%F %H:%M}", settings, board.port, f"clock {board.clock_error_s:.0f} s")
+            try:
+                if self._do("connect", self._connect):
+                    self._through_the_night()
+                self._go_to_bed()
+            except Hangs:
+                self._against("hang", "given up")
+            self.evening.cuts = len(board.cuts)
+        return self.evening
+
+    def _through_the_night(self):
+        things = {
+            self._goto: 10,
+            self._sync: 5,
+            self._nudge: 4,
+            self._home: 3,
+            self._park: 2,
+            self._unpark: 2,
+            self._stop: 1,
+            self._track: 1,
+            self._wait: 2,
+            self._set_clock: 2,
+            self._put_home: 1,
+            self._disconnect: 2,
+        }
+        for _ in range(self.orders):
+            if self.guard is None and not self._do("connect", self._connect):
+                continue
+            if self.random.random() < 0.12:
+                self._cut("between")
+            (thing,) = self.random.choices(list(things), list(things.values()))
+            thing()
+
+    def _go_to_bed(self):
+        """The end of the session, often with a motion under way and a Stop that is lost."""
+        if self.guard is None:
+            return
+        if self.random.random() < 0.6:
+            self._do("goto unattended", lambda: self.guard.goto(*self._target()))
+            time.sleep(self.random.uniform(0.0, 1.5))
+        if self.random.random() < 0.5:
+            self.board.lose_stops(1)
+        self._disconnect()
+
+    # -- what is done --------------------------------------------------------------------------------
+
+    def _connect(self):
+        pier = self.random.choice((Pier.FLIPS, Pier.FLIPS, Pier.CROSSES, Pier.STAYS))
+        selection = MountSelection(self.board.port, self.board.driver)
+        self.guard = guarded(selection, SITE, clock=self.board.clock, limits=limits_at(pier))
+
+    def _disconnect(self):
+        guard, self.guard = self.guard, None
+        self._do("disconnect", guard.close)
+        time.sleep(RUNS_OUT_S)
+        if self.board.moving:
+            self._against("running", "after the session's end")
+            with self.board.lock:
+                self.board.stop()
+
+    def _goto(self):
+        target = self._target()
+        self._slews("goto", lambda: run(self.guard.slew(*target)), target)
+
+    def _home(self):
+        self._slews("home", lambda: run(self.guard.rest("home")), None)
+
+    def _park(self):
+        self._slews("park", lambda: run(self.guard.rest("park")), None)
+
+    def _slews(self, what, order, target):
+        """A motion that is waited for, with what may befall it."""
+        cuts = len(self.board.cuts)
+        mishap, after_s = self._mishap(), self.random.uniform(0.2, 5.0)
+        timer = threading.Timer(after_s, mishap) if mishap is not None else None
+        if timer is not None:
+            timer.start()
+        told = self._do(what, order)
+        if timer is not None:
+            timer.cancel()
+            timer.join()
+        was_cut = any(was for _, was in self.board.cuts[cuts:])
+        lost = self.board.false_by_deg() > FALSE_DEG
+        if told is True and was_cut and lost:
+            self._against("done", f"{what}, {self.board.false_by_deg():.0f} deg off")
+        elif told is True and target is not None and apart_deg(self.board.radec_deg(), target) > FALSE_DEG:
+            self._against("done", f"{what}, {apart_deg(self.board.radec_deg(), target):.0f} deg from the target")
+        elif was_cut and lost and told is not True and self.board.heard and not RESTART.search(told):
+            self._against("word", f"{what}: {told}")
+
+    def _sync(self):
+        """On the truth, as a solved picture tells it."""
+        ra, dec = self.board.radec_deg()
+        self.guard.armed = self.random.random() < 0.5
+        self._do("sync", lambda: self.guard.sync(ra, dec, by_hand=True, confirmed=True))
+
+    def _nudge(self):
+        direction = self.random.choice(list(Direction))
+        rate, seconds = self.random.choice((0.1, 0.5, 2.0, 6.0)), self.random.uniform(0.3, 3.0)
+        if lost := self.random.random() < 0.3:
+            self.board.lose_stops(1)
+        self._do(f"nudge {direction} {rate} {seconds:.1f}", lambda: self.guard.move(direction, rate, seconds))
+        if lost:
+            time.sleep(seconds)
+            if self._do("watch the nudge's end", self._look_on) is True and self.board.moving:
+                self._against("running", "after a nudge, and nothing was said")
+        elif self.random.random() < 0.5:
+            time.sleep(seconds)  # and sometimes the next order comes while it runs out
+        if self.random.random() < 0.3:
+            self._sync()
+
+    def _unpark(self):
+        self._do("unpark", self.guard.unpark)
+
+    def _track(self):
+        rate = self.random.choice((TrackingRate.SIDEREAL, TrackingRate.SIDEREAL, TrackingRate.OFF))
+        self._do(f"track {rate}", lambda: self.guard.track(rate))
+
+    def _set_clock(self):
+        self._do("set clock", self.guard.set_clock)
+
+    def _stop(self):
+        if self._do("stop", self._stop_and_see) is True and self.board.moving:
+            time.sleep(RUNS_OUT_S)
+            if self.board.moving:
+                self._against("running", "after a Stop that was said to work")
+
+    def _stop_and_see(self):
+        self.guard.stop()
+        self.guard.emergency.confirm()
+
+    def _wait(self):
+        self._do("wait", self._look_on)
+
+    def _look_on(self):
+        """As the window does, twice a second."""
+        for _ in range(8):
+            time.sleep(0.5)
+            self._look()
+
+    def _put_home(self):
+        """The astronomer does as told: puts the tube home with the power off, and says so."""
+        with self.board.lock:
+            self.board.stop()
+            for axis, home in zip(self.board.tube.axes, HOME_DEG, strict=True):
+                axis.lose_power()
+                axis.at_deg = home
+        self._cut("put home", 0.5)
+        time.sleep(0.6 + self.board.boot_s)
+        with self.board.lock:
+            self.board.parked = False
+        if self._do("look", self._look) is True:
+            self.guard.clock_and_site.trust()
+            self._note("trusted")
+
+    def _look(self):
+        self.guard.state()
+        self.guard.position()
+
+    # -- what befalls --------------------------------------------------------------------------------
+
+    def _mishap(self):
+        def cancel():
+            with suppress(KochabError):
+                self.guard.stop()
+
+        befalls = {
+            None: 6,
+            (lambda: self._cut("during")): 8,
+            (lambda: self.board.lose_answers(self.random.randint(1, 4))): 2,
+            (lambda: self.board.delay_answers(self.random.randint(1, 3), self.random.uniform(0.5, 6.0))): 2,
+            cancel: 2,
+        }
+        return self.random.choices(list(befalls), list(befalls.values()))[0]
+
+    def _cut(self, when, off_s=None):
+        off_s = self.random.choice((0.1, 0.5, 2.0, 8.0)) if off_s is None else off_s
+        self._note(f"POWER CUT {when}, {off_s} s")
+        self.board.cut_power(off_s)
+
+    # -- where ---------------------------------------------------------------------------------------
+
+    def _start(self):
+        """Hour angle and Dec, well up and away from the Sun."""
+        while True:
+            hour_angle, dec = self.random.uniform(-70.0, 70.0), self.random.uniform(0.0, 80.0)
+            if self._fair(hour_angle, dec, 25.0, 60.0):
+                return hour_angle, dec
+
+    def _fair(self, hour_angle, dec, altitude, sun):
+        now = self.board.clock.unix()
+        ra = sidereal_deg(now, SITE.longitude_deg) - hour_angle
+        up = altaz_deg(hour_angle, dec, SITE.latitude_deg)[0] > altitude
+        return up and apart_deg((ra, dec), sun_deg(now)) > sun
+
+    def _target(self):
+        """RA and Dec of date: mostly fair, sometimes low or near the Sun."""
+        foolish = self.random.random() < 0.15
+        while True:
+            hour_angle, dec = self.random.uniform(-80.0, 80.0), self.random.uniform(-20.0, 85.0)
+            if foolish or self._fair(hour_angle, dec, 12.0, 35.0):
+                return (sidereal_deg(self.board.clock.unix(), SITE.longitude_deg) - hour_angle) % 360.0, dec
+
+    # -- what is seen --------------------------------------------------------------------------------
+
+    def _do(self, what, order):
+        """True when it was done, else the sentence that told why not; whatever the tube did meanwhile is judged."""
+        begun, orders = self.board.clock.unix(), len(self.board.orders)
+        up_before, sun_before = self._tube()
+        told = self._outcome(order)
+        self._note(what, "->", "done" if told is True else told)
+        time.sleep(0.3)
+        low = self.board.lowest_deg(begun)
+        if low < LOW_DEG < up_before:
+            self._against("low", f"{low:.1f} deg by {what}")
+        near = self.board.nearest_sun_deg(begun)
+        if near < SUN_DEG < sun_before:
+            self._against("sun", f"{near:.0f} deg by {what}")
+        for order_ in self.board.orders[orders:]:
+            if order_.kind == "goto" and order_.false_by_deg > FALSE_DEG:
+                self._against("false", f"{order_.false_by_deg:.0f} deg by {what}")
+        return told
+
+    def _tube(self):
+        with self.board.lock:
+            self.board.tube.advance()
+            tube = self.board.tube
+            return tube.altaz_deg()[0], apart_deg(tube.radec_deg(), sun_deg(tube.now))
+
+    def _outcome(self, order):
+        ended = []
+
+        def go():
+            try:
+                order()
+                ended.append(True)
+            except KochabError as error:
+                ended.append(str(error) or type(error).__name__)
+            except BaseException:
+                ended.append("".join(traceback.format_exc()))
+
+        thread = threading.Thread(target=go, daemon=True)
+        thread.start()
+        thread.join(HANG_S)
+        if not ended:
+            self._against("hang", f"{HANG_S:.0f} s")
+            raise Hangs
+        if ended[0] is not True and ended[0].startswith("Traceback"):
+            self._against("fault", ended[0].strip().splitlines()[-1])
+        return ended[0]
+
+    def _note(self, *words):
+        hour_angle = half_turn(self.board.tube.hour_angle_dec_deg()[0])
+        stands = f"[{hour_angle:+.0f} {self.board.tube.hour_angle_dec_deg()[1]:+.0f}]"
+        self.evening.diary.append(f"{self.board.clock():%H:%M:%S} {stands} {' '.join(map(str, words))}")
+
+    def _against(self, kind, what):
+        self.evening.violations.append((kind, what))
+        self._note("!!", kind, what)
+
+
+class Hangs(Exception):  # noqa: N818 (ends an evening)
+    """An order did not come back."""
+
+
+def spend(kind, seed, orders=10):
+    """One evening."""
+    return Astronomer(kind, seed, orders).spend()
+
+
+def _spend(arguments):
+    os.environ["KOCHAB_CONFIG"] = tempfile.mkdtemp(prefix="kochab-evening-")
+    return spend(*arguments)
+
+
+def main(arguments=None):
+    """The command line; the number of violations, at most 1, is its exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("count", type=int, help="evenings in all, dealt round the boards")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--board", choices=BOARDS)
+    parser.add_argument("--orders", type=int, default=10, help="things done in an evening")
+    parser.add_argument("--workers", type=int, default=4, help="evenings at once: they mostly wait")
+    parser.add_argument("--diary", action="store_true", help="print the whole of every evening with a violation")
+    options = parser.parse_args(arguments)
+    boards = [options.board] if options.board else list(BOARDS)
+    plans = [(boards[k % len(boards)], options.seed + k // len(boards), options.orders) for k in range(options.count)]
+    counts = {board: Counter() for board in boards}
+    with ProcessPoolExecutor(options.workers) as pool:
+        for evening in pool.map(_spend, plans):
+            count = counts[evening.board]
+            count["evenings"] += 1
+            count["cuts"] += evening.cuts
+            count.update(kind for kind, _ in evening.violations)
+            for kind, what in evening.violations:
+                print(f"{evening.board} seed {evening.seed}: {KINDS[kind]}: {what}", flush=True)
+            if options.diary and evening.violations:
+                print("\n".join(f"    {line}" for line in evening.diary), flush=True)
+    for board in [*boards, "in all"]:
+        count = sum(counts.values(), Counter()) if board == "in all" else counts[board]
+        kinds = ", ".join(f"{kind} {count[kind]}" for kind in KINDS)
+        wrong = sum(count[kind] for kind in KINDS)
+        print(f"{board}: {count['evenings']} evenings, {count['cuts']} power cuts, {wrong} violations ({kinds})")
+    return min(1, sum(sum(count[kind] for kind in KINDS) for count in counts.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

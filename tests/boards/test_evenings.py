@@ -1,0 +1,113 @@
+"""The evenings see what goes wrong: each kind of violation, done to a board without any guard."""
+
+import time
+
+import pytest
+
+from kochab.core.errors import KochabError
+from tests.boards import BOARDS, served
+from tests.boards.evenings import Astronomer, Hangs
+from tests.boards.sky import sidereal_deg
+
+
+@pytest.fixture(params=BOARDS)
+def astronomer(request):
+    """Somebody with no guard, whose tube is well up."""
+    with served(request.param, slew_deg_s=30.0, acceleration_deg_s2=60.0) as board:
+        board.align(-40.0, 40.0)
+        someone = Astronomer(request.param, 1)
+        someone.board = board
+        yield someone
+
+
+def seen(astronomer):
+    return {kind for kind, _ in astronomer.evening.violations}
+
+
+def bare_goto(board, hour_angle_deg, dec_deg):
+    """Straight to the motors."""
+    with board.lock:
+        board.target_deg = [sidereal_deg(board.clock.unix(), 8.0) - hour_angle_deg, dec_deg]
+        board.goto()
+
+
+def rests(board):
+    while board.moving:
+        time.sleep(0.05)
+
+
+def test_a_slew_below_the_horizon_from_a_false_home_is_seen_as_both(astronomer):
+    board = astronomer.board
+    board.boot_s = 0.0
+    board.cut_power(0.0)
+
+    def go():
+        bare_goto(board, -60.0, 10.0)
+        rests(board)
+
+    assert astronomer._do("goto", go) is True
+    assert {"false", "low"} <= seen(astronomer)
+
+
+def test_a_home_that_lost_its_power_and_is_called_done_is_seen(astronomer):
+    board = astronomer.board
+    board.boot_s = 0.0
+    board.tube.axes[0].top_deg_s = board.tube.axes[1].top_deg_s = 1.0
+
+    def home():
+        board.go_home()
+        time.sleep(0.5)
+        board.cut_power(0.0)
+
+    astronomer._mishap = lambda: None
+    astronomer._slews("home", home, None)
+    assert seen(astronomer) == {"done"}
+
+
+def test_an_end_without_a_word_of_the_restart_is_seen(astronomer):
+    board = astronomer.board
+    board.boot_s = 0.0
+    board.tube.axes[0].top_deg_s = board.tube.axes[1].top_deg_s = 1.0
+
+    def slew(words):
+        with board.lock:
+            board.align(-40.0, 40.0)
+        bare_goto(board, -10.0, 40.0)
+        time.sleep(0.3)
+        board.cut_power(0.0)
+        with board.lock:
+            board.transcript.append((board.clock.unix(), "<", b"#"))
+        raise KochabError(words)
+
+    astronomer._mishap = lambda: None
+    astronomer._slews("goto", lambda: slew("The mount was switched off and on."), None)
+    assert seen(astronomer) == set()
+    astronomer._slews("goto", lambda: slew("The mount stopped 58 deg from its target."), None)
+    assert seen(astronomer) == {"word"}
+
+
+def test_a_motion_that_outlives_its_session_is_seen(astronomer, monkeypatch):
+    monkeypatch.setattr("tests.boards.evenings.RUNS_OUT_S", 0.5)
+    board = astronomer.board
+    board.tube.axes[0].top_deg_s = board.tube.axes[1].top_deg_s = 1.0
+
+    class Careless:
+        def close(self):
+            """And leave it running."""
+
+    astronomer.guard = Careless()
+    bare_goto(board, 0.0, 40.0)
+    astronomer._disconnect()
+    assert seen(astronomer) == {"running"}
+
+
+def test_the_sun_a_hang_and_a_traceback_are_seen(astronomer, monkeypatch):
+    monkeypatch.setattr("tests.boards.evenings.HANG_S", 0.5)
+    monkeypatch.setattr("tests.boards.board.Board.nearest_sun_deg", lambda board, since: 20.0)
+    astronomer._do("nothing", lambda: None)
+    assert seen(astronomer) == {"sun"}
+    astronomer._do("fault", lambda: 1 / 0)
+    assert seen(astronomer) == {"sun", "fault"}
+    with pytest.raises(Hangs):
+        astronomer._do("hang", lambda: time.sleep(5.0))
+    assert seen(astronomer) == {"sun", "fault", "hang"}
