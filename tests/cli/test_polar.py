@@ -356,7 +356,7 @@ def stream(folder, turned_deg=0.0, minutes=30, rate_deg_min=-15.041 / 60.0):
             "x",
         )
         lines.append(json.dumps(as_json(f"frame {k}", solution) | {"time_utc": seen.time_utc.isoformat()}))
-    lines[3:3] = [json.dumps({"file": "frame x", "solved": False, "reason": "clouds", "advice": ""})]
+    lines[3:3] = [json.dumps({"file": "frame x", "solved": False, "reason": "clouded or dark", "advice": ""})]
     path = folder / "solutions.jsonl"
     path.write_text("\n".join(lines))
     return str(path)
@@ -534,7 +534,7 @@ def test_a_cloudy_frame_of_many_is_left_out_with_a_note_and_of_few_is_not(capsys
         done, out, err = polar(capsys, str(tmp_path / "night.json"), "--site", "40,10,300", "--utc-offset", "0")
         assert done == code, err
         assert ("note      frame x: No solution, left out." in out) is (code == 0)
-        assert ("frame x: no solution: clouds" in err) is (code == 1)
+        assert ("frame x: no solution: clouded or dark" in err) is (code == 1)
 
 
 def stream_rows(folder):

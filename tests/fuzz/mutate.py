@@ -39,6 +39,10 @@ VALUES: list[Any] = [
     *(None, True, False, 0, -1, 1, 2, 1e308, 10**400, -0.0, "", "x", "\0", "nan", "1", [], {}, [None], {"a": 1}),
     *(float("nan"), float("inf"), -float("inf"), 2**31, 2**63, 2**64, "A" * 5000, "\ud800", "\x1b[31m", [0] * 300),
 ]
+DEEP = "\ue000deep"
+"""Stands in the tree for a value that is nested more than ``json.dumps`` itself can write."""
+VALUES.append(DEEP)
+_DEPTHS = (10, 70, 900, 1100, 100_000)
 _NUMBER = re.compile(rb"[+-]?\d+\.?\d*(?:[eE][+-]?\d+)?")
 _HEAD = 600  # headers are where damage is interesting
 
@@ -201,11 +205,21 @@ def tree(rng: Random, seeds: Seeds) -> bytes:
         return raw(rng, seeds)
     try:
         root = json.loads(rng.choice(seeds))
-    except ValueError:
+    except (ValueError, RecursionError):  # an earlier change made it none, or too deep
         return raw(rng, seeds)
     for _ in range(rng.choice(ONCE_OR_MORE)):
         root = _changed(rng, root)
-    return json.dumps(root, ensure_ascii=rng.random() < 0.9).encode("utf-8", "surrogatepass")
+    text = json.dumps(root, ensure_ascii=rng.random() < 0.9)
+    for mark in (json.dumps(DEEP), f'"{DEEP}"'):
+        while mark in text:
+            text = text.replace(mark, _nested(rng), 1)
+    return text.encode("utf-8", "surrogatepass")
+
+
+def _nested(rng: Random) -> str:
+    depth = rng.choice(_DEPTHS)
+    begin, end = rng.choice((("[", "]"), ('{"a":', "}")))
+    return begin * depth + "0" + end * depth
 
 
 def lines(inner: Mutate) -> Mutate:

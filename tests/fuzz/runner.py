@@ -32,9 +32,9 @@ EXTRA = ""  # "module:check" of one more target, "extra"
 
 def targets() -> dict[str, Target]:
     """All of them by name, the dearest last."""
-    from tests.fuzz import answers, devices, files
+    from tests.fuzz import answers, devices, files, texts
 
-    found = {target.name: target for module in (files, devices, answers) for target in module.TARGETS}
+    found = {target.name: target for module in (files, texts, devices, answers) for target in module.TARGETS}
     if EXTRA:
         module, _, name = EXTRA.partition(":")
         found["extra"] = Target("extra", lambda folder: [b"seed"], getattr(import_module(module), name))

@@ -25,8 +25,10 @@ from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
 from kochab.workflows.polar.solutions import solved_before
 from kochab.workflows.polar.sources import SolvedFile, doubts_of, sharpcap_time, sightings_of, unsigned_longitude
+from tests.house import REPOSITORY, SAMPLES
 
 ARCSEC = np.pi / 648000.0
+SHARED = REPOSITORY.parent / "shared"
 BEGUN = datetime(2026, 3, 14, 20, 0, tzinfo=UTC)
 SITE = Site(47.0, 8.0, 450.0)
 CAMERA = Camera(900, 700, 8000.0, 452.3, 347.1, k1=-0.4, mirrored=True)
@@ -276,3 +278,117 @@ def test_a_spoilt_measurement_is_not_remembered(tmp_path, capsys, monkeypatch):
     main(["polar", *(str(tmp_path / f"{k}.wcs") for k in range(2)), "--site=47,8,450", "--utc-offset=0", "--json"])
     assert json.loads(capsys.readouterr().out)["spoilt"]
     assert not (tmp_path / "config").exists()
+
+
+# -- Files that somebody altered --------------------------------------------------------------------
+
+
+HOSTILE = (
+    "in_2_432_wcs_w.wcs",
+    "in_2_438_wcs_w.wcs",
+    "in_2_622_sjl_q.jsonl",
+    "in_2_764_sjl_q.jsonl",
+    "in_2_798_omm_e.json",
+)
+
+
+@pytest.mark.skipif(not (SHARED / "hostile").is_dir(), reason="../shared/hostile is not beside this checkout")
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_made_outside_are_one_sentence(name, capsys):
+    """Cards that are no ASCII or zeros, Infinity, null places, objects nested by the thousand."""
+    path = SHARED / "hostile" / name
+    elements = path.suffix == ".json"
+    command = ["solve", str(SAMPLES / "pleiades.fits"), "--elements"] if elements else ["polar", "--site", "47,8"]
+    assert main([*command, str(path), *([] if elements else [str(path)])]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == (1 if elements else 2)
+    assert all(path.name in line and line.endswith(".") and "fault" not in line for line in said)
+
+
+def altered_lines(**changed):
+    row = json.loads(json.dumps(as_json("0.fits", solution(0.0))))
+    return json.dumps(row | {"time_utc": BEGUN.isoformat()} | changed)
+
+
+PINHOLE = as_json("0.fits", solution(0.0))["camera"]
+STAR = as_json("0.fits", solution(0.0))["stars"][3]
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"camera": None},
+        {"camera": PINHOLE | {"focal_px": 0.0}},
+        {"camera": PINHOLE | {"k1": 1e300}},
+        {"fov_deg": [180.0, 5.0]},
+        {"fov_deg": [1e-9, 5.0]},
+        {"fov_deg": 5.0},
+        {"dcm": np.diag([1.0, 1.0, -1.0]).tolist()},
+        {"dcm": (1.1 * np.eye(3)).tolist()},
+        {"dcm": [[0.0] * 3] * 3},
+        {"sigma_arcsec": [0.0, 1.0, 1.0]},
+        {"sigma_arcsec": [None, 1.0, 1.0]},
+        {"stars": [{**STAR, "ra_deg": None}]},
+        {"stars": [{**STAR, "dec_deg": -STAR["dec_deg"]}]},
+        {"stars": [{**STAR, "x": 1e300}]},
+        {"stars": 7},
+        {"rms_px": None},
+        {"solved": "yes"},
+    ],
+)
+def test_a_solution_that_no_camera_gives_is_refused(tmp_path, changed):
+    (tmp_path / "a.jsonl").write_text(altered_lines() + "\n")
+    assert len(solved_before(tmp_path / "a.jsonl")) == 1
+    (tmp_path / "a.jsonl").write_text(altered_lines(**changed) + "\n")
+    with pytest.raises(FrameError, match=r"a\.jsonl is not what kochab solve --json prints"):
+        solved_before(tmp_path / "a.jsonl")
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "\0", [0] * 300])
+def test_a_name_that_no_picture_has_costs_nothing(tmp_path, name):
+    (tmp_path / "a.jsonl").write_text(altered_lines(file=name, time_utc="") + "\n")
+    (file,) = solved_before(tmp_path / "a.jsonl")
+    assert file.time_utc is None
+
+
+def test_lines_that_powershell_wrote_are_read(tmp_path):
+    (tmp_path / "a.jsonl").write_bytes((altered_lines() + "\r\n").encode("utf-16"))
+    assert len(solved_before(tmp_path / "a.jsonl")) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("IMAGEW", "'wide'"),
+        ("IMAGEW", "1e9"),
+        ("CRVAL1", "'x'"),
+        ("CRVAL1", "1e300"),
+        ("CTYPE2", "'RA---TAN'"),
+        ("CTYPE1", "5"),
+        ("WCSAXES", "1000000"),
+        ("A_ORDER", "100000"),
+        ("A_ORDER", "'x'"),
+        ("CD1_1", "0"),
+        ("CD1_1", "٣"),
+    ],
+)
+def test_a_header_that_no_camera_gives_is_refused(tmp_path, name, value):
+    cards = wcs_text(solution(10.0)).splitlines()
+    row = next(k for k, card in enumerate(cards) if card[:8].rstrip() == name)
+    cards[row] = f"{name:8}= {value:>20}".ljust(79)
+    if name == "CD1_1":  # with its neighbours gone the matrix has no inverse
+        cards = [card for card in cards if card[:8].rstrip() not in ("CD1_2", "CD2_1")]
+    (tmp_path / "a.wcs").write_text("\n".join(cards), encoding="utf-8")
+    with pytest.raises(FrameError, match=r"a\.wcs has no (usable )?WCS"):
+        solved_before(tmp_path / "a.wcs")
+
+
+def test_a_map_that_no_camera_has_is_refused(tmp_path):
+    """SIP of the third order that pulls the corners out by a frame's width."""
+    cards = wcs_text(solution(10.0)).splitlines()
+    for name in ("A_3_0", "B_0_3"):
+        row = next(k for k, card in enumerate(cards) if card[:8].rstrip() == name)
+        cards[row] = f"{name:8}= {1e-5 if name[0] == 'A' else -1e-5:>20}".ljust(79)
+    (tmp_path / "a.wcs").write_text("\n".join(cards))
+    with pytest.raises(FrameError, match=r"a\.wcs has no usable WCS"):
+        solved_before(tmp_path / "a.wcs")

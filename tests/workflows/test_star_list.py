@@ -62,7 +62,7 @@ def test_flux_puts_the_brightest_first(tmp_path, text) -> None:
         ("a,b,c,d\n1,2,3,4\n", "names no columns x and y"),
         ("1,2\n500,4\n", r"line 2: \(500, 4\) is outside the 100 x 80 frame"),
         ("1,2\n5,-40\n", "outside"),
-        (b"\xff\xfe\x00\x01", "not a text file"),
+        (b"\xfd\xfe\x00\x01", "not a text file"),
         (b"1,2\n\x00\n", "not a text file"),
     ],
 )

@@ -4,7 +4,9 @@ import gzip
 import os
 import re
 import shutil
+import warnings
 import zlib
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -78,6 +80,40 @@ def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target
     except (OSError, EOFError, zlib.error) as error:
         text = getattr(error, "strerror", None) or str(error)
         raise FrameError("{target} cannot be written: {text}.", target=target, text=text.rstrip(".")) from None
+
+
+def wcs_of(values: Mapping[str, Any]) -> Any:
+    """The `astropy.wcs.WCS` of a header's values, None when it has none of the sky.
+
+    Only the cards of a WCS with numbers and text that FITS can hold are given to the library.
+
+    Raises ValueError when it cannot be used.
+    """
+    from astropy.io.fits import Header
+    from astropy.wcs import WCS
+
+    told = {name: value for name, value in values.items() if _OLD.match(name) and value is not None}
+    if bad := [name for name, value in told.items() if not _may_be(name, value)]:
+        raise ValueError(bad[0])
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            wcs = WCS(Header([*told.items()]))
+            return wcs if wcs.has_celestial else None
+    except (LookupError, TypeError, AttributeError, ArithmeticError) as error:  # of cards that lack others
+        raise ValueError(str(error)) from None
+
+
+def _may_be(name: str, value: Any) -> bool:
+    """Whether a card of a WCS may have this value: a line of ASCII, a small count, or a number that is not vast."""
+    if re.match("CTYPE|CUNIT|RADE", name):
+        return isinstance(value, str) and value.isascii() and value.isprintable() and len(value) <= 68
+    if name == "PLTSOLVD":
+        return True
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    # Whoever makes room for a polynomial of the order that a card tells may make gigabytes of it.
+    return value in range(10) if name == "WCSAXES" or name.endswith("_ORDER") else abs(value) < 1e30
 
 
 def _with_wcs(header: bytes, solution: Solution) -> bytes:

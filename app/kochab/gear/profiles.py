@@ -18,6 +18,7 @@ from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.mount import Epoch
+from kochab.core.text_input import parse_json, read_text
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.motion_plan import Horizon, Limits
@@ -150,7 +151,7 @@ def hour_angles(pair: Any) -> tuple[float, float]:
 
 def horizon(points: Any) -> Horizon:
     """Pairs of azimuth and altitude, degrees, or their JSON, by azimuth; UsageError when they are no horizon."""
-    pairs = json.loads(points) if isinstance(points, str) else points
+    pairs = parse_json(points) if isinstance(points, str) else points
     found = sorted((float(azimuth) % 360.0, float(altitude)) for azimuth, altitude in pairs)
     if not found or not all(azimuth < math.inf and -90.0 <= altitude <= 90.0 for azimuth, altitude in found):
         raise UsageError("A horizon needs lines of azimuth (from north over east) and altitude, in degrees.")
@@ -160,11 +161,9 @@ def horizon(points: Any) -> Horizon:
 def read_horizon(path: str) -> Horizon:
     """A horizon from a text file: two numbers a line, ``#`` begins a comment."""
     try:
-        lines = [
-            line.partition("#")[0].replace(",", " ").split() for line in Path(path).read_text("utf-8").splitlines()
-        ]
+        lines = [line.partition("#")[0].replace(",", " ").split() for line in read_text(path).splitlines()]
         return horizon(line[:2] for line in lines if line)
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise UsageError(
             "{path} is not a horizon: it needs lines of azimuth and altitude, in degrees.", path=path
         ) from error
@@ -239,11 +238,10 @@ def saved_profiles() -> tuple[list[EquipmentProfile], list[str]]:
 
 
 def _read(path: Path) -> EquipmentProfile:
+    text = read_text(path)
     try:
-        return from_json(json.loads(path.read_text("utf-8")))
-    except OSError as error:
-        raise KochabError("{path} cannot be read: {strerror}.", path=path, strerror=error.strerror) from error
-    except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError, UsageError) as error:
+        return from_json(parse_json(text))
+    except (ValueError, TypeError, AttributeError, ArithmeticError, UsageError) as error:
         raise KochabError("{path} is damaged: delete it, or save this profile again.", path=path) from error
 
 

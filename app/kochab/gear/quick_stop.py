@@ -50,9 +50,9 @@ def send_first_stop(arguments: Sequence[str]) -> None:
             given[name] = value if equals else after
     with suppress(OSError, ValueError, TypeError, AttributeError, UsageError):  # the command says what is wrong
         if given["profile"]:
-            import json
+            from kochab.core.text_input import read_json
 
-            kept = json.loads(profile_path(given["profile"]).read_text("utf-8"))
+            kept = read_json(profile_path(given["profile"]))
             given |= {name: value or str(kept.get(name) or "") for name, value in given.items()}
         baud, stop = STOPS.get(given["driver"], (0, b""))
         if given["driver"] in SERVER_PORTS or given["port"].startswith("udp://"):

@@ -10,7 +10,6 @@ in 1/256 of a cell · ``sizes`` (Q,) uint8 the base's length, see :func:`size_co
 seen from the stars themselves.
 """
 
-import json
 import math
 import mmap
 import sys
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 from kochab.core import cache_folder
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import CatalogueError, DamagedPatternsError
+from kochab.core.text_input import read_json
 
 RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above it in the key
 
@@ -319,7 +319,7 @@ def open_volume(folder: Path) -> Volume:
 
 
 def _read_volume(folder: Path) -> Volume:
-    facts: dict[str, Any] = json.loads((folder / "index.json").read_text("utf-8"))
+    facts: dict[str, Any] = read_json(folder / "index.json")
     grid, offsets = Grid(int(facts["steps"])), np.array(facts["offsets"], dtype=np.int64)
     counts = dict.fromkeys(ARRAYS, int(facts["quads"]))
     counts |= dict.fromkeys(("stars", "rows", "keys"), int(offsets[-1])) | {"cells": grid.cells + 1}
@@ -441,7 +441,7 @@ def catalogue_mark() -> str:
     from kochab.sky import shipped_folder as catalogs
 
     try:
-        manifest = json.loads((catalogs() / "manifest.json").read_text("utf-8"))
+        manifest = read_json(catalogs() / "manifest.json")
         return str(manifest["files"]["deep.kcat"]["sha256"])
     except (OSError, ValueError, KeyError) as error:
         raise CatalogueError("The catalogue's manifest is missing or damaged.") from error

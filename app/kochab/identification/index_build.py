@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats, Ints, Ints32
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
+from kochab.core.text_input import read_json
 from kochab.identification.index import (
     LEVEL_FIELDS_DEG,
     PER_FIELD,
@@ -312,7 +313,7 @@ def build_volume(
 def _begun(folder: Path, plan: dict[str, Any]) -> dict[str, Any]:
     """What a cancelled build of this plan has finished: how many levels, and the quads and scratch files of then."""
     with suppress(OSError, ValueError, KeyError, TypeError):
-        kept: dict[str, Any] = json.loads((folder / BEGUN).read_text("utf-8"))
+        kept: dict[str, Any] = read_json(folder / BEGUN)
         paths = (folder / f"quads-{k}.part" for k in range(len(kept["sizes"])))
         if kept["plan"] == plan and all(p.stat().st_size >= n for p, n in zip(paths, kept["sizes"], strict=True)):
             return kept

@@ -20,6 +20,7 @@ import numpy as np
 
 from kochab.core import cache_folder
 from kochab.core.arrays import Array
+from kochab.core.text_input import read_json
 
 Arrays = dict[str, Array]
 CRC_BYTES = 4
@@ -88,7 +89,7 @@ def _catalogue() -> str:
     """The checksums of the shipped catalogue's files."""
     from kochab.sky import shipped_folder
 
-    manifest = json.loads((shipped_folder() / "manifest.json").read_text("utf-8"))
+    manifest = read_json(shipped_folder() / "manifest.json")
     return json.dumps({k: v["sha256"] for k, v in manifest["files"].items()}, sort_keys=True)
 
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Bytes, Floats, Ints, Table
 from kochab.core.errors import CatalogueError
+from kochab.core.text_input import parse_json, read_json
 
 MAGIC = b"KOCHAB1\n"
 ALIGN = 64
@@ -51,9 +52,9 @@ class Container:
             raise damaged
         self._start = _aligned(16 + len(text))
         try:
-            self.facts: dict[str, Any] = json.loads(text)
+            self.facts: dict[str, Any] = parse_json(text)
             self._sections = {str(name): _section(*told) for name, told in self.facts.pop("sections").items()}
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        except (ValueError, TypeError, KeyError, AttributeError):
             raise damaged from None
         ends = [o + t.itemsize * n for o, t, n in self._sections.values()]
         # columns carry no checksum here; the exact length shows a file that was cut. manifest.json has SHA-256
@@ -252,11 +253,11 @@ def write_manifest(folder: Path, facts: Mapping[str, Any]) -> dict[str, Any]:
 def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest beside a catalogue; CatalogueError when it is missing or damaged."""
     path = folder / "manifest.json"
+    if not path.exists():
+        raise CatalogueError("{path} is missing, so nothing can be checked.", path=path)
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = read_json(path)
         manifest["files"].items()
-    except FileNotFoundError:
-        raise CatalogueError("{path} is missing, so nothing can be checked.", path=path) from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise CatalogueError("{path} is damaged.", path=path) from None
     return dict(manifest)

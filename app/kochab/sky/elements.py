@@ -1,7 +1,6 @@
 """Orbital elements from files: JPL's Small-Body Database (JSON, CSV), the Minor Planet Center's lines, satellites'."""
 
 import csv
-import json
 import math
 from collections.abc import Iterator, Mapping
 from functools import lru_cache, partial
@@ -12,6 +11,7 @@ import numpy as np
 
 from kochab.core import config_folder
 from kochab.core.errors import CatalogueError
+from kochab.core.text_input import TextError, parse_json, read_text
 from kochab.sky.catalogue_file import write_whole
 from kochab.sky.ephemeris import GM
 from kochab.sky.orbits import state_at_perihelion, two_body
@@ -41,8 +41,8 @@ def read_elements(path: Path) -> "SmallBodies | Satellites":
     CatalogueError with one sentence, the first bad line named, when one of them cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError):
+        text = read_text(path)
+    except TextError:
         raise CatalogueError("Can't read {name}: not a text file of orbital elements.", name=path.name) from None
     from kochab.sky.satellites import are_satellites, read_satellites
 
@@ -52,7 +52,7 @@ def read_elements(path: Path) -> "SmallBodies | Satellites":
     for where, read in _lines(path, text):
         try:
             rows.append(read())
-        except (ValueError, KeyError, TypeError, IndexError, OverflowError):
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
             raise CatalogueError(
                 "Can't read {name}: {where} has no usable elements ({needed}).",
                 name=path.name,
@@ -115,7 +115,7 @@ def _lines(path: Path, text: str) -> Iterator[tuple[str, Any]]:
 def sbdb_json(path: Path, text: str) -> list[dict[str, Any]]:
     """The entries of an answer of JPL's Small-Body Database query."""
     try:
-        answer = json.loads(text)
+        answer = parse_json(text)
         return [dict(zip(answer["fields"], row, strict=True)) for row in answer["data"]]
     except (ValueError, KeyError, TypeError):
         raise CatalogueError("Can't read {name}: no answer of JPL's Small-Body Database.", name=path.name) from None

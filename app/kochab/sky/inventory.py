@@ -1,6 +1,5 @@
 """What a catalogue holds, whether its files are those shipped, and how many stars a field has."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
+from kochab.core.text_input import read_json
 from kochab.sky import catalogue_file
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.catalogue_file import Container, read_manifest, sha256
@@ -65,8 +65,8 @@ def _pattern_marks(folder: Path) -> set[str]:
     marks = set()
     for index in folder.glob("patterns/*/index.json"):
         try:
-            marks.add(str(json.loads(index.read_text(encoding="utf-8"))["mark"]))
-        except (OSError, ValueError, KeyError, TypeError):
+            marks.add(str(read_json(index)["mark"]))
+        except (ValueError, KeyError, TypeError):
             marks.add("")
     return marks
 

@@ -1,7 +1,6 @@
 """Satellites of the two-line elements that people bring: where they pass a frame while it is exposed."""
 
 import csv
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,6 +14,7 @@ from kochab.core.attitude import radec_deg, unit
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
+from kochab.core.text_input import parse_json
 from kochab.sky.apparent import JD_UNIX, of_date_matrix, without_aberration
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.solar_system import AU_KM, Body, BodyKind, Observer
@@ -199,17 +199,19 @@ def read_satellites(name: str, text: str) -> Satellites:
         for where, called, given in _elements(text):  # noqa: B007
             orbit = _orbit(given)
             found[called or f"NORAD {orbit.satnum}", orbit.satnum] = orbit  # rocket bodies share their names
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError):
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
         raise CatalogueError(
             "Can't read {name}: {where} has no usable elements of a satellite.", name=name, where=where
         ) from None
+    if not found:
+        raise CatalogueError("Can't read {name}: it has no orbital elements.", name=name)
     return Satellites([called for called, _ in found], list(found.values()))
 
 
 def _elements(text: str) -> Iterator[tuple[str, str, Any]]:
     """Where each satellite's elements stand in a file, its name, and its two lines or fields."""
     if text.lstrip()[:1] in "[{":
-        read = json.loads(text)
+        read = parse_json(text)
         for k, fields in enumerate(read if isinstance(read, list) else [read], 1):
             yield f"entry {k}", str(fields.get("OBJECT_NAME", "")), fields
         return

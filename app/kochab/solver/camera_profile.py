@@ -26,6 +26,7 @@ from kochab.core.camera import Camera
 from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
+from kochab.core.text_input import read_json
 from kochab.frames.atomic_file import write_atomically
 from kochab.identification.predictional_estimate import differential
 
@@ -176,7 +177,7 @@ def _chance(profile: Profile, information: Floats, vector: Floats) -> float:
 # -- Camera profiles on disk: one JSON file for each camera, lens and size of frame ------------
 
 PROFILE_FORMAT = 1
-_DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, LinAlgError)
+_DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, LinAlgError)
 """What comes of reading a file that holds other things than it should."""
 
 
@@ -235,7 +236,7 @@ def load_profile(name: str, width: int, height: int, folder: Path | None = None)
     if not path.exists():
         return None
     try:
-        content = json.loads(path.read_text("utf-8"))
+        content = read_json(path)
         information = np.array(content["information"], dtype=np.float64)
         camera = Camera(**content["camera"])
         profile = Profile(name, camera, information, int(content["frames"]))

@@ -1,6 +1,5 @@
 """What the window remembers between starts."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ from PySide6.QtCore import QByteArray, QSettings
 from kochab.core import data_folder
 from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Site
+from kochab.core.text_input import TextError, parse_json
 
 MOST_RECENT = 10
 LARGEST = 2**31 - 1  # what Qt counts with; neither infinity nor NaN is below it
@@ -44,8 +44,8 @@ class WindowSettings:
     def table(self, name: str) -> dict[str, Any]:
         """Named values, kept as JSON; without those that no field of a window could show."""
         try:
-            kept = json.loads(self.text(name, "{}"))
-        except (ValueError, RecursionError):
+            kept = parse_json(self.text(name, "{}"))
+        except TextError:
             return {}
         return {k: v for k, v in kept.items() if _showable(v)} if isinstance(kept, dict) else {}
 

@@ -1,7 +1,8 @@
 """Collect sightings for a pointing model in a file, and use it for gotos until the mount's coordinates change."""
 
 import json
-from dataclasses import asdict, replace
+import math
+from dataclasses import asdict
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from kochab.core.errors import RefusedError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing
+from kochab.core.text_input import read_json
 from kochab.frames.atomic_file import atomic_file
 from kochab.gear.mounts.guard import Guard
 from kochab.solver.disagreement import MountSighting
@@ -60,8 +62,8 @@ def load_sightings(path: Path) -> list[MountSighting]:
     if not path.exists():
         return []
     try:
-        return [_sighting(row) for row in json.loads(path.read_text("utf-8"))["sightings"]]
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return [_sighting(row) for row in read_json(path)["sightings"]]
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise UsageError("{path} holds no sightings of a mount.", path=path) from error
 
 
@@ -69,8 +71,12 @@ def _sighting(row: dict[str, Any]) -> MountSighting:
     (ra, dec), (said_ra, said_dec) = (map(float, row[name]) for name in ("sky_deg", "said_deg"))
     said = Pointing(said_ra % 360.0, said_dec, Epoch(row["epoch"]))
     time_utc = datetime.fromisoformat(row["time_utc"])
-    if time_utc.tzinfo is None or max(abs(dec), abs(said_dec)) > 90.0:
+
+    if time_utc.tzinfo is None or not (math.isfinite(ra + said_ra) and abs(dec) <= 90.0 and abs(said_dec) <= 90.0):
         raise ValueError(row)
-    seen = MountSighting((ra % 360.0, dec), said, time_utc, None if row["site"] is None else Site(**row["site"]))
+    site = None if row["site"] is None else Site(**{name: float(value) for name, value in row["site"].items()})
+    if site is not None and not (abs(site.latitude_deg) <= 90.0 and math.isfinite(site.longitude_deg + site.height_m)):
+        raise ValueError(row)
     side = None if row["pier_side"] is None else PierSide(row["pier_side"])
-    return replace(seen, pier_side=side, alt_azimuth=row["alt_azimuth"])
+    alt_azimuth = None if row["alt_azimuth"] is None else bool(row["alt_azimuth"])
+    return MountSighting((ra % 360.0, dec), said, time_utc, site, side, alt_azimuth=alt_azimuth)

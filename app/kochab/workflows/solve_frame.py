@@ -13,6 +13,7 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.text_input import read_text
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import examine_frame, solve_detections
 
@@ -53,8 +54,6 @@ def solve_open_frame(frame: Frame, options: SolveOptions | None = None, read_ms:
 
 # -- Solve a list of star positions ------------------------------------------------------------
 
-LARGEST_BYTES = 50_000_000
-
 
 def solve_star_list(
     path: str | Path, width: int, height: int, options: SolveOptions | None = None
@@ -92,18 +91,8 @@ def read_star_list(path: str | Path, width: int, height: int) -> Detections:
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Line numbers and cells of every line that says something."""
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise UsageError("{path} is too large for a list of stars.", path=path)
-        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
-    except UnicodeDecodeError as error:
-        raise UsageError("{path} is not a text file.", path=path) from error
-    except OSError as error:
-        raise UsageError("{path} cannot be read: {strerror}.", path=path, strerror=error.strerror) from error
-    if "\0" in text:  # valid UTF-8, but no text file has it
-        raise UsageError("{path} is not a text file.", path=path)
     rows = []
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         line = line.split("#", 1)[0].strip()
         if line:
             parts = re.split(r"[,;]", line) if re.search(r"[,;]", line) else line.split()

@@ -24,6 +24,7 @@ from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
+from kochab.core.text_input import TextError, parse_json, read_json, read_text
 from kochab.frames.atomic_file import write_atomically
 from kochab.solver import SolveOptions
 from kochab.solver.tracker import TrackUpdate
@@ -91,6 +92,9 @@ def _hint(stored: Any) -> Hint:
     return Hint(**values)
 
 
+LARGEST_LINES_BYTES = 1_000_000_000  # a long night at five frames a second has a third of it
+
+
 def read_session(folder: Path) -> tuple[Json, list[Json]]:
     """The description of the session in ``folder``, and its lines in order.
 
@@ -99,9 +103,9 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
     Raises UsageError when the folder holds no session that can be read.
     """
     try:
-        about = json.loads((folder / SESSION).read_text("utf-8"))
-        text = (folder / LINES).read_text("utf-8")
-    except (OSError, ValueError, RecursionError):
+        about = read_json(folder / SESSION)
+        text = read_text(folder / LINES, largest_bytes=LARGEST_LINES_BYTES)
+    except TextError:
         raise UsageError(
             "{folder} is not a recorded session: it has no readable {session} and {lines}.",
             folder=folder,
@@ -118,8 +122,8 @@ def _lines(text: str, folder: Path) -> list[Json]:
     given = text.splitlines()
     for number, line in enumerate(given, 1):
         try:
-            row = json.loads(line)
-        except (ValueError, RecursionError):
+            row = parse_json(line)
+        except TextError:
             row = None
         if isinstance(row, dict) and isinstance(row.get("frame_file"), str):
             rows.append(row)

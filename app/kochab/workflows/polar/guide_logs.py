@@ -17,6 +17,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.text_input import TextError, read_text
 from kochab.polar.drift import Stretch
 from kochab.polar.horizon import northern, observed_at, pole_direction
 from kochab.polar.measure import MeasureSettings
@@ -25,7 +26,6 @@ from kochab.polar.sighting import LocalAttitude
 
 BIN_S = 30.0
 LEAST_ARCSEC = 0.1  # no mean over a bin is better than that
-LARGEST_BYTES = 50_000_000
 OTHER_LOCK = ("INFO: DITHER", "INFO: SET LOCK POSITION", "INFO: Guiding parameter change, MountGuidingEnabled")
 SIGNS = {"+": 1, "?": 0, "-": -1}
 FOUND = (0, 1)  # PHD2's Star::FindResult: a star, a saturated star; others are none that can be believed
@@ -67,9 +67,9 @@ def guide_log(path: str | Path, settings: MeasureSettings, dec_sign: int = 0) ->
     Raises FrameError when it holds none that can be used.
     """
     try:
-        text = Path(path).read_bytes()[:LARGEST_BYTES].decode("utf-8", "replace")
-    except OSError as error:
-        raise FrameError("{path} cannot be read: {why}.", path=path, why=error.strerror) from None
+        text = read_text(path, errors="replace")
+    except TextError as error:
+        raise FrameError("{error}", error=error) from None
     sections = list(_sections(text))
     found = [s for s in (_stretch(section, settings, dec_sign) for section in sections) if s is not None]
     if not found:

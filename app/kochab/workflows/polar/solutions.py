@@ -1,8 +1,7 @@
 """The axis of files: frames, WCS headers (``.wcs``), JSON of ``kochab solve`` and ``live``, and guide logs."""
 
-import json
+import os
 import re
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -18,8 +17,12 @@ from kochab.core.camera import Camera
 from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import Task
-from kochab.core.solution import Matches, NamedStar, NoSolution, Solution
-from kochab.frames.hints import NO_ZONE, aware_utc
+from kochab.core.solution import Matches, NamedStar, NoSolution, Reason, Solution
+from kochab.core.text_input import TextError, decoded, parse_json, read_bytes
+from kochab.frames.fits import parse_cards
+from kochab.frames.hints import NO_ZONE, aware_utc, hint_from_keywords
+from kochab.frames.samples import MAX_SIDE_PX
+from kochab.frames.wcs import wcs_of
 from kochab.polar.drift import Drift, Stretch, either, measure_drift, stretches_of, tracked
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
@@ -46,7 +49,9 @@ SOLVERS = re.compile(rb"PLTSOLVD= +T|astrometry\.net|ASTAP|PLATESOLVE|ImageSolve
 """What solvers leave in a header (ASTAP and Kochab, astrometry.net, PlateSolve, PixInsight)."""
 HEADER_BYTES = 288_000
 GRID = (15, 11)
-LARGEST_BYTES = 50_000_000
+WORST_MAP_PX, WORST_STARS_PX = 3.0, 20.0  # of a header's map from its best camera; of stars from where they are put
+LONGEST_NAME = 4096
+FINEST_RAD_PX = 1e-9  # a pixel of 0.2 mas
 ENOUGH_FRAMES = 10
 SOLVED = (".wcs", ".json", ".jsonl")
 """Suffixes of files that hold solutions and no picture."""
@@ -62,12 +67,13 @@ def solved_before(path: str | Path) -> list[SolvedFile]:
     """
     path = Path(path)
     try:
-        data = path.read_bytes() if path.stat().st_size < LARGEST_BYTES else b""
-    except OSError as error:
-        raise FrameError("{path} cannot be read: {why}.", path=path, why=error.strerror) from None
+        data = read_bytes(path)
+    except TextError as error:
+        raise FrameError("{error}", error=error) from None
     if path.suffix.lower() in (".json", ".jsonl"):
         streamed = path.suffix.lower() == ".jsonl"  # of a recorded live session, where some frame is always cloudy
-        return [_of_json(path, row) for row in _rows(path, data) if row["solved"] or not streamed]
+        rows = enumerate(_rows(path, data), 1)
+        return [_of_json(path, line, row) for line, row in rows if row["solved"] or not streamed]
     solution, hint = of_header(path, data)
     hint, zone = _beside(path) if hint.time_utc is None else (hint, ())
     return [SolvedFile(str(path), solution, hint.time_utc, hint.site, (tr(ASSUMED, sigma=SIGMA_PX), *zone))]
@@ -96,29 +102,28 @@ def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
 
     Raises FrameError when there is none.
     """
-    from astropy.io.fits import Header
-    from astropy.wcs import WCS
-
-    from kochab.frames.hints import hint_from_keywords
-
     text = data.decode("latin-1")
     cards = text.splitlines() if "\n" in text[:100] else [text[at : at + 80] for at in range(0, len(text), 80)]
+    end = next((k for k, card in enumerate(cards) if card.rstrip() == "END"), len(cards))
+    values = parse_cards(card[:80] for card in cards[:end]).values
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            end = next((k for k, card in enumerate(cards) if card.rstrip() == "END"), len(cards))
-            header = Header.fromstring("".join(card[:80].ljust(80) for card in cards[:end]))
-            # astrometry.net's .wcs has no image (NAXIS 0) and says the frame's size as IMAGEW and IMAGEH.
-            shape = tuple(int(header.get(f"IMAGE{a}") or header.get(f"NAXIS{n}") or 0) for a, n in (("W", 1), ("H", 2)))
-            wcs = WCS(header)
-            if not wcs.has_celestial or min(shape) < 2:
-                raise FrameError("{path} has no WCS, or not the size of its frame (IMAGEW, IMAGEH).", path=path)
-            solution = _of_map(lambda x, y: wcs.all_pix2world(x, y, 0), *shape)
-        values = {key: value for key, value in header.items() if key not in ("COMMENT", "HISTORY", "")}
-    except (ValueError, KeyError, TypeError, OSError) as error:
+        # astrometry.net's .wcs has no image (NAXIS 0) and says the frame's size as IMAGEW and IMAGEH.
+        width, height = (_side(values, f"IMAGE{a}", f"NAXIS{n}") for a, n in (("W", 1), ("H", 2)))
+        wcs = wcs_of(values)
+        if wcs is None or min(width, height) < 2:
+            raise FrameError("{path} has no WCS, or not the size of its frame (IMAGEW, IMAGEH).", path=path)
+        solution = _of_map(lambda x, y: wcs.all_pix2world(x, y, 0), width, height)
+    except (ValueError, ArithmeticError) as error:
         raise FrameError("{path} has no usable WCS ({why}).", path=path, why=type(error).__name__) from None
-    hint, _ = hint_from_keywords(values, {}, shape[::-1])
+    hint, _ = hint_from_keywords(values, {}, (height, width))
     return solution, hint
+
+
+def _side(values: Mapping[str, Any], *names: str) -> int:
+    """The first of the keywords that is a number, as a side of a frame; 0 when there is none that a frame can have."""
+    told = (values.get(name) for name in names)
+    side = next((value for value in told if isinstance(value, int | float) and not isinstance(value, bool)), 0)
+    return int(side) if 0 < side <= MAX_SIDE_PX else 0
 
 
 def _of_map(sky_deg: Any, width: int, height: int) -> Solution:
@@ -129,10 +134,16 @@ def _of_map(sky_deg: Any, width: int, height: int) -> Solution:
     middle = np.array([width, height])[:, None] / 2.0 + [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     here, right, below = unit_vectors(*sky_deg(*middle))
     scale = float(np.sqrt(np.linalg.norm(np.cross(right - here, below - here))))
+    if not (np.isfinite(sky).all() and FINEST_RAD_PX < scale < 1.0):
+        raise ValueError("no map of the sky")
     camera = Camera.centred(width, height, 1.0 / scale, bool(np.cross(right - here, below - here) @ here < 0.0))
     number = np.arange(len(pixels))
     start = Attitude(best_rotation(sky, camera.unproject(pixels)))
-    fit = refine(Matches(number, number, pixels, sky), camera, start)
+    with np.errstate(all="ignore"):  # of a map that no camera has anything may come
+        fit = refine(Matches(number, number, pixels, sky), camera, start)
+        off_px = np.linalg.norm(fit.camera.project(sky @ fit.attitude.matrix.T) - pixels, axis=1)
+    if not np.median(off_px) < WORST_MAP_PX:  # NaN too
+        raise ValueError("no camera's map")
     sigma = SIGMA_PX * np.array([scale, scale, 4.0 / width])
     attitude = Attitude(fit.attitude.matrix, np.diag(sigma**2))
     return Solution(fit.camera, attitude, (), 0.0, 0.0, "WCS")
@@ -140,37 +151,77 @@ def _of_map(sky_deg: Any, width: int, height: int) -> Solution:
 
 def _rows(path: Path, data: bytes) -> Iterator[Mapping[str, Any]]:
     try:
-        rows = [json.loads(line) for line in data.decode("utf-8").splitlines() if line.strip()]
-    except ValueError:
+        rows = [parse_json(line) for line in decoded(data, path).splitlines() if line.strip()]
+    except TextError:
         rows = []
-    if not rows or not all(isinstance(row, dict) and "solved" in row for row in rows):
+    if not rows or not all(isinstance(row, dict) and isinstance(row.get("solved"), bool) for row in rows):
         raise FrameError("{path} is not what kochab solve --json prints, an object a line.", path=path)
     yield from rows
 
 
-def _of_json(path: Path, row: Mapping[str, Any]) -> SolvedFile:
+def _of_json(path: Path, line: int, row: Mapping[str, Any]) -> SolvedFile:
     """One line of ``kochab solve --json``, its attitude brought from the frame's middle to the optical axis."""
     try:
-        name, time = str(row["file"]), aware_utc(str(row.get("time_utc", "")))
+        name, time = str(row["file"])[:LONGEST_NAME], aware_utc(str(row.get("time_utc", "")))
         if not row["solved"]:
-            return SolvedFile(name, NoSolution(row["reason"], "", ""), None, None)
-        sides = 2.0 * row["camera"]["focal_px"] * np.tan(np.radians(np.array(row["fov_deg"]) / 2.0))
-        width, height = (round(float(side)) for side in sides)
-        camera = Camera(width, height, **row["camera"], mirrored=bool(row["mirrored"]))
-        across, along, roll = (float(s) * ARCSEC for s in row["sigma_arcsec"])
-        stars = tuple(NamedStar(**star) for star in row["stars"])
-        plain = Solution(
-            camera, Attitude(np.eye(3)), stars, float(row["rms_px"]), row["log10_false_alarm"], row["method"]
-        )
-        # With the identity for an attitude, centre_attitude is the turn from the optical axis to the middle.
-        matrix = plain.centre_attitude.matrix.T @ np.array(row["dcm"], dtype=np.float64).reshape(3, 3)
-        attitude = Attitude(matrix, np.diag(np.square([along, across, roll])))
-    except (KeyError, TypeError, ValueError) as error:
-        raise FrameError("{path} is not what kochab solve --json prints ({why}).", path=path, why=error) from None
-    solution = Solution(camera, attitude, stars, plain.rms_px, plain.log10_false_alarm, plain.method)
-    picture = next((p for p in (Path(name), path.parent / name, path.parent / Path(name).name) if p.is_file()), None)
+            reason = str(row["reason"])  # another version may know others
+            known = Reason(reason) if reason in [*Reason] else Reason.NO_PATTERN_AGREED
+            return SolvedFile(name, NoSolution(known, "", ""), None, None)
+        with np.errstate(all="ignore"):  # a camera with any numbers may give anything
+            solution = _solution(row)
+            _refuse_impossible(solution)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
+        raise FrameError(
+            "Solution {line} of {path} is not what kochab solve --json prints.", line=line, path=path
+        ) from None
+    near = (Path(name), path.parent / name, path.parent / Path(name).name)
+    picture = next((p for p in near if os.path.isfile(p)), None)  # not p.is_file(), which raises for some names
     hint, zone = _hint_of(picture) if picture and time is None else (Hint(time_utc=time), ())
     return SolvedFile(name, solution, hint.time_utc, hint.site, zone)
+
+
+def _solution(row: Mapping[str, Any]) -> Solution:
+    """The solution of a line; whatever it lacks raises."""
+    camera = _camera(row)
+    across, along, roll = (float(s) * ARCSEC for s in row["sigma_arcsec"])
+    stars = tuple(map(_star, row["stars"]))
+    numbers = float(row["rms_px"]), float(row["log10_false_alarm"])
+    plain = Solution(camera, Attitude(np.eye(3)), stars, *numbers, str(row["method"]))
+    # With the identity for an attitude, centre_attitude is the turn from the optical axis to the middle.
+    matrix = plain.centre_attitude.matrix.T @ np.array(row["dcm"], dtype=np.float64).reshape(3, 3)
+    return replace(plain, attitude=Attitude(matrix, np.diag(np.square([along, across, roll]))))
+
+
+def _camera(row: Mapping[str, Any]) -> Camera:
+    """The camera of a line; ValueError when it is none."""
+    told = {name: float(row["camera"][name]) for name in ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")}
+    fov_deg = np.array(row["fov_deg"], dtype=np.float64)
+    if fov_deg.shape != (2,) or not (told["focal_px"] > 0.0 and (fov_deg > 0.0).all() and (fov_deg < 180.0).all()):
+        raise ValueError("camera")
+    width, height = (round(float(side)) for side in 2.0 * told["focal_px"] * np.tan(np.radians(fov_deg / 2.0)))
+    if not 2 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
+        raise ValueError("fov_deg")
+    return Camera(width, height, **told, mirrored=bool(row["mirrored"]))
+
+
+def _star(given: Mapping[str, Any]) -> NamedStar:
+    """A star of a line; a magnitude that is not known is null there."""
+    x, y, ra, dec, off = (float(given[name]) for name in ("x", "y", "ra_deg", "dec_deg", "residual_px"))
+    mag = float("nan") if given["mag"] is None else float(given["mag"])
+    return NamedStar(x, y, str(given["id"]), str(given["name"]), mag, ra, dec, off)
+
+
+def _refuse_impossible(solution: Solution) -> None:
+    """ValueError when a matrix is no rotation, a sigma no error, or the stars are not where the pointing puts them."""
+    matrix, covariance = solution.attitude.matrix, solution.attitude.covariance
+    if not (np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-6 and np.linalg.det(matrix) > 0.0):
+        raise ValueError("dcm")
+    if covariance is None or not (np.diag(covariance) > 0.0).all() or not np.diag(covariance).max() < 1.0:
+        raise ValueError("sigma_arcsec")
+    off_px = np.linalg.norm(solution.pixels_of(solution.star_vectors) - solution.stars_px, axis=1)
+    told = solution.rms_px, solution.log10_false_alarm
+    if not (np.isfinite(told).all() and (off_px < WORST_STARS_PX).all()):  # NaN too
+        raise ValueError("stars")
 
 
 def _beside(path: Path) -> tuple[Hint, tuple[str, ...]]:

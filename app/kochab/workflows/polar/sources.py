@@ -20,6 +20,7 @@ from kochab.core.frame import Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.text_input import TextError, read_json, read_text
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.hints import NO_ZONE, aware_utc
 from kochab.polar.error import PolarError, angle_in_words
@@ -75,8 +76,8 @@ def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile
 def sharpcap_time(path: Path) -> datetime | None:
     """When a picture was taken, of what SharpCap 3 wrote beside it: ``NAME.CameraSettings.txt`` with ``TimeStamp=``."""
     try:
-        text = path.with_name(f"{path.stem}.CameraSettings.txt").read_text("utf-8-sig")
-    except (OSError, ValueError):
+        text = read_text(path.with_name(f"{path.stem}.CameraSettings.txt"))
+    except TextError:
         return None
     stamp = re.search(r"^TimeStamp=(\S+)", text, re.MULTILINE)
     return aware_utc(stamp[1]) if stamp else None
@@ -326,8 +327,8 @@ def remember_night(
 
 def _nights() -> list[PolarNight]:
     nights = []
-    with suppress(OSError, ValueError, TypeError, RecursionError):
-        for told in json.loads((config_folder() / NIGHTS_FILE).read_text("utf-8")):
+    with suppress(ValueError, TypeError):
+        for told in read_json(config_folder() / NIGHTS_FILE):
             with suppress(ValueError, TypeError, OverflowError):  # spoilt, or another version's: the others still hold
                 night = PolarNight(**told)
                 datetime.fromisoformat(night.time_utc).astimezone(UTC)

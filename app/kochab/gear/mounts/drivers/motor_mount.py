@@ -25,6 +25,7 @@ from kochab.core.mount import (
     Pointing,
     TrackingRate,
 )
+from kochab.core.text_input import read_json
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.serial_line import Command
@@ -222,8 +223,8 @@ class MotorMount(SerialMount):
 
     def recall(self) -> KeptZero | None:
         """What the last program saved; None when the file is damaged."""
-        with suppress(OSError, ValueError, TypeError):
-            return KeptZero(**json.loads(file.read_text("utf-8"))) if (file := self.kept_file()) else None
+        with suppress(ValueError, TypeError):
+            return KeptZero(**read_json(file)) if (file := self.kept_file()) else None
         return None
 
     def keep(self) -> None:
