@@ -14,7 +14,27 @@ from kochab.lab.bench.stellarium_objects import SkyObject, designation, plain, r
 from kochab.sky.catalogue_file import write_whole
 from kochab.sky.names import GENITIVES
 
-BROUGHT = ("M", "C", "B", "Sh2", "vdB", "Abell", "Cr", "Mel")
+BROUGHT = (
+    "M",
+    "C",
+    "B",
+    "Sh2",
+    "vdB",
+    "Abell",
+    "Cr",
+    "Mel",
+    "RCW",
+    "Tr",
+    "Stock",
+    "Ru",
+    "Arp",
+    "HCG",
+    "Ced",
+    "SNR G",
+    "PK",
+    "LBN",
+    "LDN",
+)
 """Objects of these that OpenNGC lacks are taken from Stellarium, called by the first that they have."""
 APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third of the object
 CITED = 3  # sources that Stellarium gives for a name before it is shown
@@ -88,15 +108,22 @@ def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]
     brought: dict[str, SkyObject] = {}
     for other in second:
         at = next((known[word] for word in other.also if word in known), None)
-        wanted = [word for word in other.also if re.split("[ -]", word)[0] in BROUGHT]
+        wanted = [word for of in BROUGHT for word in other.also if catalogue_of(word) == of]
         if at is not None:
-            at.also += [word for word in wanted if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))]
+            at.also += [
+                word for word in other.also if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))
+            ]
             if at.major is None:
                 at.major, at.minor, at.pa_deg = other.major, other.minor, other.pa_deg
         elif wanted and wanted[0] not in brought:
-            other.name, other.also = wanted[0], wanted[1:] + [word for word in other.also if word not in wanted]
+            other.name, other.also = wanted[0], [word for word in other.also if word != wanted[0]]
             brought[other.name] = other
     return sorted((*objects, *brought.values()), key=lambda one: one.name)
+
+
+def catalogue_of(word: str) -> str:
+    """``Sh2`` of Sh2-155, ``SNR G`` of SNR G263.9-03.0: a designation without its number."""
+    return re.split(r"[ -](?=\S*\d)", word)[0]
 
 
 def write_objects(database: Path, catalogue: Path, names: Path, path: Path) -> dict[str, int]:

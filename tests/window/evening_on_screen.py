@@ -20,7 +20,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractItemView, QApplication, QFileDialog, QMenu
 
 from kochab.core.attitude import apart_deg
-from kochab.sky import open_catalogue
+from kochab.sky.finder import finder
 from kochab.window.application import build
 from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
@@ -116,7 +116,7 @@ def centred(window, commands, picture):
     commands.views.show("image")
     until(lambda: commands.presenter.overlay.tables is not None, "the sky")
     view, solution = window.workspace.view, commands.session.known.result
-    x, y = solution.pixels_of([open_catalogue().find("M 42")])[0]
+    x, y = solution.pixels_of(finder().still("M 42").vector[None])[0]
     pause(500)
     hand = Hand()
     at = QPoint(*np.round(view.viewport.to_screen(np.array([[x, y]]))[0]).astype(int).tolist())

@@ -20,7 +20,7 @@ from kochab.core.attitude import apart_deg, radec_deg
 from kochab.core.frame import Site
 from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import misaligned, practice_night, through, tonight
-from kochab.sky import open_catalogue
+from kochab.sky.finder import finder
 from kochab.window.application import build
 from kochab.window.mount.pointing import SyncDialog
 from kochab.window.session import WorkflowEngine
@@ -105,7 +105,7 @@ def night_out(window, commands, folder):
     until(lambda: commands.looks.settled, "the night")
     pause(400)
     keep(window, folder / "mount-night.png")
-    away = apart_deg(truth.ra_dec_deg, radec_deg(open_catalogue().find("M 42"))) * 3600.0
+    away = apart_deg(truth.ra_dec_deg, radec_deg(finder().still("M 42").vector)) * 3600.0
     return {"off_at_first": first, "said": said[-1], "away_arcsec": away, "tracked": view.pointing.total.text(), **gaps}
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kochab.core import data_folder
 from kochab.core.arrays import Floats, Ints
-from kochab.core.errors import CatalogueError
+from kochab.core.errors import CatalogueError, UsageError
 from kochab.sky.catalogue_file import (
     BV_LOWEST,
     BV_STEP,
@@ -231,14 +231,16 @@ class Catalogue:
     def _damaged(self) -> CatalogueError:
         return CatalogueError("{path} is damaged: its index does not fit its stars.", path=self.container.path)
 
-    def find(self, name: str) -> int | Floats:
-        """The row of a star, or the ICRS vector (3,) of an NGC, IC or Messier object.
+    def find(self, name: str) -> int:
+        """The row of a star.
 
-        Knows HIP, HD, HR and SAO numbers, star names, Bayer and Flamsteed designations. Raises
-        `UsageError` when nothing is called so.
+        Knows HIP, HD, HR and SAO numbers, star names, Bayer and Flamsteed designations. Raises `UsageError` when no
+        star is called so; :mod:`kochab.sky.finder` finds whatever else has a name.
         """
-        found = self.names.find(name)
-        return self.deep_row(found) if isinstance(found, int) else found
+        found = self.names.row_called(name)
+        if found is None:
+            raise UsageError("No star in the catalogue is called {name!r}.", name=name.strip())
+        return self.deep_row(found)
 
     @cached_property
     def names(self) -> StarNames:

@@ -23,7 +23,8 @@ STAR_MAG, STAR_FIELD_DEG = 4.0, 10.0  # the faintest star that names a frame, an
 UNKNOWN_ARCMIN = 1.0
 NEBULAE = ("HII", "Neb", "EmN", "RfN", "DrkN", "SNR", "Cl+N")  # a named one counts as this bright, but for loops
 NEBULA_MAG, WIDEST_ARCMIN = 5.2, 200.0
-MINOR = ("Cr ", "Mel ")  # catalogues of wide, sparse clusters, which name no field by their numbers
+MINOR = ("Cr ", "Mel ", "Ru ", "Stock ", "Tr ", "Arp ", "HCG ", "RCW ", "Ced ", "SNR ", "PK ", "LBN ", "LDN ")
+"""Catalogues whose numbers name no field."""
 STARS = ("*", "**")  # OpenNGC's types of entries that are no objects
 
 
@@ -39,7 +40,8 @@ def _boundaries() -> tuple[Floats, list[str], dict[str, str]]:
         [line.strip().split(maxsplit=most) for line in (data / name).read_text("utf-8").splitlines() if line[0] != "#"]
         for name, most in (("constellation_data_roman87.dat", 3), ("constellation_names.dat", 1))
     )
-    return np.array([zone[:3] for zone in zones], dtype=np.float64), [zone[3] for zone in zones], dict(names)
+    called = dict(names) | {"Oph": "Ophiuchus"}  # Astropy has misspelt it
+    return np.array([zone[:3] for zone in zones], dtype=np.float64), [zone[3] for zone in zones], called
 
 
 def constellation_at(vector: Floats) -> str:
@@ -50,6 +52,11 @@ def constellation_at(vector: Floats) -> str:
     ra, dec = radec_deg(erfa.ltp(1875.0) @ vector)
     first, last, least = limits.T
     return names[whose[int(np.argmax((first <= ra / 15.0) & (ra / 15.0 < last) & (least <= dec)))]]
+
+
+def constellation_names() -> dict[str, str]:
+    """The 88 constellations' names by their abbreviations."""
+    return _boundaries()[2]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

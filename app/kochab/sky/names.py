@@ -15,7 +15,7 @@ import numpy as np
 from kochab.core import data_folder
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import radec_deg, unit_vectors
-from kochab.core.errors import CatalogueError, UsageError
+from kochab.core.errors import CatalogueError
 from kochab.sky.catalogue_file import Container
 
 _TABLES = json.loads((data_folder("resources") / "star_names.json").read_text(encoding="utf-8"))
@@ -104,8 +104,11 @@ class StarNames:
         hd = int(self.bright.column("hd")[row])
         return f"HD {hd}" if hd else name
 
-    def find(self, name: str) -> int | Floats:
-        """The bright row of a star called ``name``, or the vector (3,) of a deep-sky object."""
+    def row_called(self, name: str) -> int | None:
+        """The bright row of a star called ``name``; None when none is.
+
+        Knows HIP, HD, HR and SAO numbers, star names, Bayer and Flamsteed designations.
+        """
         # Compatibility forms turn θ¹, and a micro sign in place of μ, into what the table has.
         words = unicodedata.normalize("NFKC", name.replace("_", " ")).split()
         key = " ".join(words).casefold()
@@ -113,21 +116,15 @@ class StarNames:
         if number is not None:
             return number
         hip = self._by_name.get(" ".join(words), self._by_name.get(_plain(key)))
-        if hip is not None:
-            return int(np.searchsorted(self.bright.column("hip"), hip))
-        place = self._objects.get(key.replace(" ", ""))
-        if place is not None:
-            return place
-        raise UsageError("No star or object in the catalogue is called {name!r}.", name=name.strip())
+        return None if hip is None else int(np.searchsorted(self.bright.column("hip"), hip))
 
     def _numbered(self, key: str) -> int | None:
         for prefix in ("hip", "hd", "hr", "sao"):
             rest = key[len(prefix) :].strip()
             if key.startswith(prefix) and rest.isdecimal():
-                at = np.flatnonzero(self.bright.column(prefix) == int(rest))
-                if int(rest) == 0 or not len(at):
-                    raise UsageError("The catalogue has no {prefix} {rest}.", prefix=prefix.upper(), rest=rest)
-                return int(at[0])
+                number = int(rest) if len(rest) < 10 else 0  # 0 stands for a star without one
+                at = np.flatnonzero(self.bright.column(prefix) == number)
+                return int(at[0]) if number and len(at) else None
         return None
 
     @cached_property
@@ -156,19 +153,6 @@ class StarNames:
                 else:
                     proper.setdefault(key, hip)
         found = dict(ChainMap(*tables))
-        found.pop("", None)
-        return found
-
-    @cached_property
-    def _objects(self) -> dict[str, Floats]:
-        """Vectors (3,) of the deep-sky objects by every name, lower case and without spaces; a shown name wins."""
-        objects = read_objects(self.folder / "objects.tsv")
-        found: dict[str, Floats] = {}
-        for names in (objects.names, lambda row: str(objects.also[row]).split(",")):
-            for row, vector in enumerate(objects.vector):
-                for name in names(row):
-                    found.setdefault(re.sub(r"\s", "", name.replace("M ", "Messier ", 1)).casefold(), vector)
-                    found.setdefault(re.sub(r"\s", "", name).casefold(), vector)
         found.pop("", None)
         return found
 

@@ -14,6 +14,7 @@ from kochab.sky.names import SkyObjects, StarNames, read_objects
 OBLIQUITY = np.radians(84381.406 / 3600.0)  # of the ecliptic at J2000, IAU 2006
 GALACTIC_POLE_DEG = (192.8594813, 27.1282512)  # ICRS of the galactic north pole (Hipparcos, vol. 1, eq. 1.5.10)
 HIDDEN = ("*", "**", "Other", "Nova")  # OpenNGC's single stars, and what is no object
+SOUGHT = ("LBN", "LDN", "PK", "SNR", "Ced", "HCG")  # named where somebody looks for them, or knows a name
 DARK_MAG, CLUSTER_MAG = 14.0, 15.0  # taken for what has no magnitude: Barnard's nebulae, Abell's clusters
 MESSIER, NAMED, SPARSE = 4.0, 2.5, 13.0  # magnitudes of fame, and of clusters that only Collinder and Melotte saw
 EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
@@ -134,7 +135,9 @@ def ranks_of(objects: SkyObjects) -> Floats:
     rank = np.where(by_size, np.fmin(objects.mag, guess), objects.mag)
     rank = np.where(clusters, np.maximum(rank, CLUSTER_MAG), rank)
     rank = rank - MESSIER * (objects.messier != "") - NAMED * (objects.common != "")
-    rank += SPARSE * (np.isin(np.char.partition(objects.name, " ")[:, 0], ["Cr", "Mel"]) & (objects.messier == ""))
+    catalogue = np.char.partition(objects.name, " ")[:, 0]
+    rank += SPARSE * (np.isin(catalogue, ["Cr", "Mel"]) & (objects.messier == ""))
+    rank += SPARSE * (np.isin(catalogue, SOUGHT) & (objects.common == ""))
     return np.where(np.isin(kind, HIDDEN), np.inf, rank)
 
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +60,25 @@ CALLED: tuple[Callable[[str], str], ...] = (
     lambda name: name.partition("/")[2],
     lambda name: name.partition(" ")[2],
     lambda name: name.partition(" (")[0],
+    lambda name: name.partition(" (")[2].rstrip(")"),
+    lambda name: name.partition(" ")[0] * name[0].isdigit(),
+    lambda name: name.partition("/")[0] * name[0].isdigit(),
 )
-"""By what of its name a body may be called: all, what follows a comet's type or a number, or precedes brackets."""
+"""By what of its name a body may be called: all, what follows a comet's type or a number, what precedes brackets or
+stands in them, its number alone."""
+
+
+@lru_cache(maxsize=4)
+def _rows_called(names: tuple[str, ...]) -> dict[str, int]:
+    """The row of every name, case folded; the fuller ways to call a body come first, then the earlier row."""
+    found: dict[str, int] = {}
+    for called in CALLED:
+        for row, name in enumerate(names):
+            key = called(name).casefold()
+            if not key.isdigit() or name.startswith(f"{key} "):  # 1 is 1 Ceres, not 9P/Tempel 1
+                found.setdefault(key, row)
+    found.pop("", None)
+    return found
 
 
 USUAL_K1, LEAST_K1 = 10.0, 2.0  # of comets: magnitudes a factor of ten in the distance from the Sun
@@ -221,8 +238,7 @@ def body_called(text: str, time_utc: datetime, site: Site | None, more: Sequence
     if found := next((body for body in bodies if body.name.casefold() == wanted), None):
         return found
     for table in (*more, shipped_small_bodies()):
-        names = [name.casefold() for name in table.names]
-        row = next((k for called in CALLED for k, name in enumerate(names) if called(name) == wanted), None)
+        row = _rows_called(tuple(table.names)).get(wanted)
         if row is not None and (body := (yield from table.body(row, observer))) is not None:
             return body
     return None

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TypeVar
 
-import numpy as np
-
 from kochab.core import tr, tr_noop
-from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
-from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.attitude import apart_deg
+from kochab.core.coordinates import parse_place
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
 from kochab.core.mount import Pointing
 from kochab.core.progress import Progress, Task
@@ -39,19 +37,24 @@ class Target:
 
 
 def named_target(name: str, time_utc: datetime) -> Target:
-    """A star (proper name, designation, HIP, HD, HR, SAO), Messier, NGC or IC object by its name.
+    """A star or an object by its name, see :mod:`kochab.sky.finder`; proper motion is applied up to ``time_utc``.
 
-    Proper motion is applied up to ``time_utc``.
-
-    Raises UsageError when nothing in the catalogue has this name.
+    Raises UsageError when nothing is called so, and when several things are: nothing moves towards a guess.
     """
-    from kochab.sky import open_catalogue
     from kochab.sky.apparent import julian_years
+    from kochab.sky.finder import finder
 
-    catalogue = open_catalogue()
-    found = catalogue.find(name)
-    vector = catalogue.vectors([found], julian_years(time_utc))[0] if isinstance(found, int) else np.asarray(found)
-    return Target(name.strip(), *radec_deg(vector))
+    index, name = finder(), name.strip()
+    found = index.still(name, julian_years(time_utc))
+    if found is None:
+        like = index.like(name)
+        if like:
+            raise UsageError("Nothing is called {name}. Did you mean {like}?", name=name, like=", ".join(like))
+        raise UsageError("Nothing in the catalogue is called {name!r}.", name=name)
+    if found.alternatives:
+        choices = ", ".join([f"{found.name} ({found.kind})", *found.alternatives])
+        raise UsageError("{name} can be {choices}: enter one of them.", name=name, choices=choices)
+    return Target(name, found.ra_deg, found.dec_deg)
 
 
 def target_at(ra_deg: float, dec_deg: float) -> Target:
@@ -73,23 +76,13 @@ def parse_target(text: str, time_utc: datetime) -> Target:
     clean = " ".join(text.split())
     if not clean:
         raise UsageError(NOTHING)
-    # Digits first are coordinates, but not of names such as 47 Tuc.
-    if re.match(r"[+-]?[\d.]+\s*([hd°:,\s]|$)", clean) and not re.match(r"\d+ [A-Za-z]{3}", clean):
-        return target_at(*_coordinates(clean))
+    place = parse_place(clean)
+    if place is not None:
+        return target_at(*place)
+    # Digits alone are no name, but those before letters are: 47 Tuc.
+    if not re.search(r"[^\W\d_]{2}", clean) and not re.match(r"[^\W\d_]", clean):
+        raise UsageError("“{text}” is not a known name or position. {nothing}", text=clean, nothing=tr(NOTHING))
     return named_target(clean, time_utc)
-
-
-def _coordinates(text: str) -> tuple[float, float]:
-    """Split at the comma or semicolon, before the sign, or in the middle of an even count."""
-    for pattern in (r"\s*[,;]\s*(?=[+\-−\d])", r"\s+(?=[+\-−])"):
-        parts = re.split(pattern, text)
-        if len(parts) == 2:
-            return parse_ra_deg(parts[0]), parse_dec_deg(parts[1])
-    words = text.split()
-    if len(words) % 2 == 0:
-        half = len(words) // 2
-        return parse_ra_deg(" ".join(words[:half])), parse_dec_deg(" ".join(words[half:]))
-    raise UsageError("“{text}” is not a known name or position. {nothing}", text=text, nothing=tr(NOTHING))
 
 
 def names_to_offer() -> Task[list[str]]:

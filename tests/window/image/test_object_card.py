@@ -20,7 +20,7 @@ from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import BodyKind
 from kochab.window.image.object_card import facts, heights, links
 from kochab.window.image.overlay import Overlay
-from kochab.window.shell.search import place_of
+from kochab.window.shell.search import sought
 from tests.window.fakes import fake_solution
 from tests.window.image.test_frame_view import jupiter_at, painted
 from tests.window.mount_bench import connected
@@ -211,7 +211,7 @@ def test_bare_sky_has_coordinates_and_no_name(qtbot, sky):
     assert "Copy name" not in offered
     offered["Copy coordinates"].trigger()
     ra, dec = QApplication.clipboard().text().split()
-    place = place_of(f"{ra} {dec}")
+    place = sought(f"{ra} {dec}").vector
     assert np.hypot(*(overlay.solution.pixels_of(place[None])[0] - xy)) < 1.5
     assert "sim-coo?Coord=" in links(overlay.tables, overlay.picked, place, 1.0)["Simbad"]
     menu.close()

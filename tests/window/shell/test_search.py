@@ -7,10 +7,10 @@ import pytest
 from PySide6.QtCore import Qt
 
 from kochab.core.attitude import radec_deg
-from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
 from kochab.sky.elements import kept_elements
-from kochab.window.shell.search import body_then, outside, place_of
+from kochab.sky.finder import NotFound
+from kochab.window.shell.search import nothing_called, outside, sought
 from tests.patterns import REPOSITORY
 from tests.window.fakes import fake_solution
 
@@ -28,12 +28,12 @@ from tests.window.fakes import fake_solution
     ],
 )
 def test_names_and_coordinates(text, ra, dec):
-    assert radec_deg(place_of(text)) == pytest.approx((ra, dec), abs=0.2)
+    assert radec_deg(sought(text).vector) == pytest.approx((ra, dec), abs=0.2)
 
 
 def test_what_is_unknown_is_told():
-    with pytest.raises(UsageError, match="called"):
-        place_of("Planet of the apes")
+    assert "Nothing in the catalogue is called Planet of the apes" in nothing_called(sought("Planet of the apes"))
+    assert nothing_called(sought("Horsehed")).startswith("Nothing is called Horsehed. Did you mean Horsehead")
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_what_is_unknown_is_told():
 def test_where_a_place_outside_lies(move, way):
     solution = fake_solution(600, 400)
     ra, dec = radec_deg(solution.centre_vector)
-    vector = place_of(f"{(ra + move[0]) % 360:.6f} {dec + move[1]:+.6f}")
+    vector = sought(f"{(ra + move[0]) % 360:.6f} {dec + move[1]:+.6f}").vector
     assert way in outside(solution, vector)
 
 
@@ -121,8 +121,8 @@ def test_what_was_below_the_horizon_is_told(qtbot, opened, hint, name, below):
 def test_a_body_is_found_wherever_it_is_when_the_frame_was_taken():
     """Jupiter at its opposition: PyEphem has 2h 32m 30s, +13d 29m 46s."""
     then = datetime(2023, 11, 3, 22, tzinfo=UTC)
-    assert radec_deg(body_then("jupiter", then, None)) == pytest.approx((38.125, 13.496), abs=0.01)
-    assert radec_deg(body_then("4 Vesta", then, None)) == pytest.approx(radec_deg(body_then("vesta", then, None)))
-    assert radec_deg(body_then("Halley", then, None)) == pytest.approx(radec_deg(body_then("1P/Halley", then, None)))
-    assert body_then("Planet of the apes", then, None) is None
-    assert body_then("Jupiter", None, None) is None
+    assert radec_deg(sought("jupiter", then).vector) == pytest.approx((38.125, 13.496), abs=0.01)
+    assert sought("4 Vesta", then).vector == pytest.approx(sought("vesta", then).vector)
+    assert sought("Halley", then).vector == pytest.approx(sought("1P/Halley", then).vector)
+    assert isinstance(sought("Planet of the apes", then), NotFound)
+    assert isinstance(sought("Jupiter"), NotFound)  # as no time is known

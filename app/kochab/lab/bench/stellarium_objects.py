@@ -4,6 +4,7 @@ import gzip
 import re
 import struct
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,8 +13,10 @@ import numpy as np
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
 
-CATALOGUES = ("NGC", "IC", "M", "C", "B", "Sh2", "vdB", "RCW", "LDN", "LBN", "Cr", "Mel", "PGC", "UGC")
-"""Of Stellarium's numbers the first fourteen, in the order of its records; after them one has Abell's."""
+NUMBERED = ("NGC", "IC", "M", "C", "B", "Sh2", "vdB", "RCW", "LDN", "LBN", "Cr", "Mel", "PGC", "UGC")
+"""Of an object's designations the first fourteen, in the order of Stellarium's records."""
+TEXTED = ("PK", "PN G", "SNR G", "Abell", "HCG", "ESO", "vdBH")
+"""Those that are texts, such as PK 205+14.1 and HCG 44a."""
 KINDS = {5: "OCl", 6: "OCl", 7: "GCl", 8: "*Ass", 9: "*Ass", 10: "Neb", 11: "PN", 12: "DrkN", 13: "RfN", 14: "Neb"}
 KINDS |= {0: "G", 1: "G", 2: "G", 3: "G", 4: "G", 15: "EmN", 16: "Cl+N", 17: "HII", 18: "SNR", 23: "DrkN", 33: "GalCl"}
 """Stellarium's kinds of object in OpenNGC's words; GalCl, a cluster of galaxies, is our own."""
@@ -43,12 +46,16 @@ class SkyObject:
         return float(np.degrees(2.0 * np.arcsin(np.linalg.norm(places[1] - places[0]) / 2.0)) * 60.0)
 
 
+SPELLED = {"VDB": "vdB", "CR": "Cr", "CL": "Cr", "MEL": "Mel", "ACO": "Abell", "SNRG": "SNR G", "PNG": "PN G"}
+SPELLED |= {"ST": "Stock", "CED": "Ced", "RU": "Ru", "TR": "Tr", "ARP": "Arp"}
+
+
 def designation(text: str) -> str:
     """A designation as people write it: ``NGC0224``, ``B033``, ``SH 2-155`` are NGC 224, B 33, Sh2-155."""
     found = re.fullmatch(r"(sh ?2|[a-z]+)[\s-]*0*(\d.*)", text.strip(), re.IGNORECASE)
     if found is None:
         return text.strip()
-    head = {"VDB": "vdB", "CR": "Cr", "CL": "Cr", "MEL": "Mel", "ACO": "Abell"}.get(found[1].upper(), found[1].upper())
+    head = SPELLED.get(found[1].upper(), found[1].upper())
     return f"Sh2-{found[2]}" if head.startswith("SH") else f"{head} {found[2]}"
 
 
@@ -59,7 +66,7 @@ def plain(name: str) -> str:
 
 
 def read_stellarium(path: Path) -> list[SkyObject]:
-    """Stellarium's objects, a Qt data stream; names in the order of :data:`CATALOGUES` are in ``also``."""
+    """Stellarium's objects, a Qt data stream; every designation, in the order of its records, is in ``also``."""
     try:
         data = gzip.decompress(path.read_bytes())
         at, found = 0, []
@@ -83,12 +90,11 @@ def read_stellarium(path: Path) -> list[SkyObject]:
             text()
             major, minor, pa = numbers(">2di")
             numbers(">6d")  # redshift, parallax and distance
-            given = [f"{name} {int(n)}" for name, n in zip(CATALOGUES, numbers(">14I"), strict=True) if n]
-            text()
-            numbers(">2I")
-            abell = [text() for _ in range(7)][3]
-            numbers(">5I")
-            given += [f"Abell {abell}"] * bool(abell)
+            given = _given(NUMBERED, numbers(">14I"))
+            given += _given(("Ced",), [text()])
+            given += _given(("Arp", "VV"), numbers(">2I"))
+            given += _given(TEXTED, [text() for _ in TEXTED])
+            given += _given(("DWB", "Tr", "Stock", "Ru", "vdBHa"), numbers(">5I"))
             mag = next((m for m in (visual, blue) if m < UNKNOWN_MAG), None)
             mag = None if kind == DARK else mag  # it has a dark nebula's opacity there
             one = SkyObject("", KINDS.get(int(kind), "Other"), float(np.degrees(ra)), float(np.degrees(dec)), mag)
@@ -101,6 +107,11 @@ def read_stellarium(path: Path) -> list[SkyObject]:
             "{name} is not Stellarium's table of objects ({error}).", name=path.name, error=error
         ) from error
     return found
+
+
+def _given(catalogues: Sequence[str], numbers: Sequence[object]) -> list[str]:
+    """``NGC 1976``, ``Ced 55d``; nothing for 0 and empty texts."""
+    return [f"{name} {int(n) if isinstance(n, float) else n}" for name, n in zip(catalogues, numbers, strict=True) if n]
 
 
 def read_names(path: Path) -> dict[str, list[tuple[str, int]]]:

@@ -30,7 +30,6 @@ from kochab.core.angle_text import AngleStyle, angle_text, dec_text, ra_text, ra
 from kochab.core.arrays import Floats
 from kochab.core.attitude import attitude_from, radec_deg, unit
 from kochab.core.camera import Camera, ChartCamera
-from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
@@ -38,6 +37,7 @@ from kochab.frames.sky_grid import pieces
 from kochab.gear.actions import reasons_against
 from kochab.sky.catalogue import Catalogue, open_catalogue
 from kochab.sky.elements import kept_elements
+from kochab.sky.finder import NotFound
 from kochab.sky.frame_bodies import body_mark
 from kochab.sky.landmarks import constellation_at
 from kochab.sky.layer import MARKS, Layers, Mark, inside
@@ -49,7 +49,7 @@ from kochab.window.image.object_card import facts, links, place_menu, vector_of
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import Viewport
 from kochab.window.shell.presenter import Presenter
-from kochab.window.shell.search import body_then, place_of
+from kochab.window.shell.search import nothing_called, sought, taken_for
 from kochab.window.shell.views import Services
 from kochab.window.themes import theme_colours, translucent
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
@@ -413,14 +413,13 @@ class Atlas(QDialog):
         text = self.sought.text().strip()
         if not text:
             return
-        try:
-            self.chart.look(place_of(text))
-        except UsageError as error:
-            body = body_then(text, self._when, self._site)
-            if body is None:
-                self.told.setText(str(error))
-            else:
-                self.chart.look(body)
+        found = sought(text, self._when, self._site)
+        if isinstance(found, NotFound):
+            self.told.setText(nothing_called(found))
+        else:
+            self.chart.look(found.vector)
+            if doubt := taken_for(text, found):
+                self.told.setText(doubt)
 
     def _copy(self) -> None:
         if self.chart.mosaic is not None:

@@ -15,6 +15,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.polar.horizon import Horizon, horizon_of
 from kochab.sky.apparent import julian_years
+from kochab.sky.finder import finder
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.solver import UNKNOWN_YEAR
@@ -325,4 +326,5 @@ def _bodies(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[M
 
 def _tables() -> Task[SkyTables]:
     yield Progress("sky", None, tr("reading the names of the sky"))
+    finder()  # so that the first search does not wait for it
     return sky_tables()

@@ -7,15 +7,13 @@ import numpy as np
 from PySide6.QtWidgets import QDialog
 
 from kochab.core import tr, tr_noop
-from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between, east_north, unit_vectors
-from kochab.core.errors import UsageError
+from kochab.core.attitude import angle_between, east_north
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.polar.horizon import horizon_of
-from kochab.sky.catalogue import open_catalogue
+from kochab.sky.finder import Found, NotFound, find
 from kochab.window.shell.menus import SPECS
 from kochab.window.shell.presenter import Presenter
 from kochab.window.widgets import column, label, text_field
@@ -34,19 +32,19 @@ CLOSEST_PX = 5.0  # a mark so near the place is what was sought
 EXAMPLE = tr_noop("M 42, theta1 Ori, Sh2-155, 05h35m -5 23, grid")
 
 
-def place_of(text: str) -> Floats:
-    """ICRS unit vector (3,), J2000, of a star, an object, or "RA Dec"; UsageError where nothing is called so."""
-    words = text.replace(",", " ").split()
-    for cut in range(1, len(words)):
-        # The declination begins with a sign, or in the middle of two words or six.
-        if words[cut][0] in "+-−" or (len(words) in (2, 6) and 2 * cut == len(words)):
-            try:
-                return unit_vectors(parse_ra_deg(" ".join(words[:cut])), parse_dec_deg(" ".join(words[cut:])))
-            except UsageError:
-                break  # no coordinates: what is called so is looked up below
-    catalogue = open_catalogue()
-    found = catalogue.find(text)
-    return np.asarray(catalogue.vectors([found])[0] if isinstance(found, int) else found)
+def nothing_called(found: NotFound) -> str:
+    """That nothing is called so, and what is called nearly so."""
+    if found.suggestions:
+        return tr("Nothing is called {name}. Did you mean {like}?", name=found.query, like=", ".join(found.suggestions))
+    return tr("Nothing in the catalogue is called {name}.", name=found.query)
+
+
+def taken_for(text: str, found: Found) -> str:
+    """What was taken where a name is short for several things; nothing where there is no doubt."""
+    if found.sure and not found.alternatives:
+        return ""
+    others = ", ".join(found.alternatives) or "–"
+    return tr("{text} is taken for {name}. Others: {others}", text=text, name=found.name, others=others)
 
 
 def outside(solution: Solution, vector: Floats) -> str:
@@ -57,13 +55,11 @@ def outside(solution: Solution, vector: Floats) -> str:
     return tr(way, angle=np.degrees(angle_between(centre, vector)))
 
 
-def body_then(text: str, when: datetime | None, site: Site | None) -> Floats | None:
-    """ICRS unit vector (3,) of a body of the Solar System at a time; None without one, or when none is called so."""
+def sought(text: str, when: datetime | None = None, site: Site | None = None) -> Found | NotFound:
+    """What a person means; bodies of the Solar System where they are at a time, with the person's own elements."""
     from kochab.sky.elements import kept_elements
-    from kochab.sky.small_bodies import body_called
 
-    body = None if when is None else finish(body_called(text, when, site, kept_elements()))
-    return None if body is None else body.vector
+    return finish(find(text, when, site, [] if when is None else kept_elements()))
 
 
 class Search(QDialog):
@@ -99,13 +95,14 @@ class Search(QDialog):
         body = next((m for m in self._presenter.overlay.bodies if m.text.casefold() == text.casefold()), None)
         frame, site = self._presenter.session.known.frame, self._presenter.settings.site
         hint = Hint() if frame is None else frame.hint
-        try:
-            vector = place_of(text) if body is None or body.body is None else body.body.vector
-        except UsageError as error:
-            then = body_then(text, hint.taken_utc, hint.site or site)
-            if then is None:
-                return str(error)
-            vector = then
+        doubt = ""
+        if body is not None and body.body is not None:
+            vector = body.body.vector
+        else:
+            found = sought(text, hint.taken_utc, hint.site or site)
+            if isinstance(found, NotFound):
+                return nothing_called(found)
+            vector, doubt = found.vector, taken_for(text, found)
         if solution is None:
             return tr("No solved image is open.")
         x, y = solution.pixels_of(vector[None])[0].tolist()
@@ -114,7 +111,7 @@ class Search(QDialog):
             below = horizon is not None and horizon.altaz_deg(vector)[0] < 0.0
             return outside(solution, vector) + below * f", {tr('below the horizon')}"
         self._presenter.find(x, y, CLOSEST_PX)
-        return ""
+        return doubt
 
     def _command(self, text: str) -> Callable[[], None] | None:
         """The command that is called so."""

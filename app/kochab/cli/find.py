@@ -1,0 +1,90 @@
+"""``kochab find``: what a star, an object, a body or a position that a person types is, and where."""
+
+import argparse
+import math
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from kochab.cli.options import add_options
+from kochab.cli.output import radec, tell
+from kochab.core.errors import UsageError
+from kochab.core.progress import run as finish
+
+if TYPE_CHECKING:
+    from kochab.sky.finder import Found, NotFound
+
+
+LONGEST = 5  # words of a name that was typed without quotes
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add ``find`` to the main parser."""
+    parser = subparsers.add_parser(
+        "find",
+        description="Each TEXT is a name, a catalogue number or coordinates: 'M 42', 'alf Ori', Halley,"
+        " 'Sharpless 155', '5h35m17s -5d23m'. Exit code: 0 all found, 1 one was not.",
+    )
+    parser.add_argument("texts", nargs="+", metavar="TEXT")
+    parser.add_argument(
+        "--time", metavar="ISO", help="UTC for bodies of the Solar System and the zenith (default: now)"
+    )
+    add_options(parser, "--site", "--json")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print a line a query; 1 when one is not found."""
+    from kochab.frames.hints import aware_utc
+    from kochab.sky.elements import kept_elements
+    from kochab.sky.finder import NotFound, find, finder
+
+    at = datetime.now(UTC) if args.time is None else aware_utc(args.time)
+    if at is None:
+        raise UsageError(f"{args.time} is not a time; give it as 2026-11-24T21:30.")
+    more, texts = kept_elements(), args.texts
+    # "kochab find Omega Centauri" without quotes is one name in several words.
+    if 1 < len(texts) <= LONGEST and finder().still(" ".join(texts), whole=True) is not None:
+        texts = [" ".join(texts)]
+    found = [finish(find(text, at, args.site, more)) for text in texts]
+    for text, one in zip(texts, found, strict=True):
+        tell(as_json(text, one), as_text(text, one), args.json)
+    return int(any(isinstance(one, NotFound) for one in found))
+
+
+def as_json(query: str, found: "Found | NotFound") -> dict[str, Any]:
+    """The stable form; ``name`` is null where nothing is called so."""
+    from kochab.sky.finder import NotFound
+
+    if isinstance(found, NotFound):
+        return {"query": query, "name": None, "suggestions": list(found.suggestions)}
+    return {
+        "query": query,
+        "name": found.name,
+        "kind": found.kind,
+        "ra_deg": found.ra_deg,
+        "dec_deg": found.dec_deg,
+        "magnitude": found.magnitude,
+        "band": found.band if math.isfinite(found.magnitude) else "",
+        "size_arcmin": found.size_arcmin and list(found.size_arcmin),
+        "position_angle_deg": found.position_angle_deg,
+        "constellation": found.constellation,
+        "sure": found.sure,
+        "alternatives": list(found.alternatives),
+    }
+
+
+def as_text(query: str, found: "Found | NotFound") -> str:
+    """For a person: what it is, where, how bright and how large."""
+    from kochab.sky.finder import NotFound
+
+    if isinstance(found, NotFound):
+        like = f" Did you mean {', '.join(found.suggestions)}?" if found.suggestions else ""
+        return f"{query}: nothing is called so.{like}"
+    facts = [found.kind, radec(found.ra_deg, found.dec_deg), found.constellation]
+    if math.isfinite(found.magnitude):
+        facts.append(f"{found.band or 'mag'} {found.magnitude:.1f}")
+    if found.size_arcmin:
+        facts.append(" x ".join(f"{side:g}" for side in dict.fromkeys(found.size_arcmin)) + " arcmin")
+    others = f"\n  or {', '.join(found.alternatives)}" if found.alternatives else ""
+    taken = "" if found.sure else f"{query} taken for "
+    return f"{taken}{found.name}: {', '.join(facts)}{others}"
