@@ -3,7 +3,7 @@
 Written from protocols and from what INDI's and OnStep's sources do; axes accelerate, the tube's true direction is known
 apart from what the board believes, and the supply can be cut while the port stays open::
 
-    with served("onstep") as board:                    # or "onstepx", "am5", "ioptron"
+    with served("onstep") as board:                    # or "onstepx", "am5", "ioptron", "nexstar", "skywatcher"
         board.align(-20.0, 40.0)                       # hour angle, Dec: tube and belief agree, tracking
         mount = open_mount("onstep", board.port, site=board.site, clock=board.clock)
         board.cut_power(off_s=1.0)                     # wakes at its false home after board.boot_s
@@ -23,12 +23,21 @@ from kochab.core.frame import Site
 from .am5 import Am5
 from .board import Board, Order
 from .ioptron import Ioptron
+from .nexstar import NexStar
 from .onstep import OnStep, OnStepX
 from .serving import Line
 from .sky import LATITUDE_DEG, LONGITUDE_DEG, START, Frozen, Night
+from .skywatcher import SkyWatcher
 
-BOARDS = {"onstep": OnStep, "onstepx": OnStepX, "am5": Am5, "ioptron": Ioptron}
-DRIVERS = {"onstep": "onstep", "onstepx": "onstep", "am5": "am5", "ioptron": "ioptron"}
+BOARDS = {
+    "onstep": OnStep,
+    "onstepx": OnStepX,
+    "am5": Am5,
+    "ioptron": Ioptron,
+    "nexstar": NexStar,
+    "skywatcher": SkyWatcher,
+}
+DRIVERS = {kind: "onstep" if kind == "onstepx" else kind for kind in BOARDS}
 """The product's driver of each board, by its name in the registry."""
 
 SITE = Site(LATITUDE_DEG, LONGITUDE_DEG)
@@ -57,9 +66,11 @@ __all__ = [
     "Frozen",
     "Ioptron",
     "Line",
+    "NexStar",
     "Night",
     "OnStep",
     "OnStepX",
     "Order",
+    "SkyWatcher",
     "served",
 ]

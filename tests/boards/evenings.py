@@ -20,10 +20,11 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from math import inf
 from random import Random
 
 from kochab.core.errors import KochabError
-from kochab.core.mount import Direction, TrackingRate
+from kochab.core.mount import Direction, Home, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.session import Meridian as Pier
 from kochab.gear.session import MountSelection, guarded, limits_at
@@ -39,10 +40,10 @@ KINDS = {
     "done": "said to be done, and the tube is somewhere else",
     "running": "a motion that ran on after a Stop that was said to work, or after the session's end",
     "word": "the end of a motion that lost its power, with no word of power or a restart",
-    "hang": "an order that did not end",
+    "hang": "an order that did not end, a minute after the mount stood still",
     "fault": "an end that is no sentence of Kochab's",
 }
-HANG_S = 200.0  # a slew of 120 deg at the slowest rate is given longer, but no board here is that slow
+IDLE_S, HANG_S = 60.0, 300.0  # how long an order may last while the mount stands, and at all
 LOW_DEG, SUN_DEG, FALSE_DEG = 3.0, 28.0, 5.0  # two degrees for the motors to stop in
 RUNS_OUT_S = 4.0
 RESTART = re.compile(r"power|switched|restart|woke", re.IGNORECASE)
@@ -84,7 +85,8 @@ class Astronomer:
         }
         with served(self.kind, tcp=chance.random() < 0.3, clock=Night(start), **settings) as board:
             self.board = board
-            board.align(*self._start())
+            if self.kind != "skywatcher":  # a motor board's evening begins at its home
+                board.align(*self._start())
             if chance.random() < 0.1:
                 board.clock_error_s = THIRTEEN_YEARS_S
             self._note(f"{start:%F %H:%M}", settings, board.port, f"clock {board.clock_error_s:.0f} s")
@@ -135,8 +137,14 @@ class Astronomer:
 
     def _connect(self):
         pier = self.random.choice((Pier.FLIPS, Pier.FLIPS, Pier.CROSSES, Pier.STAYS))
-        selection = MountSelection(self.board.port, self.board.driver)
+        home = Home.NOW if self._at_home() else None  # no word of it that is not true
+        selection = MountSelection(self.board.port, self.board.driver, home=home)
         self.guard = guarded(selection, SITE, clock=self.board.clock, limits=limits_at(pier))
+
+    def _at_home(self):
+        with self.board.lock:
+            stands = [axis.at_deg for axis in self.board.tube.axes]
+            return not self.board.moving and max(abs(a - b) for a, b in zip(stands, HOME_DEG, strict=True)) < 0.5
 
     def _disconnect(self):
         guard, self.guard = self.guard, None
@@ -238,7 +246,9 @@ class Astronomer:
         time.sleep(0.6 + self.board.boot_s)
         with self.board.lock:
             self.board.parked = False
-        if self._do("look", self._look) is True:
+        if self.kind == "skywatcher":
+            self._disconnect()
+        elif self._do("look", self._look) is True:
             self.guard.clock_and_site.trust()
             self._note("trusted")
 
@@ -330,10 +340,16 @@ class Astronomer:
 
         thread = threading.Thread(target=go, daemon=True)
         thread.start()
-        thread.join(HANG_S)
-        if not ended:
-            self._against("hang", f"{HANG_S:.0f} s")
-            raise Hangs
+        begun = still_since = time.monotonic()
+        while thread.is_alive():
+            thread.join(0.2)
+            now = time.monotonic()
+            still_since = now if self.board.moving or not self.board.powered else still_since
+            if now - begun > HANG_S:
+                raise Hangs
+            if now - still_since > IDLE_S:
+                self._against("hang", f"{now - begun:.0f} s")
+                still_since = inf
         if ended[0] is not True and ended[0].startswith("Traceback"):
             self._against("fault", ended[0].strip().splitlines()[-1])
         return ended[0]

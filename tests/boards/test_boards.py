@@ -12,7 +12,11 @@ from tests.boards import BOARDS, SITE, START, Frozen
 from tests.boards.mechanics import axes_deg, looks_at_deg
 from tests.boards.sky import altaz_deg, apart_deg, sidereal_deg, sun_deg
 
-STOPS = {"onstep": b":Q#", "onstepx": b":Q#", "am5": b":Q#", "ioptron": b":Q#"}
+KNOW_THE_SKY = [kind for kind in BOARDS if kind != "skywatcher"]
+STOPS = {kind: "M" if kind == "nexstar" else ":Q#" for kind in KNOW_THE_SKY}
+QUESTIONS = {"ioptron": ":GLS#", "nexstar": "e"}  # of the others ":GR#"
+NORTH_FAST = {"ioptron": ":SR9#:mn#", "nexstar": "P\2\x11\x24\x09\0\0\0"}
+NORTH_END = {"ioptron": ":qD#", "nexstar": "P\2\x11\x24\0\0\0\0"}
 
 
 def board_of(kind, **settings):
@@ -38,11 +42,14 @@ def goto(board, ra_deg, dec_deg):
     if isinstance(board, BOARDS["ioptron"]):
         say(board, f":SRA{round(ra_deg * 360000):09d}#:Sd{round(dec_deg * 360000):+09d}#")
         return say(board, ":MS1#") == b"1"
+    if isinstance(board, BOARDS["nexstar"]):
+        turns = [round(angle % 360.0 / 360.0 * 2**32) for angle in (ra_deg, dec_deg)]
+        return say(board, f"r{turns[0]:08X},{turns[1]:08X}") == b"#"
     say(board, f":Sr{board.hours(ra_deg)}#:Sd{board.sexagesimal(dec_deg, sign=True, marks='*:')}#")
     return say(board, ":MS#") == b"0"
 
 
-@pytest.fixture(params=BOARDS)
+@pytest.fixture(params=KNOW_THE_SKY)
 def kind(request):
     return request.param
 
@@ -91,10 +98,10 @@ def test_a_stop_takes_time_and_a_lost_stop_does_nothing(kind):
     goto(board, ra, dec - 30.0)
     later(board, 1.5)
     board.lose_stops(1)
-    say(board, STOPS[kind].decode())
+    say(board, STOPS[kind])
     later(board, 1.0)
     assert board.going == "goto"
-    say(board, STOPS[kind].decode())
+    say(board, STOPS[kind])
     assert board.moving  # it runs out
     later(board, 2.0)
     assert not board.moving
@@ -104,10 +111,9 @@ def test_a_stop_takes_time_and_a_lost_stop_does_nothing(kind):
 def test_a_nudge_runs_out_after_its_stop(kind):
     board = board_of(kind)
     board.align(-40.0, 40.0)
-    say(board, ":SR9#" if kind == "ioptron" else ":R9#")
-    say(board, ":mn#" if kind == "ioptron" else ":Mn#")
+    say(board, NORTH_FAST.get(kind, ":R9#:Mn#"))
     later(board, 1.0)
-    say(board, ":qD#" if kind == "ioptron" else ":Qn#")
+    say(board, NORTH_END.get(kind, ":Qn#"))
     after_stop = board.radec_deg()[1]
     assert after_stop > 40.0  # north, on whichever side of the pier
     later(board, 2.0)
@@ -122,16 +128,15 @@ def test_a_cut_of_the_power_leaves_a_false_home(kind):
     later(board, 2.0)
     board.cut_power(off_s=1.0)
     stands = board.tube.hour_angle_dec_deg()
-    assert say(board, ":GR#:GLS#") == b""
+    assert say(board, QUESTIONS.get(kind, ":GR#")) == b""
     later(board, 1.0 + board.boot_s - 0.5)
     assert not board.powered
     later(board, 1.0)
     assert board.tube.hour_angle_dec_deg() == pytest.approx(stands)
     assert board.believed_deg()[1] == pytest.approx(90.0)
-    assert board.at_home
+    assert board.at_home or kind == "nexstar"  # it has no word for it
     assert board.false_by_deg() > 40.0
     ra, dec = board.radec_deg()
-    board.target_deg = [ra, dec]
     assert goto(board, ra, dec + 5.0)  # nothing but the host keeps it from this
     assert board.false_slews()
     later(board, 20.0)
@@ -194,6 +199,45 @@ def test_a_clock_without_a_battery_wakes_at_its_makers_date(kind, year):
     assert datetime.fromtimestamp(kept.believed_unix(), UTC) == kept.clock()
 
 
+def test_a_nexstar_without_its_alignment_says_yes_and_stays():
+    board = board_of("nexstar", claims_home=False)
+    ra, dec = board.align(-40.0, 40.0)
+    board.cut_power()
+    later(board, 1.0 + board.boot_s)
+    assert say(board, "J") == b"\0#"
+    assert goto(board, ra, dec - 5.0)
+    assert not board.moving
+    assert say(board, "h")[:8] == bytes([0, 0, 0, 1, 1, 0, 0, 0])  # 1 January 2000
+
+
+def test_a_skywatcher_goes_by_steps_and_forgets_them_without_power():
+    board = board_of("skywatcher")
+    assert say(board, ":j1\r:j2\r:f1\r") == b"=000080\r=000080\r=100\r"
+    assert say(board, ":J1\r") == b"!4\r"
+    say(board, ":F3\r")
+    quarter = board.per_turn // 4
+    steps = quarter.to_bytes(3, "little").hex().upper()
+    assert say(board, f":G200\r:H2{steps}\r:J2\r") == b"=\r=\r=\r"
+    later(board, 1.0)
+    assert say(board, ":G200\r") == b"!2\r"
+    assert say(board, ":f2\r") == b"=411\r"
+    later(board, 30.0)
+    assert say(board, ":f2\r") == b"=401\r"
+    assert say(board, ":j2\r") == b"=" + (0x800000 + quarter).to_bytes(3, "little").hex().upper().encode() + b"\r"
+    hour_angle, dec = board.tube.hour_angle_dec_deg()
+    assert dec == pytest.approx(0.0, abs=1e-4)  # EQMod's quarter turn; the west of the meridian is behind it
+    assert hour_angle == pytest.approx(90.0)
+    period = round(board.frequency * 360.0 / board.per_turn * 86164.0905 / 360.0)
+    say(board, f":G110\r:I1{period.to_bytes(3, 'little').hex()}\r:J1\r")
+    later(board, 60.0)
+    assert not board.moving  # but with the sky
+    assert board.tube.hour_angle_dec_deg()[0] == pytest.approx(hour_angle + 0.2507, abs=0.002)
+    board.cut_power()
+    later(board, 1.0 + board.boot_s)
+    assert say(board, ":j2\r:f2\r") == b"=000080\r=100\r"
+    assert board.tube.hour_angle_dec_deg()[1] == pytest.approx(0.0, abs=1e-4)
+
+
 def test_an_am5_that_insists_on_its_clock_refuses_until_it_is_set():
     board = board_of("am5", insists_on_clock=True)
     ra, dec = board.align(-40.0, 40.0)
@@ -210,10 +254,10 @@ def test_an_am5_that_insists_on_its_clock_refuses_until_it_is_set():
 def test_lost_and_late_answers_are_of_the_answers_alone(kind):
     board = board_of(kind)
     ra, dec = board.align(-40.0, 40.0)
-    question = ":GLS#" if kind == "ioptron" else ":GR#"
+    question = QUESTIONS.get(kind, ":GR#")
     board.lose_answers(2)
     assert [bool(say(board, question)) for _ in range(3)] == [False, False, True]
-    board.lose_answers(to=b":MS")
+    board.lose_answers(to=b"r" if kind == "nexstar" else b":MS")
     assert not goto(board, ra, dec - 5.0)  # the answer is lost
     assert board.going == "goto"  # not the order
     board.delay_answers(1, seconds=1.0)
