@@ -195,7 +195,7 @@ def place_in_mount(night: Evening, directions: np.ndarray, seconds: np.ndarray) 
         meridian = -meridian
     along_west, along_meridian = directions @ west, directions @ meridian
     hour_angle = np.arctan2(along_west, along_meridian) - SIDEREAL_RAD_S * np.asarray(seconds)
-    return np.unwrap(hour_angle), np.arcsin(directions @ axis)
+    return np.unwrap(hour_angle), np.arcsin(np.clip(directions @ axis, -1, 1))
 
 
 class Hysteresis:
@@ -457,15 +457,16 @@ class Score:
     said: str
 
 
-def score(night: Evening, path: Path, *more: str) -> Score:
-    """What ``kochab polar`` makes of a log."""
-    from kochab.__main__ import main
-
-    site = f"--site={night.latitude_deg:.5f},{night.longitude_deg:.5f},{night.height_m:.0f}"
-    said = StringIO()
-    with redirect_stdout(said):
-        code = main(["polar", str(path), "--json", site, f"--utc-offset={night.utc_offset_h:g}", *more])
-    answer = json.loads(said.getvalue().splitlines()[-1])
+def score(night: Evening, path: Path) -> Score:
+    """What ``kochab polar`` makes of a log; where the log hides the Dec sign, it may only answer once it is said."""
+    code, answer = _asked(night, path)
+    if not night.parity_written and "altitude_error_arcsec" in answer:
+        unsaid_is_doubted = code != 0 and answer["spoilt"]
+        code, answer = _asked(night, path, "--dec-sign=" + ("+" if night.sections[-1].dec_parity > 0 else "-"))
+        if not unsaid_is_doubted:
+            return Score(
+                path.name, night.kind, night.seeing_px, "outside", math.nan, math.nan, math.nan, "one answer of two"
+            )
     if "altitude_error_arcsec" not in answer:
         return Score(
             path.name,
@@ -478,10 +479,20 @@ def score(night: Evening, path: Path, *more: str) -> Score:
             answer.get("error", "")[:90],
         )
     distance, along, total = compare(night, answer)
-    spoilt = code != 0 or answer["spoilt"]
-    verdict = "doubted" if spoilt else "inside" if distance**2 <= CHI2_95 else "outside"
+    doubted = code != 0 or answer["spoilt"]
+    verdict = "doubted" if doubted else "inside" if distance**2 <= CHI2_95 else "outside"
     findings = ",".join(finding["code"] for finding in answer["findings"])
     return Score(path.name, night.kind, night.seeing_px, verdict, distance, along, total, findings)
+
+
+def _asked(night: Evening, path: Path, *more: str) -> tuple[int, dict]:
+    from kochab.__main__ import main
+
+    site = f"--site={night.latitude_deg:.5f},{night.longitude_deg:.5f},{night.height_m:.0f}"
+    said = StringIO()
+    with redirect_stdout(said):
+        code = main(["polar", str(path), "--json", site, f"--utc-offset={night.utc_offset_h:g}", *more])
+    return int(code or 0), json.loads(said.getvalue().splitlines()[-1])
 
 
 def compare(night: Evening, answer: dict) -> tuple[float, float, float]:
