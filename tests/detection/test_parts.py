@@ -141,3 +141,43 @@ def test_what_is_kept_is_apart_and_what_is_not_is_near_a_brighter_one(n, seed):
         kept = np.flatnonzero(keep[:k])
         near = (np.hypot(*(xy[kept] - xy[k]).T) <= reach[kept]).any()
         assert keep[k] == (not near)
+
+
+def _ellipses(moments):
+    """A frame of Gaussians with these second moments (xx, yy, xy), px^2, each alone, and their places."""
+    light = np.zeros((60, 60 * len(moments)))
+    v, u = np.mgrid[-30:30, -30:30]
+    for k, (xx, yy, xy) in enumerate(moments):
+        det = xx * yy - xy * xy
+        power = (yy * u * u - 2.0 * xy * u * v + xx * v * v) / det
+        light[:, 60 * k : 60 * k + 60] = 5000.0 * np.exp(-0.5 * power)
+    noisy = light + np.random.default_rng(5).normal(100.0, 2.0, light.shape)
+    return noisy.astype(np.float32), np.array([[60.0 * k + 30.0, 30.0] for k in range(len(moments))])
+
+
+def test_shapes_whose_medians_are_no_shape_make_the_usual_star():
+    """Half of them upright, half lying, all leaning one way: medians of 1.5 by 1.5 that lean by 3.9 px^2."""
+    light, xy = _ellipses([(1.5, 12.0, -3.9), (12.0, 1.5, -3.9), (2.0, 2.0, 0.0)] * 4)
+    how = Halving()
+    view = PreparedFrame(light, how, measure_mesh(light, how))
+    covariance, _ = star_image(view, xy, np.inf)
+    assert np.linalg.eigvalsh(covariance).min() > 0.3
+    assert covariance.trace() < 2.0 * 5.0**2
+
+
+@pytest.mark.parametrize("covariance", [np.diag([1.5, 2.0]), np.array([[4.0, 1.5], [1.5, 3.0]])])
+@pytest.mark.parametrize("height", [1e-30, 1.0, 1e14, 3e38])
+def test_whatever_light_a_stamp_holds_its_fit_is_a_number(covariance, height):
+    light = np.zeros((60, 180), dtype=np.float32)
+    light[28:33, 28:33] = height
+    light[30, 90] = -height
+    light[20:40:2, 140:160] = height
+    xy = np.array([[30.0, 30.0], [90.0, 30.0], [150.0, 30.0]])
+    stamps = cut(light, Halving(), xy, np.zeros(3), 8)
+    fits = fit_stars(stamps, covariance)
+    refit_bright(stamps, fits, covariance, np.ones(3))
+    shapes = adaptive_moments(stamps, 1.5)
+    assert all(np.isfinite(column).all() for column in (fits.dx, fits.dy, fits.flux, fits.snr, fits.moments))
+    good = shapes.good
+    assert all(np.isfinite(column[good]).all() for column in (shapes.dx, shapes.dy, shapes.xx, shapes.yy, shapes.xy))
+    assert (shapes.xx * shapes.yy > shapes.xy**2)[good].all()

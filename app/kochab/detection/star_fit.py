@@ -186,6 +186,7 @@ def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple
 
 FWHM_PER_SIGMA = 2.0 * float(np.sqrt(2.0 * np.log(2.0)))
 PIXEL_VARIANCE = 1.0 / 12.0  # of a square pixel, px^2
+NARROWEST = 0.995  # of a shape's correlation of x and y: it is twenty times as long as wide
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,7 +255,7 @@ def _bounded(xx: Floats, yy: Floats, xy: Floats, least: float, most: float) -> t
     """Second moments held between the squares of two sizes."""
     xx, yy = np.clip(xx, least**2, most**2), np.clip(yy, least**2, most**2)
     across = np.sqrt(np.maximum(xx - 0.99 * least**2, 0) * np.maximum(yy - 0.99 * least**2, 0))
-    return xx, yy, np.clip(xy, -0.995 * across, 0.995 * across)
+    return xx, yy, np.clip(xy, -NARROWEST * across, NARROWEST * across)
 
 
 # -- What a star looks like in this frame: its size and shape, and where pixels clip -----------
@@ -328,6 +329,9 @@ def _usual_moments(view: PreparedFrame, xy: Floats, half: int) -> tuple[Floats |
     usual = np.percentile(area[good], 40, method="lower")  # between two of unlike size there is none
     near = good & (area > usual / 1.6) & (area < usual * 1.6)
     xx, yy, xy_ = (float(np.median(m[near])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    # Medians of shapes that agree in nothing may be no shape: one longer and thinner than any that is measured.
+    if not xy_**2 < NARROWEST**2 * xx * yy:
+        return None, float(good.mean())
     return np.array([[xx, xy_], [xy_, yy]]), float(good.mean())
 
 
