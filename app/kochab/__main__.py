@@ -33,7 +33,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     spoken = arguments[1] if arguments[:1] == ["--language"] and len(arguments) > 1 else ""
     arguments = arguments[2:] if spoken else arguments
     try:
+        from kochab.cli.process import make_ready
         from kochab.gear.journal import open_journal
+
+        make_ready()
 
         to_window = not arguments or _are_files(arguments)
         open_journal(terminal=not to_window)

@@ -1,10 +1,12 @@
 """The process of a command: standard streams as they come, and signals that end it."""
 
+import codecs
 import io
 import os
 import signal
 import sys
 import threading
+import unicodedata
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from types import FrameType
@@ -16,16 +18,42 @@ from kochab.core.errors import printable
 def make_ready() -> None:
     """Let neither a closed stream nor a file's strange name cost an answer.
 
-    What a stream's encoding has no letter for is written as an escape; a stream that was closed by whoever started us
-    (or is not there, as in a Windows program without a console) is replaced by one that takes everything.
+    What a stream's encoding has no letter for is spelt in ASCII, see :func:`spelt`; a stream that was closed by whoever
+    started us (or is not there, as in a Windows program without a console) is replaced by one that takes everything.
     """
+    codecs.register_error(SPELT, _replaced)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
-        # Only the strict default: who set PYTHONIOENCODING to another handler keeps it.
-        elif isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="backslashreplace")
+        # Those that raise: the usual one, and the one of Windows' pipes and of LC_ALL=C, which is for names alone.
+        elif isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape", "surrogatepass"):
+            stream.reconfigure(errors=SPELT)
+
+
+SPELT = "kochab.spelt"
+_SPELT = {
+    **{"°": "deg", "″": '"', "′": "'", "±": "+/-", "×": "x", "−": "-", "–": "-", "—": "-", "…": "...", "µ": "u"},
+    **{"’": "'", "‘": "'", "“": '"', "”": '"', "·": ".", "▲": "up", "▼": "down", "↻": "(cw)", "↺": "(ccw)"},
+}
+
+
+def spelt(letter: str) -> str:
+    """A letter in ASCII: eta for η, deg for °, 2 for ², an escape for one that has no such form."""
+    if letter in _SPELT:
+        return _SPELT[letter]
+    words = unicodedata.name(letter, "").split()
+    if words[:2] == ["GREEK", "SMALL"] and len(words) == 4:
+        return words[3].lower().replace("lamda", "lambda")  # as Unicode writes it
+    plain = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode("ascii")
+    return plain or letter.encode("unicode_escape").decode("ascii")
+
+
+def _replaced(error: UnicodeError) -> tuple[str, int]:
+    """An error handler of :mod:`codecs`."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(map(spelt, error.object[error.start : error.end])), error.end
 
 
 def say(sentence: str) -> None:
