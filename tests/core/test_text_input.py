@@ -113,15 +113,15 @@ def test_a_device_that_never_ends_and_a_pipe_are_bounded_too() -> None:
 # -- And no other ---------------------------------------------------------------------------------
 
 OWN = {  # what the package itself brought, and what servers say (bounded by their links)
-    "core/registry.py", "core/text_input.py", "server/phone_page.py", "sky/planet_moons.py", "sky/sky_tables.py",
-    "sky/names.py", "sky/landmarks.py", "window/themes.py", "window/shell/help_book.py", "window/shell/welcome.py",
-    "window/live/sky_points.py", "gear/journal.py", "gear/cameras/uvc.py", "gear/cameras/alpaca.py",
-    "gear/servers/alpaca_link.py", "cli/live.py", "window/live/benchmark.py",
+    "core/registry.py", "core/text_input.py", "sky/planet_moons.py", "sky/sky_tables.py", "sky/names.py",
+    "sky/landmarks.py", "window/shell/help_book.py", "window/shell/welcome.py", "window/live/sky_points.py",
+    "gear/journal.py", "gear/cameras/uvc.py", "gear/cameras/alpaca.py", "gear/servers/alpaca_link.py", "cli/live.py",
+    "window/live/benchmark.py",
 }  # fmt: skip
 
 
 def test_nothing_else_reads_text() -> None:
-    """Whoever reads text of others by another way has to bound, decode and check it once more."""
+    """Text of others has to be bounded, decoded and checked: ``core.text_input`` does. What we ship needs none of it."""
     top = Path(kochab.__file__).parent
     found = set()
     for path in top.rglob("*.py"):
@@ -130,6 +130,6 @@ def test_nothing_else_reads_text() -> None:
             for node in ast.walk(ast.parse(path.read_text("utf-8"))):
                 if isinstance(node, ast.Attribute) and node.attr in ("read_text", "loads"):
                     whose = ast.unparse(node.value)
-                    if whose != "pickle":
+                    if whose != "pickle" and "shipped_folder()" not in whose and "data_folder(" not in whose:
                         found.add(f"{name}: {whose}.{node.attr}")
     assert found == set()
