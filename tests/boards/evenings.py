@@ -17,7 +17,7 @@ import time
 import traceback
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from math import inf
@@ -69,14 +69,14 @@ class Astronomer:
         self.random = Random(f"{kind} {seed}")
         self.evening = Evening(kind, seed)
         self.guard = None
+        self.session_since = 0.0  # a program that begins later cannot know of a cut before
 
     # -- the evening ---------------------------------------------------------------------------------
 
     def spend(self):
         """The whole evening; never raises."""
         chance = self.random
-        start = datetime(2026, chance.randint(1, 12), chance.randint(1, 28), tzinfo=UTC)
-        start += timedelta(hours=chance.choice((19, 20, 21, 22, 23, 0, 1, 2, 3, 8, 12, 15)))
+        start = self._date()
         settings = {
             "slew_deg_s": chance.uniform(5.0, 12.0),
             "acceleration_deg_s2": chance.uniform(3.0, 9.0),
@@ -98,6 +98,10 @@ class Astronomer:
                 self._against("hang", "given up")
             self.evening.cuts = len(board.cuts)
         return self.evening
+
+    def _date(self):
+        day = datetime(2026, self.random.randint(1, 12), self.random.randint(1, 28), tzinfo=UTC)
+        return day + timedelta(hours=self.random.choice((19, 20, 21, 22, 23, 0, 1, 2, 3, 8, 12, 15)))
 
     def _through_the_night(self):
         things = {
@@ -137,6 +141,7 @@ class Astronomer:
 
     def _connect(self):
         pier = self.random.choice((Pier.FLIPS, Pier.FLIPS, Pier.CROSSES, Pier.STAYS))
+        self.session_since = self.board.clock.unix()
         home = Home.NOW if self._at_home() else None  # no word of it that is not true
         selection = MountSelection(self.board.port, self.board.driver, home=home)
         self.guard = guarded(selection, SITE, clock=self.board.clock, limits=limits_at(pier))
@@ -167,15 +172,12 @@ class Astronomer:
 
     def _slews(self, what, order, target):
         """A motion that is waited for, with what may befall it."""
-        cuts = len(self.board.cuts)
-        mishap, after_s = self._mishap(), self.random.uniform(0.2, 5.0)
-        timer = threading.Timer(after_s, mishap) if mishap is not None else None
-        if timer is not None:
-            timer.start()
-        told = self._do(what, order)
-        if timer is not None:
-            timer.cancel()
-            timer.join()
+        # The rest is judged here, by where the tube came to stand.
+        cuts, unknowable = len(self.board.cuts), self._unknowable()
+        with self._befalls(self._mishap()):
+            told = self._do(what, order)
+        if unknowable:
+            return
         was_cut = any(was for _, was in self.board.cuts[cuts:])
         lost = self.board.false_by_deg() > FALSE_DEG
         if told is True and was_cut and lost:
@@ -248,7 +250,9 @@ class Astronomer:
             self.board.parked = False
         if self.kind == "skywatcher":
             self._disconnect()
-        elif self._do("look", self._look) is True:
+            return
+        self._set_clock()
+        if self._do("look", self._look) is True and self.board.false_by_deg() < FALSE_DEG:
             self.guard.clock_and_site.trust()
             self._note("trusted")
 
@@ -258,17 +262,28 @@ class Astronomer:
 
     # -- what befalls --------------------------------------------------------------------------------
 
-    def _mishap(self):
-        def cancel():
-            with suppress(KochabError):
-                self.guard.stop()
+    @contextmanager
+    def _befalls(self, mishap):
+        """At a moment of what is done here."""
+        timer = threading.Timer(self.random.uniform(0.2, 5.0), mishap or (lambda: None))
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+            timer.join()
 
+    def _break_off(self):
+        with suppress(KochabError):
+            self.guard.stop()
+
+    def _mishap(self):
         befalls = {
             None: 6,
             (lambda: self._cut("during")): 8,
             (lambda: self.board.lose_answers(self.random.randint(1, 4))): 2,
             (lambda: self.board.delay_answers(self.random.randint(1, 3), self.random.uniform(0.5, 6.0))): 2,
-            cancel: 2,
+            self._break_off: 2,
         }
         return self.random.choices(list(befalls), list(befalls.values()))[0]
 
@@ -306,9 +321,12 @@ class Astronomer:
         """True when it was done, else the sentence that told why not; whatever the tube did meanwhile is judged."""
         begun, orders = self.board.clock.unix(), len(self.board.orders)
         up_before, sun_before = self._tube()
+        unknowable = self._unknowable()
         told = self._outcome(order)
         self._note(what, "->", "done" if told is True else told)
         time.sleep(0.3)
+        if unknowable:
+            return told
         low = self.board.lowest_deg(begun)
         if low < LOW_DEG < up_before:
             self._against("low", f"{low:.1f} deg by {what}")
@@ -319,6 +337,11 @@ class Astronomer:
             if order_.kind == "goto" and order_.false_by_deg > FALSE_DEG:
                 self._against("false", f"{order_.false_by_deg:.0f} deg by {what}")
         return told
+
+    def _unknowable(self):
+        """Whether the board is wrong by a cut before this session, with a clock and a site that are right."""
+        cut_now = any(unix >= self.session_since for unix, _ in self.board.cuts)
+        return self.board.false_by_deg() > FALSE_DEG and not cut_now and abs(self.board.clock_error_s) < 600.0
 
     def _tube(self):
         with self.board.lock:
@@ -368,14 +391,13 @@ class Hangs(Exception):  # noqa: N818 (ends an evening)
     """An order did not come back."""
 
 
-def spend(kind, seed, orders=10):
-    """One evening."""
-    return Astronomer(kind, seed, orders).spend()
+def spend(kind, seed, orders=10, command_line=False):
+    """One evening, in a configuration of its own."""
+    from .command_line import AtTheCommandLine
 
-
-def _spend(arguments):
-    os.environ["KOCHAB_CONFIG"] = tempfile.mkdtemp(prefix="kochab-evening-")
-    return spend(*arguments)
+    with tempfile.TemporaryDirectory(prefix="kochab-evening-", ignore_cleanup_errors=True) as folder:
+        os.environ["KOCHAB_CONFIG"] = folder
+        return (AtTheCommandLine if command_line else Astronomer)(kind, seed, orders).spend()
 
 
 def main(arguments=None):
@@ -386,13 +408,15 @@ def main(arguments=None):
     parser.add_argument("--board", choices=BOARDS)
     parser.add_argument("--orders", type=int, default=10, help="things done in an evening")
     parser.add_argument("--workers", type=int, default=4, help="evenings at once: they mostly wait")
+    parser.add_argument("--command-line", action="store_true", help="every order by a `kochab mount` of its own")
     parser.add_argument("--diary", action="store_true", help="print the whole of every evening with a violation")
     options = parser.parse_args(arguments)
     boards = [options.board] if options.board else list(BOARDS)
-    plans = [(boards[k % len(boards)], options.seed + k // len(boards), options.orders) for k in range(options.count)]
+    deal = ((boards[k % len(boards)], options.seed + k // len(boards)) for k in range(options.count))
+    plans = [(*plan, options.orders, options.command_line) for plan in deal]
     counts = {board: Counter() for board in boards}
     with ProcessPoolExecutor(options.workers) as pool:
-        for evening in pool.map(_spend, plans):
+        for evening in pool.map(spend, *zip(*plans, strict=True)):
             count = counts[evening.board]
             count["evenings"] += 1
             count["cuts"] += evening.cuts
