@@ -28,6 +28,7 @@ FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from
 CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each way, while altitude hardly changes
 RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
 PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share (one sigma)
+LEAK = 0.05  # of a guide star's way in RA that passes for Dec: PHD2's two angles are that far from square
 LEAST_S, BLOCKS = 60.0, 12
 TOLD_ARCSEC = 120.0
 KNOWN_ARCSEC, LONGEST_H, LOWEST_DEG = 30.0, 4.0, 15.0
@@ -39,10 +40,11 @@ STEADY_ARCSEC, WANDERS_ARCSEC, FAST_ARCSEC_H = 2.0, 4.0, 60.0
 class Stretch:
     """Attitudes of a mount that tracked one place, by time.
 
-    ``pulses_rad`` (N,) is how far guide pulses had moved Dec by then, towards the elevated pole, and ``steps`` (N,)
-    counts the dithers. ``held``: a guider held Dec and RA, so that only the rotation of the field tells; ``ra_held``:
-    RA alone, whose drift then says nothing. ``sign_known``: whether north is known from south; ``pier`` is the side
-    of it, for a flip turns that round. Stretches of one ``calibration`` share the error of their pulses.
+    ``held``: a guider held Dec and RA, so that only the rotation of the field tells; ``ra_held``: RA alone, whose drift
+    then says nothing. ``sign_known``: whether north is known from south; ``pier`` is the side of it, for a flip turns
+    that round. Of a guide star ``pulses_rad`` (N,) is how far pulses had moved Dec by then, towards the elevated pole,
+    ``ra_rad`` (N,) how far the star stood from its place in RA, and ``steps`` (N,) counts the dithers; its roll means
+    nothing. Stretches of one ``calibration`` share the error of their pulses.
     """
 
     attitudes: tuple[LocalAttitude, ...]
@@ -50,6 +52,7 @@ class Stretch:
     ra_held: bool = False
     sign_known: bool = True
     pulses_rad: Floats = field(default_factory=lambda: np.zeros(0))
+    ra_rad: Floats = field(default_factory=lambda: np.zeros(0))
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     calibration: str = ""
     pier: str = ""
@@ -199,12 +202,13 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
             tr("Check the site and the time."),
             PolarFindingKind.SITE_OR_TIME,
         )
-    # First with the stated errors, which tells how much larger they are; then with those.
-    _, wider = _solved(used, towards, 1.0)
-    found, _ = _solved(used, towards, wider)
-    error = found.error(towards)
-    minutes = _minutes_more(used, towards, wider, error)
-    doubts = [*_doubts(used, towards, wider, found), *_findings(used, error, lowest)]
+    # First with the stated errors, which tells how much larger they are; then with those, about the axis found.
+    first, wider = _solved(used, towards, towards, 1.0)
+    found, _ = _solved(used, towards, first.axis, wider)
+    found, _ = _solved(used, towards, found.axis, wider)
+    error = found.error
+    minutes = _minutes_more(used, found, wider)
+    doubts = [*_doubts(used, wider, found), *_findings(used, error, lowest)]
     return Drift(error, settings, used, minutes, tuple(doubts))
 
 
@@ -213,20 +217,21 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solved:
-    shift: Floats
+    """An axis, and its covariances (2, 2), rad^2."""
+
+    axis: Floats
+    pole: Floats
     noise: Floats
     covariance: Floats
 
-    def error(self, pole: Floats) -> PolarError:
-        across = np.stack(tangents(pole))
-        axis = pole + self.shift @ across
-        axis /= np.linalg.norm(axis)
-        return PolarError(axis, pole, self.noise, self.covariance - self.noise + rest_covariance(axis))
+    @property
+    def error(self) -> PolarError:
+        return PolarError(self.axis, self.pole, self.noise, self.covariance - self.noise + rest_covariance(self.axis))
 
 
-def _solved(stretches: Sequence[Stretch], pole: Floats, wider: float) -> tuple[_Solved, float]:
-    """The shift of the axis from the pole, rad, and by how much variances have to be larger for the residuals."""
-    parts = [_rows(s, pole) for s in stretches]
+def _solved(stretches: Sequence[Stretch], pole: Floats, base: Floats, wider: float) -> tuple[_Solved, float]:
+    """The axis, sought about ``base``, and by how much variances have to be larger for the residuals."""
+    parts = [_rows(s, base) for s in stretches]
     own = sum(p.own.shape[1] for p in parts)
     doubts, rows, aims, at = [TUBE_ARCSEC * WORSE * ARCSEC], [], [], 3
     for part in parts:
@@ -239,8 +244,10 @@ def _solved(stretches: Sequence[Stretch], pole: Floats, wider: float) -> tuple[_
         at += count
     matrix, aim = np.concatenate(rows) / np.sqrt(wider), np.concatenate(aims) / np.sqrt(wider)
     known = np.array([FAR_RAD, FAR_RAD, *doubts]) ** -2.0
-    tracking = [_ra_row(s, pole) for s in stretches if not (s.held or s.ra_held)]
+    tracking = [_ra_row(s, base) for s in stretches if not (s.held or s.ra_held)]
+    across = np.stack(tangents(base))
     normal, right = matrix.T @ matrix + np.diag(known), matrix.T @ aim
+    right[:2] += across @ (pole - base) * known[:2]
     # RA runs at the sidereal rate within sigma: slope + bend . shift = 0
     for slope, bend, sigma in tracking:
         normal[:2, :2] += np.outer(bend, bend) / sigma**2
@@ -251,7 +258,9 @@ def _solved(stretches: Sequence[Stretch], pole: Floats, wider: float) -> tuple[_
     noise = np.linalg.inv(normal[np.ix_(free, free)])[:2, :2]
     pulses = _of_pulses(stretches, parts, np.linalg.solve(normal, matrix.T)[:2] / np.sqrt(wider))
     left = aim - matrix @ answer
-    return _Solved(answer[:2], noise + pulses, covariance + pulses), wider * _restless(left, parts, len(answer))
+    axis = _unit(base + answer[:2] @ across)
+    found = _Solved(axis, pole, noise + pulses, covariance + pulses)
+    return found, wider * _restless(left, parts, len(answer))
 
 
 def _of_pulses(stretches: Sequence[Stretch], parts: Sequence["_Rows"], gain: Floats) -> Floats:
@@ -282,9 +291,30 @@ class _Rows:
     doubts: list[float]
 
 
+def upright(boresights: Floats, axis: Floats) -> Floats:
+    """Camera axes (N, 3, 3) in E, N, U about directions (N, 3), an axis (3,) up as an equatorial mount holds them."""
+    across = np.cross(boresights, axis)
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    return np.stack([across, np.cross(boresights, across), boresights], axis=-1)
+
+
+def _matrices(stretch: Stretch, axis: Floats) -> Floats:
+    """Camera axes (N, 3, 3) in E, N, U; of a guide star as the mount would hold them had no pulse moved Dec.
+
+    Half a degree of pulses at 70 deg of Dec must be undone by a turn: added up they would be 40 arcsec wrong.
+    """
+    matrices = np.stack([a.matrix for a in stretch.attitudes])
+    if not len(stretch.pulses_rad):
+        return matrices
+    places, moved = matrices[:, :, 2], stretch.pulses_rad[:, None]
+    towards = axis - (places @ axis)[:, None] * places
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    return upright(np.cos(moved) * places - np.sin(moved) * towards, axis)
+
+
 def _rows(stretch: Stretch, pole: Floats) -> _Rows:
     """Where the camera sees the axis, along w (drift in Dec) and n (rotation of the field), both across it."""
-    measured = np.stack([a.matrix for a in stretch.attitudes])
+    measured = _matrices(stretch, pole)
     in_camera = (pole @ measured).mean(axis=0)  # where the camera sees the pole, R^T p, in the mean
     in_camera /= np.linalg.norm(in_camera)
     n = np.cross(in_camera, [0.0, 0.0, 1.0])
@@ -299,13 +329,15 @@ def _rows(stretch: Stretch, pole: Floats) -> _Rows:
     steps = stretch.steps if len(stretch.steps) else np.zeros(count)
     pulses = stretch.pulses_rad if len(stretch.pulses_rad) else np.zeros(count)
     zero, names = np.zeros(count), np.unique(steps)
-    # Own unknowns: Dec after each dither, the rotation, the creep of each an hour.
+    # Own unknowns: Dec after each dither, the rotation, the creep of each an hour, and what RA leaks into Dec.
     columns = [np.stack([(steps == name) * 1.0, zero], axis=-1) for name in names]
     columns += [np.stack([zero, np.ones(count)], axis=-1), np.stack([hours, zero], axis=-1)]
     columns += [np.stack([zero, hours], axis=-1)]
     doubts = [np.inf] * (len(names) + 1) + [CREEP_ARCSEC_H * ARCSEC] * 2
+    if stretch.ra_rad.any():
+        columns += [np.stack([stretch.ra_rad, zero], axis=-1)]
+        doubts += [LEAK]
     pushed = np.stack([pulses, zero], axis=-1)
-    aim = aim + pushed  # as it were without the pulses
     # A small rotation v about the camera's axes moves the axis by v . n along w and by -v . w along n.
     noisy = np.stack([n, -w])
     covariances = np.stack([noisy @ a.covariance @ noisy.T for a in stretch.attitudes])
@@ -379,15 +411,15 @@ UNSEEN = {
 }
 
 
-def _doubts(stretches: Sequence[Stretch], pole: Floats, wider: float, all_of_them: _Solved) -> list[PolarFinding]:
+def _doubts(stretches: Sequence[Stretch], wider: float, all_of_them: _Solved) -> list[PolarFinding]:
     """What leaves the axis unknown: Dec without a sign, stretches that show different axes."""
     found = []
     if not all(s.sign_known for s in stretches):
         text = tr(DEC_SIGN)
         found.append(PolarFinding(PolarFindingKind.DEC_SIGN, text, spoils=True))
     for number, stretch in enumerate(stretches, 1):
-        alone, _ = _solved((stretch,), pole, wider)
-        gap = alone.shift - all_of_them.shift
+        alone, _ = _solved((stretch,), all_of_them.pole, all_of_them.axis, wider)
+        gap = np.stack(tangents(all_of_them.axis)) @ (alone.axis - all_of_them.axis)
         if len(stretches) > 1 and gap @ np.linalg.solve(alone.covariance, gap) > 2.0 * CHI2_95:
             text = tr(OTHER_AXIS, part=number, parts=len(stretches))
             found.append(PolarFinding(PolarFindingKind.DISAGREE, text, spoils=True))
@@ -416,8 +448,9 @@ def _findings(stretches: Sequence[Stretch], error: PolarError, lowest_deg: float
     return found
 
 
-def _minutes_more(stretches: Sequence[Stretch], pole: Floats, wider: float, error: PolarError) -> float | None:
+def _minutes_more(stretches: Sequence[Stretch], found: _Solved, wider: float) -> float | None:
     """How much longer the last place has to be tracked at the same pace, all else alike."""
+    error = found.error
     if error.uncertainty_arcsec <= KNOWN_ARCSEC:
         return 0.0
     last = stretches[-1]
@@ -442,9 +475,10 @@ def _minutes_more(stretches: Sequence[Stretch], pole: Floats, wider: float, erro
             return None
         steps = np.append(last.steps, np.full(len(later), last.steps[-1])) if len(last.steps) else last.steps
         pulses = np.append(last.pulses_rad, np.full(len(later), last.pulses_rad[-1])) if len(last.pulses_rad) else steps
-        longer = replace(last, attitudes=(*last.attitudes, *later), steps=steps, pulses_rad=pulses)
-        solved, _ = _solved((*stretches[:-1], longer), pole, wider)
-        if solved.error(pole).uncertainty_arcsec <= KNOWN_ARCSEC:
+        lags = np.append(last.ra_rad, np.zeros(len(later))) if len(last.ra_rad) else last.ra_rad
+        longer = replace(last, attitudes=(*last.attitudes, *later), steps=steps, pulses_rad=pulses, ra_rad=lags)
+        solved, _ = _solved((*stretches[:-1], longer), found.pole, found.axis, wider)
+        if solved.error.uncertainty_arcsec <= KNOWN_ARCSEC:
             return more / 60.0
         more *= 1.25
     return None

@@ -18,7 +18,7 @@ from kochab.core.arrays import Floats
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.text_input import TextError, read_text
-from kochab.polar.drift import Stretch
+from kochab.polar.drift import Stretch, upright
 from kochab.polar.horizon import northern, observed_at, pole_direction
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.rotations import ARCSEC
@@ -177,14 +177,16 @@ def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Str
     sigma = [max(scatter / np.sqrt(b.sum()), LEAST_ARCSEC) * ARCSEC for b in bins]
     # One star does not show roll: 1 rad of sigma. Its mean over a bin is better by the root of the frames.
     attitudes = tuple(
-        LocalAttitude(_upright(b, pole), np.diag([s**2, s**2, 1.0]), section.begun + timedelta(seconds=float(t)))
-        for b, s, t in zip(seen, sigma, at, strict=True)
+        LocalAttitude(m, np.diag([s**2, s**2, 1.0]), section.begun + timedelta(seconds=float(t)))
+        for m, s, t in zip(upright(seen, pole), sigma, at, strict=True)
     )
     towards_pole = north_of * scale * (1.0 if northern(settings.site) else -1.0)
     moved = np.array([pushed[b].mean() for b in bins]) * towards_pole
     steps = np.array([level[b][0] for b in bins])
     held, known = bool(west.any()), bool(section.parity[1])
-    return Stretch(attitudes, False, held, known, moved, steps, f"{section.y_rate:.3f}", section.pier)
+    return Stretch(
+        attitudes, False, held, known, moved, lag * np.cos(declination), steps, f"{section.y_rate:.3f}", section.pier
+    )
 
 
 def _levels(time: Floats, dec: Floats, pushed: Floats, dither: Floats) -> Floats:
@@ -194,9 +196,3 @@ def _levels(time: Floats, dec: Floats, pushed: Floats, dither: Floats) -> Floats
     usual = max(float(np.median(np.abs(step))) / 0.6745, 1e-3)
     jumps = np.abs(step) > JUMP_SIGMAS * usual + JUMP_OF_PULSE * np.abs(np.diff(pushed))
     return np.cumsum(np.append(False, jumps | (np.diff(dither) != 0.0))).astype(np.float64)
-
-
-def _upright(boresight: Floats, pole: Floats) -> Floats:
-    """Camera axes (3, 3) in E, N, U about a direction, the pole up as an equatorial mount holds them."""
-    across = np.cross(boresight, pole) / np.linalg.norm(np.cross(boresight, pole))
-    return np.stack([across, np.cross(boresight, across), boresight], axis=1)
