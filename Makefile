@@ -11,6 +11,7 @@
 #   make fuzz     spoilt inputs of every kind against all that reads them    (make fuzz FUZZ="read --minutes 5")
 #   make killed   everything that writes, killed at any moment, on a full disk, in a read-only folder
 #   make evenings   random evenings with power cuts on mount boards of our own   (make evenings EVENINGS="48 --seed 7")
+#   make nights   200 guide logs and 960 people at the bolts whose axis is known, and how the answers end   (make nights SEED=2)
 #   make audit    bandit's remarks on the code, and known vulnerabilities of the packages (needs the network)
 #   make catalogs   make the files of catalogs/ from registry packages   (make catalogs CATALOGS="--out DIR")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
@@ -32,10 +33,11 @@ CATALOGS ?=
 INTO ?=
 FUZZ ?=
 EVENINGS ?= 24
+SEED ?= 1
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: catalogs house audit coverage evenings fuzz killed mutants resolve run test test-any-day translations lint style types patterns format bench system clean
+.PHONY: catalogs house audit coverage evenings fuzz killed mutants nights resolve run test test-any-day translations lint style types patterns format bench system clean
 
 run: SYSTEM = run
 run: system $(STAMP)
@@ -93,6 +95,10 @@ fuzz: $(STAMP) patterns
 
 evenings: $(STAMP)
 	@$(BIN)/python -m tests.boards.evenings $(EVENINGS)
+
+nights: $(STAMP)
+	@$(BIN)/python -m tests.nights.guide_logs --score 200 --seed $(SEED)
+	@$(BIN)/python -m tests.nights.hands --count 80 --seed $(SEED)
 
 killed: $(STAMP)
 	@$(BIN)/python -m tests.fuzz.killed $(FUZZ)
