@@ -91,7 +91,7 @@ class Astronomer:
                 board.clock_error_s = THIRTEEN_YEARS_S
             self._note(f"{start:%F %H:%M}", settings, board.port, f"clock {board.clock_error_s:.0f} s")
             try:
-                if self._do("connect", self._connect):
+                if self._do("connect", self._connect) is True:
                     self._through_the_night()
                 self._go_to_bed()
             except Hangs:
@@ -119,7 +119,7 @@ class Astronomer:
             self._disconnect: 2,
         }
         for _ in range(self.orders):
-            if self.guard is None and not self._do("connect", self._connect):
+            if self.guard is None and self._do("connect", self._connect) is not True:
                 continue
             if self.random.random() < 0.12:
                 self._cut("between")
