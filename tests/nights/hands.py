@@ -2,7 +2,7 @@
 
 ``python -m tests.nights.hands --count 80 --seed 1`` runs 80 hands of each kind and prints, a kind a line: worst and median
 final error, instructions used, how many ended worse than they began, how many below 60 arcsec within 30 instructions,
-and how often clock or zone was accused.
+how often clock or zone was accused, and the most turns asked of a bolt that nobody had ever turned.
 
 Mount, bolts and hands are angles and scipy's rotations, nothing of :mod:`kochab.polar`; a hand sees only what the
 tutor says, the product sees only attitudes as solved frames give them, with their noise.
@@ -75,9 +75,11 @@ class Bolt:
     backlash_turns: float
     coupling: float
     engaged: float = 0.0  # where in its play the thread is, turns
+    touched: bool = False
 
     def turn(self, turns: float) -> float:
         """What its own axis moves by, arcsec; play is crossed first."""
+        self.touched = True
         free = self.engaged + turns
         self.engaged = min(max(free, 0.0), self.backlash_turns)
         return (free - self.engaged) * self.arcsec_a_turn
@@ -218,6 +220,7 @@ class Run:
     instructions: int
     stopped: bool
     accused: bool
+    blind_turns: float  # the most that was asked of a bolt which nobody had ever turned
     told: tuple[str, ...]
 
 
@@ -225,7 +228,7 @@ def run(kind: Kind, seed: int) -> Run:
     """One hand from its first measurement to Stop, measured again as often as that leaves something to do."""
     mount = Mount(kind, seed)
     hand, tutor, told = Hand(kind, mount), Counted(), []
-    began, used, stopped = mount.total_arcsec, 0, False
+    began, used, stopped, blind = mount.total_arcsec, 0, False, 0.0
     for _ in range(8):
         measurement = _measured(mount)
         told += [finding.text for finding in measurement.findings if finding.spoils]
@@ -237,6 +240,8 @@ def run(kind: Kind, seed: int) -> Run:
             _watch(mount, guide, live)
         while used < INSTRUCTIONS and guide.instruction.step is not TutorStep.STOP:
             told.append(guide.instruction.words)
+            if not mount.bolts[guide.instruction.knob].touched:
+                blind = max(blind, abs(guide.instruction.turns))
             hand.follow(guide.instruction)
             used, here = used + 1, here + 1
             _settle(mount, guide, live, tutor)
@@ -245,7 +250,7 @@ def run(kind: Kind, seed: int) -> Run:
         if not stopped or not here:
             break
     accused = any(ACCUSED.search(words) for words in told)
-    return Run(kind.name, seed, began, mount.total_arcsec, used, stopped, accused, tuple(told))
+    return Run(kind.name, seed, began, mount.total_arcsec, used, stopped, accused, blind, tuple(told))
 
 
 def _measured(mount: Mount) -> Measurement:
@@ -283,7 +288,7 @@ def _enu(azimuth: float, altitude: float) -> np.ndarray:
 def report(runs: list[Run]) -> str:
     """A line a kind, and one of all."""
     names = [*dict.fromkeys(one.kind for one in runs), "all"]
-    head = f"{'':26}{'hands':>6}{'median':>8}{'worst':>8}{'used':>6}{'most':>6}{'worse':>7}{'<60':>6}{'accused':>9}"
+    head = f"{'':26}{'hands':>6}{'median':>8}{'worst':>8}{'used':>6}{'most':>6}{'worse':>7}{'<60':>6}{'accused':>9}{'blind':>7}"
     return "\n".join([head, *(_line(name, [one for one in runs if name in (one.kind, "all")]) for name in names)])
 
 
@@ -293,7 +298,7 @@ def _line(name: str, runs: list[Run]) -> str:
     worse = sum(one.ended_arcsec > one.began_arcsec for one in runs)
     near = int((ended < GOAL_ARCSEC).sum())
     accused = sum(one.accused for one in runs)
-    return f"{name:26}{len(runs):6}{np.median(ended):8.0f}{ended.max():8.0f}{np.median(used):6.0f}{used.max():6}{worse:7}{near:6}{accused:9}"
+    return f"{name:26}{len(runs):6}{np.median(ended):8.0f}{ended.max():8.0f}{np.median(used):6.0f}{used.max():6}{worse:7}{near:6}{accused:9}{max(one.blind_turns for one in runs):7.2f}"
 
 
 def main() -> None:
