@@ -28,6 +28,7 @@ from kochab.core.mount import Direction, Home, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.session import Meridian as Pier
 from kochab.gear.session import MountSelection, guarded, limits_at
+from kochab.workflows.nudge import nudge
 
 from . import BOARDS, SITE, Night, served
 from .mechanics import HOME_DEG
@@ -162,13 +163,17 @@ class Astronomer:
 
     def _goto(self):
         target = self._target()
-        self._slews("goto", lambda: run(self.guard.slew(*target)), target)
+        self._slews("goto", lambda: self._order("goto", lambda guard: guard.slew(*target)), target)
+
+    def _order(self, _name, make):
+        """A task of the guard's, to its end."""
+        run(make(self.guard))
 
     def _home(self):
-        self._slews("home", lambda: run(self.guard.rest("home")), None)
+        self._slews("home", lambda: self._order("home", lambda guard: guard.rest("home")), None)
 
     def _park(self):
-        self._slews("park", lambda: run(self.guard.rest("park")), None)
+        self._slews("park", lambda: self._order("park", lambda guard: guard.rest("park")), None)
 
     def _slews(self, what, order, target):
         """A motion that is waited for, with what may befall it."""
@@ -198,7 +203,7 @@ class Astronomer:
         rate, seconds = self.random.choice((0.1, 0.5, 2.0, 6.0)), self.random.uniform(0.3, 3.0)
         if lost := self.random.random() < 0.3:
             self.board.lose_stops(1)
-        self._do(f"nudge {direction} {rate} {seconds:.1f}", lambda: self.guard.move(direction, rate, seconds))
+        self._do(f"nudge {direction} {rate} {seconds:.1f}", lambda: self._order_nudge(direction, rate, seconds))
         if lost:
             time.sleep(seconds)
             if self._do("watch the nudge's end", self._look_on) is True and self.board.moving:
@@ -207,6 +212,13 @@ class Astronomer:
             time.sleep(seconds)  # and sometimes the next order comes while it runs out
         if self.random.random() < 0.3:
             self._sync()
+
+    def _order_nudge(self, direction, rate, seconds):
+        """As a person's key does, which waits for its end; or bare, as other motions use it."""
+        if self.random.random() < 0.5:
+            run(nudge(self.guard, direction, 3600.0 * rate * seconds, rate_deg_s=rate))
+        else:
+            self.guard.move(direction, rate, seconds)
 
     def _unpark(self):
         self._do("unpark", self.guard.unpark)
@@ -391,13 +403,15 @@ class Hangs(Exception):  # noqa: N818 (ends an evening)
     """An order did not come back."""
 
 
-def spend(kind, seed, orders=10, command_line=False):
-    """One evening, in a configuration of its own."""
+def spend(kind, seed, orders=10, where=""):
+    """One evening, in a configuration of its own: in this program, at the "command line" or at the "window"."""
     from .command_line import AtTheCommandLine
+    from .window import AtTheWindow
 
+    person = {"command line": AtTheCommandLine, "window": AtTheWindow}.get(where, Astronomer)
     with tempfile.TemporaryDirectory(prefix="kochab-evening-", ignore_cleanup_errors=True) as folder:
         os.environ["KOCHAB_CONFIG"] = folder
-        return (AtTheCommandLine if command_line else Astronomer)(kind, seed, orders).spend()
+        return person(kind, seed, orders).spend()
 
 
 def main(arguments=None):
@@ -408,12 +422,15 @@ def main(arguments=None):
     parser.add_argument("--board", choices=BOARDS)
     parser.add_argument("--orders", type=int, default=10, help="things done in an evening")
     parser.add_argument("--workers", type=int, default=4, help="evenings at once: they mostly wait")
-    parser.add_argument("--command-line", action="store_true", help="every order by a `kochab mount` of its own")
+    at = parser.add_mutually_exclusive_group()
+    at.add_argument("--command-line", action="store_true", help="every order by a `kochab mount` of its own")
+    at.add_argument("--window", action="store_true", help="by the thread of the window's line")
     parser.add_argument("--diary", action="store_true", help="print the whole of every evening with a violation")
     options = parser.parse_args(arguments)
     boards = [options.board] if options.board else list(BOARDS)
     deal = ((boards[k % len(boards)], options.seed + k // len(boards)) for k in range(options.count))
-    plans = [(*plan, options.orders, options.command_line) for plan in deal]
+    where = "command line" if options.command_line else "window" if options.window else ""
+    plans = [(*plan, options.orders, where) for plan in deal]
     counts = {board: Counter() for board in boards}
     with ProcessPoolExecutor(options.workers) as pool:
         for evening in pool.map(spend, *zip(*plans, strict=True)):
