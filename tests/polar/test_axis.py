@@ -296,32 +296,3 @@ def test_a_movement_is_named_from_three_of_its_sigmas_and_half_an_arcminute_on(s
     assert (found is not None) is named
     if named:
         assert (found.what, found.angle_arcsec) == ("declination", pytest.approx(sigmas * unit, rel=0.02))
-
-
-@pytest.mark.parametrize(("share", "named"), [(0.17, True), (0.23, False)])
-def test_a_movement_must_explain_four_fifths_of_what_is_wrong(share, named) -> None:
-    """Declination moved by ten arcminutes, and another frame is off by so much that a share of chi-square is left."""
-    mount = Mount(40.0, 600.0, 400.0)
-    across = np.cross([0.0, 0.0, 1.0], mount.attitude(0.0).T @ mount.axis)
-    across *= 600.0 * ARCSEC / np.linalg.norm(across)
-
-    def seen(off_arcsec, moved):
-        frames = mount.see([0, 20, 40, 60, 80], after=(2, Rotation.from_rotvec(across * moved).as_matrix()))
-        off = Rotation.from_rotvec([0.7 * off_arcsec * ARCSEC, -0.7 * off_arcsec * ARCSEC, 0.0]).as_matrix()
-        return [replace(f, matrix=f.matrix @ off) if k == 1 else f for k, f in enumerate(frames)]
-
-    def chi2(off_arcsec, moved):
-        return fit_axis(seen(off_arcsec, moved), mount.pole).chi2
-
-    def left(off_arcsec):
-        """By the best turn back in declination; nothing else explains more."""
-        return min(chi2(off_arcsec, step) for step in np.linspace(-0.6, 0.6, 13)) / chi2(off_arcsec, 1.0)
-
-    low, high = 0.0, 600.0
-    for _ in range(9):
-        middle = (low + high) / 2.0
-        low, high = (middle, high) if left(middle) < share else (low, middle)
-    frames = seen(low, 1.0)
-    fit = fit_axis(frames, mount.pole)
-    assert left(low) == pytest.approx(share, abs=0.02)
-    assert (find_movement(frames, fit, mount.pole) is not None) is named

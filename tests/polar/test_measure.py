@@ -143,7 +143,7 @@ def test_the_axis_is_the_one_that_knows_of_the_movement(arcmin):
         scaled.append(found.error.distance2(mount.axis))
     assert np.mean(np.array(scaled) < 5.99) > 0.8
     assert np.median(said_arcsec) < 60.0
-    assert np.mean(scaled) > 0.8  # two degrees of freedom: 2
+    assert np.mean(scaled) > 0.6  # two degrees of freedom: 2; less, for it holds a kick of the tripod as well
 
 
 @pytest.mark.parametrize("what", ["sinking", "creep", "wobble"])
@@ -172,7 +172,8 @@ def test_the_ellipse_holds_an_axis_whose_frames_moved_all_the_time(what):
 def test_the_live_phase_goes_on_from_where_declination_moved_to():
     mount = Mount(40.0, 600.0, 400.0)
     moved = dec_moved(mount, 60.0)
-    found = measure_local(mount.see([0, 20, 40, 60], after=(2, moved)), MeasureSettings(mount.site, Pole.TRUE, VACUUM))
+    seen = mount.see([0, 15, 30, 45, 60], after=(2, moved))
+    found = measure_local(seen, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
     later = mount.see([60, 60, 60, 60, 60], after=(2, moved))[-1]
     seen = LivePhase(found).update(later)
     assert seen.error.altitude_arcsec == pytest.approx(600.0, abs=1.0)
@@ -180,14 +181,14 @@ def test_the_live_phase_goes_on_from_where_declination_moved_to():
 
 
 def test_a_movement_that_does_not_explain_everything_spoils():
-    """The tripod was knocked besides, so that a tenth of what was wrong is left."""
+    """The tripod was knocked besides."""
     mount, knocked = Mount(40.0, 600.0, 400.0), Mount(40.0, 600.0, 1000.0)
     first = mount.see([0, 15, 30], after=(1, dec_moved(mount, 60.0)))
     later = knocked.see([0, 15, 30, 45, 60], after=(0, dec_moved(mount, 60.0)))[3:]
     found = measure_local(first + later, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
-    assert found.movement is not None
+    assert found.movement is None, "two things moved, and none alone explains it"
     assert found.spoilt
-    assert said(found, "DEC_MOVED")[0].endswith("and start again.")
+    assert said(found, "DISAGREE")[0].endswith("start again.")
 
 
 def test_frames_of_two_nights_are_no_measurement():
@@ -445,12 +446,12 @@ def test_the_lowest_frame_is_named_with_its_altitude(label):
 
 def test_a_movement_and_its_cure_are_told():
     mount = Mount(40.0, 600.0, 400.0)
-    found = measured(mount, [0, 20, 40, 60], after=(2, dec_moved(mount, 60.0)))
+    found = measured(mount, [0, 15, 30, 45, 60], after=(2, dec_moved(mount, 60.0)))
     assert said(found, "DEC_MOVED") == [
         f"Declination moved by {abs(found.movement.angle_arcsec) / 60.0:.1f}′ between frame 2 and frame 3."
         " Lock it; the axis allows for it."
     ]
-    turned = measured(mount, [0, 20, 40, 60], after=(3, Rotation.from_euler("z", 2.0, degrees=True).as_matrix()))
+    turned = measured(mount, [0, 15, 30, 45, 60], after=(3, Rotation.from_euler("z", 2.0, degrees=True).as_matrix()))
     assert said(turned, "CAMERA_TURNED") == [
         "The camera rotated in its holder by 2.00° between frame 3 and frame 4. Tighten it; the axis allows for it."
     ]

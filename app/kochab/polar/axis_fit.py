@@ -14,6 +14,7 @@ import numpy as np
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
 from kochab.polar.rotations import ARCSEC, about, about_each, rotation_vector, rotation_vectors, tangents
+from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, Supposed, suppose
 from kochab.polar.sighting import LocalAttitude
 
 # -- The axis from two attitudes: the axis of the rotation between them ------------------------
@@ -142,7 +143,7 @@ def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
     for _ in range(STEPS):
         # whiten is L^-1 of each covariance L L^T: whitened residuals have unit variance, for plain least squares
         residual, jacobian = _linear(axis, turns, reference, measured, whiten)
-        step = np.asarray(np.linalg.lstsq(jacobian, -residual.ravel(), rcond=None)[0], dtype=np.float64)
+        step = _least_squares(residual, jacobian.reshape(len(turns), 3, -1))
         axis, turns, reference = _moved(axis, turns, reference, step)
         if np.abs(step).max() < SMALLEST_STEP_RAD:
             break
@@ -196,6 +197,20 @@ def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, wh
     return residual, jacobian.reshape(3 * count, count + 4)
 
 
+def _least_squares(residual: Floats, jacobian: Floats) -> Floats:
+    """The step (N + 4,) of least squares; a turn stands in its own frame's rows alone, and is eliminated there."""
+    later = np.arange(1, len(residual))
+    own = np.zeros_like(residual)
+    own[1:] = jacobian[later, :, 4 + later]
+    square = np.maximum(np.einsum("ki,ki->k", own, own), np.finfo(np.float64).tiny)
+    across = np.eye(3) - own[:, :, None] * own[:, None, :] / square[:, None, None]
+    common = jacobian[:, :, :5]
+    rows, aim = (across @ common).reshape(-1, 5), -(across @ residual[..., None]).ravel()
+    step = np.asarray(np.linalg.lstsq(rows, aim, rcond=None)[0], dtype=np.float64)
+    turns = -np.einsum("ki,ki->k", own, residual + common @ step) / square
+    return np.append(step, turns[1:])
+
+
 def _moved(axis: Floats, turns: Floats, reference: Floats, step: Floats) -> tuple[Floats, Floats, Floats]:
     upward, clockwise = tangents(axis)
     moved = axis + step[0] * upward + step[1] * clockwise
@@ -224,33 +239,41 @@ def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, 
 
 # -- What moved between the frames, when they do not share one axis ----------------------------
 # Frames of one sweep may only differ by turns about one axis. When chi-square says that they do
-# not, one more thing is assumed to have moved between two frames - the declination axis, or the
-# camera in its holder - and the axis is fitted again with that movement as another unknown. The
-# movement that leaves the least is named when it explains the rest, and the axis is then the one that knows of it.
+# not, one more thing is supposed to have moved between two frames (`kochab.polar.seen_axis`), and each supposition is
+# weighed by its evidence. What the frames can tell is named. Allowed for is only what leaves the axis on the ground
+# where it was, and only where five frames or more can contradict it: three fit a kicked tripod to a hair as well.
 
 UNLIKELY = 1e-3  # chi-squares less probable than this are not noise
 LEAST_ARCSEC = 30.0  # less is flexure or wind, and no axis that was left unlocked
+ENOUGH_FRAMES = 5  # of which one supposition may be told from the others
+PLAUSIBLE, SUDDEN, SURE = 0.1, 0.5, 0.7  # odds of a cause named among others, of anything named, of what is allowed for
+COMMON = {Cause.DECLINATION: 0.4, Cause.CAMERA: 0.2, Cause.TUBE: 0.1, Cause.MOUNT: 0.2, Cause.FRAME: 0.1}
+FARTHEST_RAD = np.radians(5.0)  # what moved further was turned: no clutch slips so far, and no tripod stands after it
+ON_THE_MOUNT = (Cause.DECLINATION, Cause.CAMERA, Cause.TUBE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Movement:
-    """``what`` moved by ``angle_arcsec`` between the frames labelled ``before`` and ``after``.
+    """``what`` moved by ``angle_arcsec`` between the frames labelled ``before`` and ``after``, or something else did.
 
-    ``fit`` knows of it: its reference and camera are those of the later frames, and its covariances count what is not
-    known of the angle and which of the movements it was.
+    ``causes`` are all that the frames leave open; ``turned`` is further than anything slips, as in a flip. ``fit``
+    knows of the movement: its reference and camera are those of the later frames, and its covariances count what is
+    not known of the angle and which of the movements it was.
     """
 
-    what: str
+    what: Cause
     before: str
     after: str
     angle_arcsec: float
     sigma_arcsec: float
     fit: AxisFit
     likely: bool = True
+    causes: tuple[Cause, ...] = ()
+    turned: bool = False
 
     @property
     def explains(self) -> bool:
-        """Whether nothing is left that noise does not do and nothing slow is likelier, so that the fit may be used."""
+        """Whether nothing is left that noise does not do and nothing else is likelier, so that the fit may be used."""
         return self.likely and self.fit.chance > UNLIKELY
 
 
@@ -258,20 +281,58 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
     """The movement that best explains a poor fit of three or more frames; None when none does."""
     if len(attitudes) < 3 or fit.chance > UNLIKELY:
         return None
-    suppositions = _suppositions(attitudes, fit, towards)
-    best = min(suppositions, key=lambda m: m.fit.chi2)
-    # Also told when it takes away 80 % but leaves more than noise: `explains` then keeps its fit from being used.
-    explained = best.fit.chi2 < 0.2 * fit.chi2 or best.fit.chance > UNLIKELY
-    if not explained or abs(best.angle_arcsec) <= max(3.0 * best.sigma_arcsec, LEAST_ARCSEC):
+    supposed = suppose(attitudes, towards)
+    sudden = _sudden(supposed)
+    best = supposed[int(np.argmax([g.evidence for g in sudden]))]
+    if abs(best.angle_rad) <= max(3.0 * best.sigma_rad.max(), LEAST_ARCSEC * ARCSEC):
         return None
-    models = [*_sudden(suppositions), *_gradual(attitudes, fit)]
-    likely = bool(_odds(models)[: len(suppositions)].sum() > SUDDEN)
-    return replace(best, fit=_widened(best.fit, _about(best.fit, models)), likely=likely)
+    models = [*sudden, *_gradual(attitudes, fit)]
+    among_all, odds = _odds(models)[: len(sudden)], _odds(sudden)
+    if among_all.sum() < SUDDEN:
+        return None
+    causes = _left_open(supposed, odds, best, len(attitudes))
+    turned = abs(best.angle_rad) > FARTHEST_RAD and best.cause in ON_THE_MOUNT
+    sure = float(among_all[[s.cause in ON_THE_MOUNT for s in supposed]].sum()) > SURE
+    gaps = [s.after for s, odd in zip(supposed, odds, strict=True) if odd > PLAUSIBLE]
+    names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
+    one = best.cause is Cause.FRAME and causes == (Cause.FRAME,)
+    return Movement(
+        best.looks_like,
+        names[best.after if one else min(gaps)],
+        names[best.after if one else min(max(gaps) + 1, len(names) - 1)],
+        best.angle_rad / ARCSEC,
+        float(best.sigma_rad.max()) / ARCSEC,
+        _widened(fitted := _knowing(attitudes, best, towards), _about(fitted, models)),
+        likely=sure and best.cause in ON_THE_MOUNT and len(attitudes) >= ENOUGH_FRAMES,
+        turned=turned,
+        causes=causes,
+    )
 
 
-def _suppositions(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> list[Movement]:
-    gaps, kinds = range(len(attitudes) - 1), ("declination", "camera")
-    return [_suppose(attitudes, fit, towards, what, after) for after in gaps for what in kinds]
+def _left_open(supposed: Sequence[Supposed], odds: Floats, best: Supposed, frames: int) -> tuple[Cause, ...]:
+    """The causes that the frames do not rule out; of few frames always those that look alike in them."""
+    share = {c: float(odds[[s.looks_like is c for s in supposed]].sum()) for c in Cause}
+    open_ = {cause for cause in Cause if share[cause] > PLAUSIBLE} | {best.looks_like}
+    if frames < ENOUGH_FRAMES and abs(best.angle_rad) < FARTHEST_RAD:
+        open_ |= {Cause.DECLINATION, Cause.MOUNT}
+    return tuple(cause for cause in Cause if cause in open_)
+
+
+def _knowing(attitudes: Sequence[LocalAttitude], best: Supposed, towards: Floats) -> AxisFit:
+    """The fit with the earlier frames taken to where the later ones stand, and the covariances of all unknowns.
+
+    The earlier frames are turned, not the later ones: the live phase goes on with the camera as it stands in the end.
+    """
+
+    def taken(number: int, one: LocalAttitude) -> LocalAttitude:
+        if (number != best.after) if best.cause is Cause.FRAME else (number > best.after):
+            return one
+        matrix = best.undo @ one.matrix if best.cause is Cause.MOUNT else one.matrix @ best.undo
+        return replace(one, matrix=matrix)
+
+    fit = fit_axis([taken(number, one) for number, one in enumerate(attitudes)], towards)
+    known = {"covariance": best.covariance, "camera_covariance": best.camera_covariance}
+    return replace(fit, **known, moved=UNKNOWNS[best.cause])
 
 
 # -- What moves all the time: a tripod that sinks, a camera that creeps, a bearing that wobbles ----
@@ -284,7 +345,6 @@ SMALL_ARCSEC, SIZES = 60.0, 4.0
 SCATTERS_ARCSEC = (10.0, 30.0, 90.0)
 WOBBLES = (2, 4)  # times a turn; once a turn is no wobble, but where camera or axis stands
 STILL, GROWS, WOBBLES_SO, SCATTERS = 0.4, 0.18, 0.1, 0.015  # how common: nothing, each that grows, wobbles, scatters
-SUDDEN = 0.5  # a sudden movement must be so probable for its fit to be used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,21 +358,26 @@ class Gradual:
 
 def doubted(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> AxisFit:
     """The fit of frames that share no axis, its axis and ellipse those of whatever may have moved."""
-    models = [*_gradual(attitudes, fit), *_sudden(_suppositions(attitudes, fit, towards))]
+    models = [*_gradual(attitudes, fit), *_sudden(suppose(attitudes, towards))]
     mean = np.einsum("k,ki->i", _odds(models), np.stack([g.axis for g in models]))
     moved = replace(fit, axis=mean / np.linalg.norm(mean))
     return _widened(moved, _about(moved, models))
 
 
-def _sudden(suppositions: Sequence[Movement]) -> list["Gradual"]:
+def _sudden(supposed: Sequence[Supposed]) -> list["Gradual"]:
     """Sudden movements among the models, together as common as one that grows."""
-    common = np.log(GROWS / len(suppositions))
+    gaps = len({s.after for s in supposed})
     found = []
-    for m in suppositions:  # as common at every size, from about an arcminute to degrees
-        known = np.isfinite(m.sigma_arcsec)  # chi-square has a smallest value there
-        # Occam: the width of the likelihood over that of a prior that falls as one over the size
-        prior = np.log(m.sigma_arcsec / (SIZES * (abs(m.angle_arcsec) + SMALL_ARCSEC))) if known else -np.inf
-        found.append(Gradual(m.fit.axis, m.fit.covariance, float(prior + common) - 0.5 * m.fit.chi2))
+    for s in supposed:  # as common at every size, from about an arcminute to degrees
+        # Occam: the width of the likelihood over that of a prior that falls as one over the size, each of its unknowns
+        width = s.sigma_rad / (abs(s.angle_rad) + SMALL_ARCSEC * ARCSEC)
+        far = s.cause is Cause.MOUNT and abs(s.angle_rad) > FARTHEST_RAD
+        known = np.isfinite(width).all() and width.min() > 0.0 and not far
+        if s.looks_like is not s.cause:  # of all ways few look like that; half of such tubes and cameras are parallel
+            width = np.array([width.max(), 0.5 * min(1.0, np.pi / (2.0 * CONE_RAD) * width.min())])
+        prior = float(np.log(width).sum() - np.log(SIZES)) if known else -np.inf
+        common = float(np.log(GROWS * COMMON[s.looks_like] / gaps))
+        found.append(Gradual(s.axis, s.covariance, prior + common - 0.5 * s.chi2))
     return found
 
 
@@ -397,49 +462,3 @@ def _widened(fit: AxisFit, more: Floats) -> AxisFit:
     into_camera = fit.reference.T @ np.stack(tangents(fit.axis), axis=1)
     in_camera = fit.camera_covariance + into_camera @ more @ into_camera.T
     return replace(fit, covariance=fit.covariance + more, camera_covariance=in_camera)
-
-
-def _suppose(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int) -> Movement:
-    """The fit with the earlier frames turned after the later ones about one axis of the camera by the best angle.
-
-    Chi-square is nearly a parabola in the angle: Newton's steps from three values of it.
-    """
-    angle, step, curvature = 0.0, 30.0 * ARCSEC, 1.0
-    tried = fit
-    for _ in range(6):
-        low, here, high = (_turned_after(attitudes, tried, towards, what, after, angle + d) for d in (-step, 0.0, step))
-        slope = (high.chi2 - low.chi2) / (2.0 * step)
-        curvature = (high.chi2 + low.chi2 - 2.0 * here.chi2) / step**2
-        tried = here
-        if curvature <= 0:
-            break
-        change = -slope / curvature
-        angle += float(np.clip(change, -0.2, 0.2))  # far from the minimum the parabola asks for any angle
-        if abs(change) < 0.1 * ARCSEC:
-            break
-    sigma = np.sqrt(2.0 / curvature) if curvature > 0 else np.inf
-    final = _turned_after(attitudes, tried, towards, what, after, angle)
-    if np.isfinite(sigma):
-        # What is not known of the angle moves the axis along one line: covariance of rank one.
-        a_sigma = _apart(final, _turned_after(attitudes, tried, towards, what, after, angle + float(sigma)).axis)
-        final = replace(_widened(final, np.outer(a_sigma, a_sigma)), moved=1)
-    names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
-    return Movement(what, names[after], names[after + 1], angle / ARCSEC, float(sigma) / ARCSEC, final)
-
-
-def _turned_after(
-    attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats, what: str, after: int, angle: float
-) -> AxisFit:
-    # The earlier frames are turned, not the later ones: the live phase goes on with the camera as it stands in the end.
-    turn = about(_moving_axis(fit, what), angle)
-    return fit_axis([replace(a, matrix=a.matrix @ turn) if k <= after else a for k, a in enumerate(attitudes)], towards)
-
-
-def _moving_axis(fit: AxisFit, what: str) -> Floats:
-    """The axis (3,), in camera axes, of a movement in declination or of the camera alone."""
-    boresight = np.array([0.0, 0.0, 1.0])
-    if what == "camera":
-        return boresight
-    across = np.cross(boresight, fit.reference.T @ fit.axis)  # no turn about the axis moves it in the camera
-    length = float(np.linalg.norm(across))
-    return across / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])

@@ -19,6 +19,7 @@ from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction, tracking_rad_s
 from kochab.polar.rotations import ARCSEC, about, rotation_vector
+from kochab.polar.seen_axis import Cause
 from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics, to_local, with_one_camera
 
 
@@ -30,6 +31,8 @@ class PolarFindingKind(StrEnum):
     LOW = "frame too low"
     DEC_MOVED = "declination moved"
     CAMERA_TURNED = "camera turned in its holder"
+    MOUNT_MOVED = "tripod or bolt moved"
+    ONE_FRAME = "one frame off the others' axis"
     DISAGREE = "frames do not share one axis"
     RESTLESS = "residuals larger than noise"
     UNCHECKED = "two frames only"
@@ -151,30 +154,78 @@ def _place_and_time(lowest: LocalAttitude, error: PolarError) -> Iterator[PolarF
         )
 
 
-MOVED = {
-    (True, True): tr_noop(
+ALLOWED_FOR = {
+    Cause.DECLINATION: tr_noop(
         "Declination moved by {angle} between {before} and {after}. Lock it; the axis allows for it."
     ),
-    (True, False): tr_noop("Declination moved by {angle} between {before} and {after}. Lock it and start again."),
-    (False, True): tr_noop(
+    Cause.CAMERA: tr_noop(
         "The camera rotated in its holder by {angle} between {before} and {after}. Tighten it; the axis allows for it."
     ),
-    (False, False): tr_noop(
-        "The camera rotated in its holder by {angle} between {before} and {after}. Tighten it and start again."
+    Cause.TUBE: tr_noop(
+        "The camera or its tube was knocked by {angle} between {before} and {after}. Tighten it; the axis allows for"
+        " it."
     ),
 }
-"""By whether declination moved and whether that explains the residuals."""
+MOVED = {
+    Cause.DECLINATION: tr_noop("Declination moved by {angle} between {before} and {after}. Lock it and start again."),
+    Cause.CAMERA: tr_noop(
+        "The camera rotated in its holder by {angle} between {before} and {after}. Tighten it and start again."
+    ),
+    Cause.TUBE: tr_noop(
+        "The camera or its tube was knocked by {angle} between {before} and {after}. Tighten it and start again."
+    ),
+    Cause.MOUNT: tr_noop(
+        "The tripod or a bolt moved by {angle} between {before} and {after}. Leave both alone and start again."
+    ),
+    Cause.FRAME: tr_noop(
+        "{before} is {angle} off the axis of the others: its time is wrong, or the mount still moved. Leave it out."
+    ),
+}
+LEFT_OPEN = tr_noop(
+    "Declination, the tripod or a bolt moved by about {angle} between {before} and {after}. Lock it, leave the bolts"
+    " alone and start again."
+)
+LEFT_OPEN_CAMERA = tr_noop(
+    "Declination, the camera, the tripod or a bolt moved by about {angle} between {before} and {after}. Lock both,"
+    " leave the bolts alone and start again."
+)
+TURNED = {
+    True: tr_noop(
+        "The mount flipped, or declination or the camera was turned, by {angle} between {before} and {after}. The axis"
+        " allows for it."
+    ),
+    False: tr_noop(
+        "The mount flipped, or declination or the camera was turned, by {angle} between {before} and {after}. Rotate RA"
+        " alone and start again."
+    ),
+}
+"""By whether the axis allows for it."""
+
+KIND_OF = {
+    Cause.DECLINATION: PolarFindingKind.DEC_MOVED,
+    Cause.CAMERA: PolarFindingKind.CAMERA_TURNED,
+    Cause.TUBE: PolarFindingKind.CAMERA_TURNED,
+    Cause.MOUNT: PolarFindingKind.MOUNT_MOVED,
+    Cause.FRAME: PolarFindingKind.ONE_FRAME,
+}
+
+
+def _moved_in_words(movement: Movement) -> str:
+    """What the frames can tell of a movement, and no more."""
+    if movement.turned:
+        return TURNED[movement.explains]
+    if movement.explains:
+        return ALLOWED_FOR[movement.what]
+    if movement.causes == (movement.what,):
+        return MOVED[movement.what]
+    return LEFT_OPEN_CAMERA if {Cause.CAMERA, Cause.TUBE} & set(movement.causes) else LEFT_OPEN
 
 
 def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[PolarFinding]:
     if movement is not None:
-        declination = movement.what == "declination"
-        angle = angle_in_words(movement.angle_arcsec)
-        yield PolarFinding(
-            PolarFindingKind.DEC_MOVED if declination else PolarFindingKind.CAMERA_TURNED,
-            tr(MOVED[declination, movement.explains], angle=angle, before=movement.before, after=movement.after),
-            spoils=not movement.explains,
-        )
+        angle, of_them = angle_in_words(movement.angle_arcsec), {"before": movement.before, "after": movement.after}
+        text = tr(_moved_in_words(movement), angle=angle, **of_them)
+        yield PolarFinding(KIND_OF[movement.what], text, spoils=not movement.explains)
         return
     if all(fit.freedom <= 0 for fit in fits):
         yield PolarFinding(

@@ -1,0 +1,143 @@
+"""What becomes of sweeps that went wrong: frames under erfa's sky through all of ``kochab polar`` but the pictures.
+
+Each run draws a sweep of :mod:`kochab.lab.bench.polar_sweeps` or light frames of a mount that tracked, lets one thing
+go wrong, solves the frames (stars with noise, fitted as the solver does) and asks for the axis as the command does. An
+answer is *silent* where it is wrong, outside its 95 % ellipse, and nothing said so: the exit code is 0 and bolts are
+told. Healthy sweeps are *accused* where the exit code is 1. The axis is the one at the last frame.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from kochab.attitude.fit import refine
+from kochab.core.arrays import Floats
+from kochab.core.attitude import Attitude, angle_between, radec_deg
+from kochab.core.camera import Camera
+from kochab.core.frame import Site
+from kochab.core.solution import Matches, NamedStar, Solution
+from kochab.lab.bench import Row
+from kochab.lab.bench import polar_sweeps as sky
+from kochab.lab.bench.polar_sweeps import Random, Sweep
+from kochab.polar.error import CHI2_95
+from kochab.polar.horizon import Refraction
+from kochab.polar.measure import NoAxis
+from kochab.workflows.polar.solutions import FilesAxis, FilesTold, axis_of
+from kochab.workflows.polar.sources import SolvedFile
+
+SEED = 290_000
+FULL, QUICK = 200, 8
+MOST_SILENT, MOST_ACCUSED = 0.05, 0.01
+
+
+def solved_files(sweep: Sweep, rng: Random) -> list[SolvedFile]:
+    """The frames of a sweep, solved from their stars, with what their headers say of the time."""
+    rig, files = sweep.rig, []
+    camera = Camera.centred(rig.width, rig.height, rig.focal_px)
+    for number, shot in enumerate(sweep.exposures):
+        xy, icrs = sweep.stars(number, rng)
+        u, _, vt = np.linalg.svd(rig.directions(xy).T @ icrs)
+        start = Attitude(u @ np.diag((1.0, 1.0, np.linalg.det(u @ vt))) @ vt)
+        fit = refine(Matches(count := np.arange(len(xy)), count, xy, icrs), camera, start)
+        stars = (
+            NamedStar(float(at[0]), float(at[1]), "", "", 8.0, *radec_deg(v), 0.0)
+            for at, v in zip(xy, icrs, strict=True)
+        )
+        solution = Solution(fit.camera, fit.attitude, tuple(stars), fit.rms_px, -30.0, "")
+        files.append(SolvedFile(f"frame {number + 1}", solution, shot.said, None))
+    return files
+
+
+def axis_told(sweep: Sweep, rng: Random, utc_offset_h: float | None = 0.0) -> FilesAxis:
+    """What ``kochab polar`` says of a sweep: its site given, its clock as sure as ``utc_offset_h`` makes it."""
+    said = sweep.said_place
+    site = Site(said.latitude_deg, said.longitude_deg, said.height_m)
+    air = Refraction(sweep.place.pressure_hpa, sweep.place.temperature_c, sweep.place.humidity)
+    files = solved_files(sweep, rng)
+    return axis_of(files, [0] * len(files), [], FilesTold(site, refraction=air, utc_offset_h=utc_offset_h))
+
+
+# -- Kinds of evenings: what is drawn, and what goes wrong -------------------------------------------
+
+
+def _sweep(change: Callable[[Sweep, Random], Sweep], frames: int | None = None) -> Callable[[Random], Sweep]:
+    return lambda rng: change(sky.random_sweep(rng, frames), rng)
+
+
+def _lights(change: Callable[[Sweep, Random], Sweep], guided: bool) -> Callable[[Random], Sweep]:
+    def drawn(rng: Random) -> Sweep:
+        while (
+            sweep := sky.tracked(sky.random_sweep(rng, 2), rng, rng.uniform(20.0, 90.0), guided)
+        ).lowest_deg() < 20.0:
+            pass
+        return change(sweep, rng)
+
+    return drawn
+
+
+def _still(sweep: Sweep, rng: Random) -> Sweep:
+    return sweep
+
+
+KINDS: dict[str, Callable[[Random], Sweep]] = {
+    "healthy": _sweep(_still),
+    "healthy, 3 frames": _sweep(_still, 3),
+    "healthy, 2 frames": _sweep(_still, 2),
+    "healthy, tracked": _lights(_still, guided=False),
+    "healthy, guided": _lights(_still, guided=True),
+    "Dec moved": _sweep(sky.with_dec_moved),
+    "Dec moved, 2 frames": _sweep(sky.with_dec_moved, 2),
+    "Dec moved, 3 frames": _sweep(sky.with_dec_moved, 3),
+    "kick": _sweep(sky.with_kick),
+    "kick, 2 frames": _sweep(sky.with_kick, 2),
+    "kick, 3 frames": _sweep(sky.with_kick, 3),
+    "kick, 4 frames": _sweep(sky.with_kick, 4),
+    "bolt": _sweep(sky.with_bolt),
+    "camera tilted": _sweep(sky.with_camera_tilted),
+    "camera turned": _sweep(sky.with_camera_turned),
+    "flip": _sweep(sky.with_flip),
+    "flip, tracked": _lights(sky.with_flip, guided=False),
+    "flip, guided": _lights(sky.with_flip, guided=True),
+    "camera turned, tracked": _lights(sky.with_camera_turned, guided=False),
+    "camera turned, guided": _lights(sky.with_camera_turned, guided=True),
+    "kick, tracked": _lights(sky.with_kick, guided=False),
+    "kick, guided": _lights(sky.with_kick, guided=True),
+    "one time wrong, 2 frames": _sweep(sky.with_one_time_wrong, 2),
+    "one time wrong": _sweep(sky.with_one_time_wrong),
+    "clock an hour wrong": _sweep(sky.with_clock_wrong),
+    "site 1 deg wrong": _sweep(sky.with_site_wrong),
+    "latitude sign": _sweep(lambda sweep, rng: sky.with_sign_wrong(sweep, "latitude")),
+    "longitude sign": _sweep(lambda sweep, rng: sky.with_sign_wrong(sweep, "longitude")),
+}
+
+
+# -- Scores ------------------------------------------------------------------------------------------
+
+
+def true_axis(sweep: Sweep, pole: Floats) -> Floats:
+    """The true axis (E, N, U) as its bolts have to be turned, about a pole that stands where the said site has it."""
+    (axis, there), (up, side) = (_alt_az(v) for v in (sweep.axis, sky.refracted_pole(sweep.place))), _alt_az(pole)
+    altitude, azimuth = up + axis[0] - there[0], side + axis[1] - there[1]
+    return np.array([np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth), np.sin(altitude)])
+
+
+def _alt_az(v: Floats) -> tuple[float, float]:
+    return float(np.arcsin(v[2])), float(np.arctan2(v[0], v[1]))
+
+
+def judge(kind: str, seed: int) -> Row:
+    """One evening: how far off the axis is, whether its ellipse holds it, and what was said."""
+    rng = np.random.default_rng([SEED, list(KINDS).index(kind), seed])
+    sweep = KINDS[kind](rng)
+    told = axis_told(sweep, rng).result
+    if isinstance(told, NoAxis):
+        return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "told": (told.kind.name,)}
+    whole, truth = told.error.with_flexure, true_axis(sweep, told.error.pole)
+    return {
+        "bolts": not told.spoilt and getattr(told, "checked", True),
+        "code": int(told.spoilt),
+        "inside": whole.distance2(truth) <= CHI2_95,
+        "off_arcsec": angle_between(told.error.axis, truth) / sky.ARCSEC,
+        "said_arcsec": whole.uncertainty_arcsec,
+        "told": tuple(finding.kind.name for finding in told.findings),
+    }
