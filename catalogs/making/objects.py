@@ -3,6 +3,7 @@
 import re
 import sqlite3
 from collections import defaultdict
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -38,8 +39,7 @@ BROUGHT = (
 """Objects of these that OpenNGC lacks are taken from Stellarium, called by the first that they have."""
 APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third of the object
 CITED = 3  # sources that Stellarium gives for a name before it is shown
-SIZES_ARCMIN = {"IC 349": 0.5}
-"""OpenNGC gives IC 349 the 26 arcmin of NGC 1435: it is a patch beside Merope (Herbig 1996, AJ 111, 1241)."""
+CORRECTIONS = Path(__file__).with_name("corrections.tsv")
 OUTLINE_OF = {"NGC 1978": "NGC 1977"}
 """Stellarium's outline about the Running Man bears a number of the Large Magellanic Cloud."""
 
@@ -47,7 +47,7 @@ OUTLINE_OF = {"NGC 1978": "NGC 1977"}
 def read_openngc(database: Path) -> list[SkyObject]:
     """OpenNGC's objects; duplicates and lost ones are left out."""
     query = (
-        "select name, type, ra, dec, coalesce(vmag, bmag), majax, minax, pa, messier, commonnames"
+        "select name, type, ra, dec, vmag, bmag, majax, minax, pa, messier, commonnames"
         " from objects where ra is not null and type not in ('Dup', 'NonEx') order by name"
     )
     try:
@@ -56,9 +56,9 @@ def read_openngc(database: Path) -> list[SkyObject]:
     except sqlite3.Error as error:
         raise CatalogueError("{name} cannot be read: {error}.", name=database.name, error=error) from error
     found = []
-    for name, kind, ra, dec, mag, major, minor, pa, messier, common in rows:
-        one = SkyObject(designation(name), kind, float(np.degrees(ra)), float(np.degrees(dec)), mag, major, minor, pa)
-        one.major = SIZES_ARCMIN.get(one.name, one.major)
+    for name, kind, ra, dec, visual, blue, major, minor, pa, messier, common in rows:
+        one = SkyObject(designation(name), kind, float(np.degrees(ra)), float(np.degrees(dec)))
+        one.visual, one.blue, one.major, one.minor, one.pa_deg = visual, blue, major, minor, pa
         one.messier = f"M{int(messier)}" if messier else ""
         one.common = [word.strip().removeprefix("the ") for word in (common or "").split(",") if word.strip()]
         found.append(one)
@@ -113,12 +113,88 @@ def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]
             at.also += [
                 word for word in other.also if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))
             ]
-            if at.major is None:
+            at.mag, at.band = magnitude((at.visual, other.visual), (at.blue, other.blue))
+            larger = at.kind in CLUSTERS and (other.major or 0.0) > (at.major or 0.0)
+            if at.major is None or larger:
                 at.major, at.minor, at.pa_deg = other.major, other.minor, other.pa_deg
         elif wanted and wanted[0] not in brought:
             other.name, other.also = wanted[0], [word for word in other.also if word != wanted[0]]
             brought[other.name] = other
+    for one in (*objects, *brought.values()):
+        if not one.band:
+            one.mag, one.band = magnitude((one.visual,), (one.blue,))
+        if one.kind == "GCl" and in_the_clouds(one) and one.name not in OLD_IN_THE_CLOUDS:
+            one.kind = "OCl"
     return sorted((*objects, *brought.values()), key=lambda one: one.name)
+
+
+CLUSTERS = ("OCl", "GCl", "Cl+N")
+"""OpenNGC has them too small (0.86 of Steinicke's sizes in the median): the larger of two sizes is taken."""
+REDDEST, BLUEST, AGREE_MAG = 2.0, -0.6, 1.0
+"""Colours B - V that a cluster or a galaxy can have, and how far two sources may differ."""
+OLD_IN_THE_CLOUDS = frozenset(
+    f"NGC {n}" for n in (121, 1466, 1754, 1786, 1835, 1841, 1898, 1916, 1928, 1939, 2005, 2019, 2210, 2257, 104, 362)
+)
+"""The true globular clusters among the Magellanic Clouds' (Suntzeff et al. 1992, AJ 104, 1743), and two before them."""
+CLOUDS_DEG = ((80.9, -69.8, 9.0), (13.2, -72.8, 5.0))
+
+
+def in_the_clouds(one: SkyObject) -> bool:
+    """Whether it stands in the Large or the Small Magellanic Cloud's part of the sky."""
+    return any(one.away_arcmin(SkyObject("", "", ra, dec)) < 60.0 * reach for ra, dec, reach in CLOUDS_DEG)
+
+
+def magnitude(visual: Sequence[float | None], blue: Sequence[float | None]) -> tuple[float | None, str]:
+    """The magnitude to show and its band, from those of one source or two: ``V``, ``B`` or ``?``.
+
+    A V that no colour explains beside B betrays itself; so does one that is the other column's B again. Two that
+    differ by more than a magnitude, neither with a B to decide, contradict each other: ``?``.
+    """
+    known = [mag for mag in visual if mag is not None]
+    reference = next((mag for mag in blue if mag is not None), None)
+    if reference is not None:
+        known = [mag for mag in known if BLUEST <= reference - mag <= REDDEST]
+        own = [mag for mag in known if abs(mag - reference) > 0.05]
+        if not own:
+            return reference, "B"
+        return own[0], "V" if max(own) - min(own) <= AGREE_MAG else "?"
+    if not known:
+        return None, ""
+    return known[0], "V" if max(known) - min(known) <= AGREE_MAG else "?"
+
+
+def corrected(objects: list[SkyObject], path: Path) -> tuple[list[SkyObject], int]:
+    """The objects with the rows of ``corrections.tsv``, what both sources have wrong; how many rows found no object."""
+    named = {word: one for one in objects for word in one.also} | {one.name: one for one in objects}
+    gone, left = set[str](), 0
+    for line in path.read_text("utf-8").splitlines()[1:]:
+        name, column, value, _ = line.split("\t")
+        one = named.get(name)
+        if one is None:  # in no source
+            left += 1
+        elif column == "mag":
+            one.mag, one.band = (float(value.split()[0]), value.split()[1]) if value else (None, "")
+        elif column == "size":
+            one.major, one.minor = (float(side) for side in (value.split() * 2)[:2])
+        elif column == "place":
+            one.ra_deg, one.dec_deg = map(float, value.split())
+        elif column == "kind":
+            one.kind = value
+        elif column == "name":
+            one.common = [value, *(other for other in one.common if plain(other) != plain(value))]
+        elif column == "names":
+            one.common = value.split(",") if value else []
+        elif column == "merge":
+            members = [named[member] for member in value.split(",") if member in named]
+            gone |= {member.name for member in members}
+            for member in members:
+                one.common += [word for word in member.common if word not in one.common]
+                one.also += [word for word in (member.name, *member.also) if word not in (*one.also, one.name)]
+        elif column == "drop":
+            gone.add(one.name)
+        else:
+            raise CatalogueError("{path} knows no column {column}.", path=path.name, column=column)
+    return [one for one in objects if one.name not in gone], left
 
 
 def catalogue_of(word: str) -> str:
@@ -132,11 +208,12 @@ def write_objects(database: Path, catalogue: Path, names: Path, path: Path) -> d
     given = read_names(names)
     pairs = [SkyObject("", "", one.ra_deg, one.dec_deg, also=list(one.also)) for one in second]
     counts = named_by_both(all_of := joined(objects, second), pairs, given)
-    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso"]
+    all_of, counts["corrections of no object"] = corrected(all_of, CORRECTIONS)
+    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso\tband"]
     for one in all_of:
         mag, major, minor, pa = (_number(value) for value in (one.mag, one.major, one.minor, one.pa_deg))
         at, also = f"{one.ra_deg:.5f}\t{one.dec_deg:.5f}", ",".join(dict.fromkeys(one.also))
-        texts = (one.name, one.kind, at, mag, major, one.messier, ",".join(one.common), minor, pa, also)
+        texts = (one.name, one.kind, at, mag, major, one.messier, ",".join(one.common), minor, pa, also, one.band)
         lines.append("\t".join(texts))
     write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
     return {"deep-sky objects": len(all_of), **counts}

@@ -331,7 +331,9 @@ class Finder:
         name = f"{objects.designation(row)} ({common})" if common else objects.designation(row)
         mag = float(objects.mag[row])
         place = radec_deg(objects.vector[row])
-        return Found(name, str(objects.kind[row]), *place, mag, "", size, float(objects.pa_deg[row]))
+        return Found(
+            name, str(objects.kind[row]), *place, mag, str(objects.band[row]), size, float(objects.pa_deg[row])
+        )
 
     def like(self, text: str) -> tuple[str, ...]:
         """Names that are spelled nearly so."""

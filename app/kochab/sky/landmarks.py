@@ -21,6 +21,7 @@ UNKNOWN_MAG, FAINTEST_MAG = 9.0, 11.0
 FAINTEST_AT_1_DEG = 12.5  # that names a frame, and five magnitudes brighter for ten times the field
 STAR_MAG, STAR_FIELD_DEG = 4.0, 10.0  # the faintest star that names a frame, and the widest
 UNKNOWN_ARCMIN = 1.0
+WIDEST_NAMED_DEG = 45.0  # wider frames are of a constellation, not of an object in it
 NEBULAE = ("HII", "Neb", "EmN", "RfN", "DrkN", "SNR", "Cl+N")  # a named one counts as this bright, but for loops
 NEBULA_MAG, WIDEST_ARCMIN = 5.2, 200.0
 MINOR = ("Cr ", "Mel ", "Ru ", "Stock ", "Tr ", "Arp ", "HCG ", "RCW ", "Ced ", "SNR ", "PK ", "LBN ", "LDN ")
@@ -103,6 +104,7 @@ def name_of_field(solution: Solution) -> str:
     around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
     away = np.where(around, 0.0, away)
     seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)
+    seen &= wide <= WIDEST_NAMED_DEG
     seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
     if seen.any():
         score = known.mag[near] - known.fame_mag[near] + TO_EDGE_MAG * away**2

@@ -206,8 +206,9 @@ def position_name(vector: Floats) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkyObjects(Table):
-    """Deep-sky objects: texts (N,), ICRS vectors (N, 3), V or B magnitude, diameters in arcmin, PA in degrees.
+    """Deep-sky objects: texts (N,), ICRS vectors (N, 3), magnitude, diameters in arcmin, PA in degrees.
 
+    ``band`` is that of the magnitude: V, B, or ? where two sources contradict each other by more than a magnitude.
     NaN is unknown. ``kind`` is OpenNGC's, with GalCl a cluster of galaxies; ``also`` are other designations and names,
     ``common`` those that are shown, both parted by commas.
     """
@@ -222,6 +223,7 @@ class SkyObjects(Table):
     messier: np.ndarray[tuple[int], np.dtype[np.str_]]
     common: np.ndarray[tuple[int], np.dtype[np.str_]]
     also: np.ndarray[tuple[int], np.dtype[np.str_]]
+    band: np.ndarray[tuple[int], np.dtype[np.str_]]
 
     def designation(self, row: int) -> str:
         """How it is called first: M 42, NGC 2024, Sh2-155."""
@@ -241,7 +243,7 @@ def read_objects(path: Path) -> SkyObjects:
             rows = [*csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)]
         head, *rows = rows
         columns = dict(zip(head, zip(*rows, strict=True), strict=True))
-        texts = {name: np.array(columns[name]) for name in ("name", "type", "messier", "common", "also")}
+        texts = {name: np.array(columns[name]) for name in ("name", "type", "messier", "common", "also", "band")}
         ra, dec, mag, major, minor, pa = (
             np.array([float(value or "nan") for value in columns[name]])
             for name in ("ra_deg", "dec_deg", "mag", "size_arcmin", "minor_arcmin", "pa_deg")
@@ -251,4 +253,6 @@ def read_objects(path: Path) -> SkyObjects:
     except (OSError, ValueError, KeyError, TypeError):
         raise CatalogueError("The table of objects {path} is missing or damaged.", path=path) from None
     shape = (unit_vectors(ra, dec), mag, major, minor, pa)
-    return SkyObjects(texts["name"], texts["type"], *shape, texts["messier"], texts["common"], texts["also"])
+    return SkyObjects(
+        texts["name"], texts["type"], *shape, texts["messier"], texts["common"], texts["also"], texts["band"]
+    )

@@ -131,8 +131,9 @@ def ranks_of(objects: SkyObjects) -> Floats:
     kind, size = objects.kind, np.nan_to_num(objects.major)
     dark, clusters = kind == "DrkN", kind == "GalCl"
     guess = np.where(dark, DARK_MAG, np.where(clusters, CLUSTER_MAG, 13.0)) - 2.0 * np.log10(np.maximum(size, 1.0))
-    by_size = ~np.isfinite(objects.mag) | np.isin(kind, ["HII", "Neb", "EmN", "RfN"])
-    rank = np.where(by_size, np.fmin(objects.mag, guess), objects.mag)
+    mag = np.where(objects.band == "?", np.nan, objects.mag)  # what two sources contradict ranks nothing
+    by_size = ~np.isfinite(mag) | np.isin(kind, ["HII", "Neb", "EmN", "RfN"])
+    rank = np.where(by_size, np.fmin(mag, guess), mag)
     rank = np.where(clusters, np.maximum(rank, CLUSTER_MAG), rank)
     rank = rank - MESSIER * (objects.messier != "") - NAMED * (objects.common != "")
     catalogue = np.char.partition(objects.name, " ")[:, 0]

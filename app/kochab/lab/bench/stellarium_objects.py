@@ -26,13 +26,19 @@ SPELT = str.maketrans({"'": "", "-": " ", "’": ""})
 
 @dataclass(slots=True)
 class SkyObject:
-    """One object: degrees ICRS, arcmin, PA east of north; ``also`` are its other designations and names."""
+    """One object: degrees ICRS, arcmin, PA east of north; ``also`` are its other designations and names.
+
+    ``visual`` and ``blue`` are what a source says; ``mag`` in ``band`` is what was chosen of them.
+    """
 
     name: str
     kind: str
     ra_deg: float
     dec_deg: float
+    visual: float | None = None
+    blue: float | None = None
     mag: float | None = None
+    band: str = ""
     major: float | None = None
     minor: float | None = None
     pa_deg: float | None = None
@@ -95,9 +101,9 @@ def read_stellarium(path: Path) -> list[SkyObject]:
             given += _given(("Arp", "VV"), numbers(">2I"))
             given += _given(TEXTED, [text() for _ in TEXTED])
             given += _given(("DWB", "Tr", "Stock", "Ru", "vdBHa"), numbers(">5I"))
-            mag = next((m for m in (visual, blue) if m < UNKNOWN_MAG), None)
-            mag = None if kind == DARK else mag  # it has a dark nebula's opacity there
-            one = SkyObject("", KINDS.get(int(kind), "Other"), float(np.degrees(ra)), float(np.degrees(dec)), mag)
+            one = SkyObject("", KINDS.get(int(kind), "Other"), float(np.degrees(ra)), float(np.degrees(dec)))
+            if kind != DARK:  # it has a dark nebula's opacity there
+                one.visual, one.blue = (mag if mag < UNKNOWN_MAG else None for mag in (visual, blue))
             one.major, one.minor = (60.0 * side or None for side in (major, minor))
             one.pa_deg = pa or None  # 0 stands for unknown
             one.also = [word.replace("Sh2 ", "Sh2-") for word in given]

@@ -111,7 +111,9 @@ def facts(
         names = [*objects.names(k)[1:], *str(objects.also[k]).split(",")]
         also = ", ".join(name for name in names if name and name not in mark.text)
         told |= {tr("Also"): also} if also else {}
-        told |= {tr("Magnitude"): number(objects.mag[k], ".1f")} if np.isfinite(objects.mag[k]) else {}
+        band = str(objects.band[k])
+        if np.isfinite(objects.mag[k]) and band != "?":
+            told |= {band or tr("Magnitude"): number(objects.mag[k], ".1f")}
         sides = [number(side, "g") + "′" for side in (objects.major[k], objects.minor[k]) if np.isfinite(side)]
         told |= {tr("Size"): " × ".join(sides)} if sides else {}
     if horizon is not None:
