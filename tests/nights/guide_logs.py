@@ -70,6 +70,7 @@ class Evening:
     skew_deg: float  # the calibrated Dec angle is off a right angle by this
     parity_written: bool
     sections: tuple[Section, ...] = field(default=())
+    pointing_deg: tuple[float, float] = (0.0, 0.0)  # hour angle and Dec that the mount reports, less where it is
 
 
 def evening(kind: str, seed: int) -> Evening:
@@ -383,7 +384,7 @@ class Guider:
             "Backlash comp = disabled, pulse = 0 ms",
             "Calibration step = phdlab_placeholder, Max RA duration = 2500, Max DEC duration = 2500, DEC guide mode = Auto",
             "RA Guide Speed = Unknown, Dec Guide Speed = Unknown, Cal Dec = 2.0, Last Cal Issue = None, Timestamp = Unknown",
-            f"Dec = {section.dec_deg:.1f} deg, Hour angle = {section.hour_angle_deg / 15:.2f} hr, Pier side = {section.pier}, Rotator pos = N/A",
+            f"Dec = {section.dec_deg + night.pointing_deg[1]:.1f} deg, Hour angle = {(section.hour_angle_deg + night.pointing_deg[0]) / 15:.2f} hr, Pier side = {section.pier}, Rotator pos = N/A",
             f"Lock position = {self.lock[0]:.3f}, {self.lock[1]:.3f}, Star position = {self.lock[0]:.3f}, {self.lock[1]:.3f}, HFD = 3.10 px",
             "Frame,Time,mount,dx,dy,RARawDistance,DECRawDistance,RAGuideDistance,DECGuideDistance,RADuration,RADirection,"
             "DECDuration,DECDirection,XStep,YStep,StarMass,SNR,ErrorCode",
@@ -548,6 +549,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--score", type=int, metavar="COUNT", help="write so many and give them to kochab polar")
     parser.add_argument("--kind", choices=KINDS, help="only this kind of the score's logs")
+    parser.add_argument(
+        "--unsynced", type=float, default=0.0, metavar="DEG", help="one sigma of what the mount's places are off"
+    )
     parser.add_argument("--worst", type=int, default=10, help="list so many of the farthest answers")
     asked = parser.parse_args()
     if asked.score is None:
@@ -556,7 +560,7 @@ def main() -> None:
         write_all(asked.out, asked.count, asked.seed)
         return
     with TemporaryDirectory() as folder:
-        scores = score_all(asked.out or Path(folder), asked.score, asked.seed, asked.kind)
+        scores = score_all(asked.out or Path(folder), asked.score, asked.seed, asked.kind, asked.unsynced)
     print(report(scores))
     for one in sorted((one for one in scores if one.verdict != "inside"), key=lambda one: -np.nan_to_num(one.distance))[
         : asked.worst
@@ -566,11 +570,12 @@ def main() -> None:
         )
 
 
-def score_all(folder: Path, count: int, seed: int, kind: str | None = None) -> list[Score]:
-    """Write the logs of a kind, or of all, into a folder and score each."""
+def score_all(folder: Path, count: int, seed: int, kind: str | None = None, unsynced_deg: float = 0.0) -> list[Score]:
+    """Write the logs of a kind, or of all, into a folder and score each; mounts report places off by one sigma of so much."""
     folder.mkdir(parents=True, exist_ok=True)
-    scores = []
-    for number, night in enumerate(evenings(count, seed)):
+    scores, random = [], np.random.default_rng(seed)
+    for number, drawn in enumerate(evenings(count, seed)):
+        night = replace(drawn, pointing_deg=tuple(random.normal(0, unsynced_deg, 2)))
         if kind in (None, night.kind):
             path = folder / f"PHD2_GuideLog_{number:03d}.txt"
             write_log(night, path)
