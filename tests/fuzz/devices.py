@@ -540,9 +540,10 @@ def check_phone(data: bytes, folder: Path) -> None:
     from types import SimpleNamespace
 
     from kochab.server.phone_page import PhonePage, _Server
+    from kochab.workflows.session.alignment_state import AlignmentState
 
     page = PhonePage("token")
-    page.show("turn the altitude bolt")
+    page.show(AlignmentState(words="turn the altitude bolt"))
     reply = _Server._reply(SimpleNamespace(_answer=page.answer), data)
     head, _, body = reply.partition(b"\r\n\r\n")
     require(re.match(rb"HTTP/1\.1 (200|400|404|501) ", head), f"{head[:80]!r}")

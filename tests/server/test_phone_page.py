@@ -5,6 +5,7 @@ import json
 import socket
 import threading
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from urllib.parse import urlsplit
 
 import pytest
@@ -12,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.errors import PortError
+from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.server.phone_page import MOST_CONNECTIONS, PhonePage, local_address
+from kochab.workflows.session.alignment_state import AlignmentState
 from tests.polar.test_tutor import error_at
 
 
@@ -54,13 +57,45 @@ def test_the_page_and_its_numbers(page):
     assert b"now.json" in body
     assert b"http" not in body.replace(b"<!doctype html>", b"")  # loads nothing from elsewhere
     assert "default-src 'none'" in headers["Content-Security-Policy"]
-    page.show("Altitude bolt: a quarter turn clockwise.", error_at(320.0, -65.0))
+    page.show(AlignmentState("adjust", "Altitude bolt: a quarter turn clockwise.", error=error_at(320.0, -65.0)))
     status, _, body = ask(page, urlsplit(page.url).path + "now.json")
     told = json.loads(body)
     assert told["altitude"] == "▼ lower 5.3′"
     assert told["azimuth"] == "↻ clockwise 65″"
     assert told["words"].startswith("Altitude bolt")
     assert told["total_arcsec"] == pytest.approx(323.3, abs=1.0)
+
+
+def test_the_age_is_the_windows_own_and_grows_while_nobody_shows_a_newer_state():
+    """A window that hangs shows nothing new: its last number must not stay young on the phone."""
+    now_s = [100.0]
+    page = PhonePage("token", lambda: now_s[0])
+    state = AlignmentState("adjust", error=error_at(320.0, -65.0), live=True, error_at_s=99.0)
+    page.show(state)
+
+    def told():
+        return json.loads(page.answer("/token/now.json")[1])
+
+    assert (told()["age"], told()["old"]) == ("live 1 s ago", False)
+    now_s[0] = 140.0
+    assert (told()["age"], told()["old"]) == ("OLD: 41 s ago", True)
+    assert told()["age"] == state.age_words(140.0)
+    page.show(replace(state, solved=False))
+    assert told()["age"] == "OLD: newest frame not solved, last result 41 s ago"
+    page.show(replace(state, stage="ended"))
+    assert (told()["age"], told()["old"]) == ("", True)
+    html = page.answer("/token/")[1].decode()
+    assert "now.age" in html
+    assert "now.old" in html
+
+
+def test_a_spoilt_measurement_gives_no_arrow_on_the_phone():
+    page = PhonePage("token")
+    spoilt = (PolarFinding(PolarFindingKind.FAR, "Far.", spoils=True),)
+    page.show(AlignmentState("done", error=error_at(320.0, -65.0), findings=spoilt))
+    told = json.loads(page.answer("/token/now.json")[1])
+    assert told["total_arcsec"] > 300.0
+    assert not {"altitude", "azimuth"} & told.keys()
 
 
 def test_without_the_token_there_is_nothing(page):

@@ -10,6 +10,7 @@ import json
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Callable
 from hmac import compare_digest
 from html import escape
@@ -19,6 +20,7 @@ from typing import Any
 from kochab.core import data_folder, tr
 from kochab.core.errors import PortError
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
+from kochab.workflows.session.alignment_state import AlignmentState
 
 TOKEN_BYTES = 16  # 128 bits: nobody in the network guesses the address
 REQUEST_S = 10.0
@@ -33,11 +35,15 @@ HEADERS = (
 
 
 class PhonePage:
-    """Serves the newest error; :meth:`show` may be called from any thread, at any rate."""
+    """Serves the newest state; :meth:`show` may be called from any thread, at any rate.
 
-    def __init__(self, token: str | None = None) -> None:
+    How old it is by ``now``, the clock that the window goes by, is told whenever a phone asks: a window that hangs does
+    not keep its last number young.
+    """
+
+    def __init__(self, token: str | None = None, now: Callable[[], float] = time.monotonic) -> None:
         self._token = token or secrets.token_urlsafe(TOKEN_BYTES)
-        self._numbers: dict[str, Any] = {}
+        self._state, self._now = AlignmentState(), now
         self._server: _Server | None = None
 
     @property
@@ -71,9 +77,9 @@ class PhonePage:
         if server is not None:
             server.stop()
 
-    def show(self, words: str, error: PolarError | None = None, solved: bool = True) -> None:
-        """Replace what phones see: what to do, and the error once there is one."""
-        self._numbers = {"words": words, "solved": solved} | ({} if error is None else _error_json(error))
+    def show(self, state: AlignmentState) -> None:
+        """Replace what phones see: what to do, and the error once both bolts are known."""
+        self._state = state
 
     def answer(self, path: str) -> tuple[str, bytes] | None:
         """Content type and body for a path; None for whatever is not there."""
@@ -87,7 +93,7 @@ class PhonePage:
                 page = page.replace(f"{{{place}}}", escape(text))
             return "text/html; charset=utf-8", page.encode("utf-8")
         if parts[2] == "now.json":
-            return "application/json", json.dumps(self._numbers).encode("utf-8")
+            return "application/json", json.dumps(state_json(self._state, self._now())).encode("utf-8")
         return None
 
 
@@ -175,12 +181,24 @@ def local_address() -> str:
             return "127.0.0.1"
 
 
-def _error_json(error: PolarError) -> dict[str, Any]:
-    """The error as the page's words, and as numbers for programs that read its JSON."""
+def state_json(state: AlignmentState, now_s: float) -> dict[str, Any]:
+    """A state as the page's words, and as numbers for programs that read its JSON."""
+    told: dict[str, Any] = {
+        "words": state.words,
+        "solved": state.solved,
+        "age": state.age_words(now_s),
+        "old": state.old(now_s) or state.stage == "ended",
+    }
+    return told | ({} if state.known_error is None else _error_json(state.known_error, not state.spoilt))
+
+
+def _error_json(error: PolarError, usable: bool) -> dict[str, Any]:
+    """An error, and what to turn, unless it is not to be trusted."""
     sigma = error.with_flexure
     words = {
         knob.value: f"{(way := cure(error, knob)).sign} {way.word} {angle_in_words(error.knob_arcsec(knob))}"
         for knob in Knob
+        if usable
     }
     return words | {
         "total": angle_in_words(error.total_arcsec),

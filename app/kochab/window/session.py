@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from time import perf_counter
+from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Signal
@@ -78,7 +78,8 @@ log = logging.getLogger("kochab")
 class Known:
     """The open frame; ``last_good`` outlives a solve of it again that fails, and ends with the frame.
 
-    ``path`` is None and ``name`` is set when the frame came from a camera.
+    ``path`` is None and ``name`` is set when the frame came from a camera; ``shown_at_s`` is when, by the monotonic
+    clock.
     """
 
     path: Path | None = None
@@ -91,6 +92,7 @@ class Known:
     read_ms: float = 0.0
     options: SolveOptions = field(default_factory=SolveOptions)
     name: str = ""
+    shown_at_s: float = 0.0
 
 
 class Session(QObject):
@@ -159,7 +161,7 @@ class Session(QObject):
 
     def show(self, frame: Frame, name: str) -> None:
         """Show a camera's frame; whoever took it solves it, see :meth:`answer`."""
-        self._renew(frame=frame, name=name)
+        self._renew(frame=frame, name=name, shown_at_s=monotonic())
         self.opening.emit(Path(name))
         self.opened.emit(frame)
         self._display(frame)
@@ -181,7 +183,7 @@ class Session(QObject):
     def stream(self, frame: Frame, picture: RenderedFrame, result: Solution | NoSolution | None) -> None:
         """Show a rendered frame of a running camera, with its solution if there is one yet."""
         known = self.known
-        known.frame, known.result = frame, result
+        known.frame, known.result, known.shown_at_s = frame, result, monotonic()
         if isinstance(result, Solution):
             known.last_good, known.last_good_from = result, known.name
         # No `solved` here, with up to 30 frames a second: LiveDisplay tells of a solution once a second.

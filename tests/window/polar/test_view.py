@@ -115,6 +115,43 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     assert view.adjuster is None
 
 
+@pytest.mark.parametrize("hand", [AxisTurnedBy.PERSON, AxisTurnedBy.MOUNT])
+def test_run_sounds_and_phone_page_end_with_the_practice(qtbot, polar, hand):
+    _, view = polar(Nights())
+    view.phone._host = "127.0.0.1"
+    view.setup.exposure.setValue(1.0)
+    view.setup.hand.setCurrentText(hand)
+    mount = view._services.mount
+    mount.practise()
+    qtbot.waitUntil(lambda: mount.practice is not None, timeout=LIMIT_S * 1000)
+    view.sound.click()
+    view.phone.switch.setChecked(True)
+    qtbot.waitUntil(lambda: bool(view.phone.url.text()), timeout=LIMIT_S * 1000)
+    view.begin()
+    assert view.state.running, view.message.text()
+    mount.disconnect_mount()
+    drive(view)
+    assert view.state.stage == "ended"
+    assert not view.cues.on
+    assert not view.sound.isChecked()
+    qtbot.waitUntil(lambda: not view.phone.page.url, timeout=LIMIT_S * 1000)
+    qtbot.waitUntil(lambda: mount.known.phase == "off", timeout=LIMIT_S * 1000)
+
+
+def test_a_run_from_files_goes_on_when_the_mount_goes(qtbot, polar, frames):
+    _, view = polar(Nights())
+    view._services.mount.practise()
+    qtbot.waitUntil(lambda: view._services.mount.practice is not None, timeout=LIMIT_S * 1000)
+    view.sound.click()
+    choose_files(view, frames)
+    view.begin()
+    view._services.mount.disconnect_mount()
+    drive(view)
+    assert view.state.stage == "done", view.message.text()
+    assert view.cues.on
+    qtbot.waitUntil(lambda: view._services.mount.known.phase == "off", timeout=LIMIT_S * 1000)
+
+
 def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     """Pressed while it measures: the first sweep ends, then hands are told to turn declination."""
     nights = Nights()

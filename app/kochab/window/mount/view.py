@@ -20,6 +20,7 @@ from kochab.window.mount.gamepad import Gamepad
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
 from kochab.window.mount.status import MountStatus
+from kochab.window.panels.picture_age import PictureAge
 from kochab.window.shell.views import Services
 from kochab.window.widgets import (
     Page,
@@ -144,7 +145,8 @@ class MountView(Page):
         meridian = row(label(tr("Meridian")), (self.meridian, 1))
         self.connection = _card(self.connect_box)
         self.doubted = _card(self.doubt, row(*self.settles.values(), self.trust, None))
-        self.compared = _card(self.pointing, frames, self.camera)
+        self.picture = PictureAge(self._services.session)
+        self.compared = _card(self.pointing, frames, self.camera, self.picture)
         self.moving = _card(
             self.go, meridian, row(*self.rests.values(), self.spiral, None), styled_frame("rule"), self.pad
         )

@@ -6,7 +6,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
 
-from kochab.core import number, tr, tr_noop
+from kochab.core import tr, tr_noop
 from kochab.core.angle_text import round_angle_text
 from kochab.polar.error import (
     Imaging,
@@ -207,7 +207,7 @@ class Numbers(QWidget):
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)
         self.spinner.wheel.turn(state.waits(now_s))
-        self.age.setText(age_text(state, now_s))
+        self.age.setText(state.age_words(now_s))
         self.reminder.setVisible(state.stage == "adjust")
         show_text(self.more, more_text(state))
         show_text(self.findings, "\n".join(f"⚠ {finding.text}" for finding in state.findings))
@@ -237,19 +237,6 @@ def more_text(state: AlignmentState) -> str:
     farther = tr("Rotate RA {more:.0f}° farther for a more accurate axis.", more=more) if more else ""
     back = tr("One more frame, where RA began, shows creep (±{creep:.0f}″ assumed).", creep=creep) if creep else ""
     return "\n".join(filter(None, (farther, back)))
-
-
-def age_text(state: AlignmentState, now_s: float) -> str:
-    """The age of the number."""
-    if state.error is None or not state.running:
-        return ""
-    seconds = max(0.0, now_s - state.error_at_s)
-    text = tr("live {seconds} s ago") if state.live else tr("measured {seconds} s ago")
-    if not state.solved:
-        text = tr("OLD: newest frame not solved, last result {seconds} s ago")
-    elif state.old(now_s):
-        text = tr("OLD: {seconds} s ago")
-    return text.format(seconds=number(seconds, ".0f"))
 
 
 POLES = {  # without a site of the person's: by the frames' or by the practice telescope's

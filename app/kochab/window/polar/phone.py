@@ -96,7 +96,7 @@ class PhonePanel(Page):
     def show_state(self, state: AlignmentState) -> None:
         """Update the page."""
         if self.page is not None:
-            self.page.show(state.words, state.known_error, state.solved)
+            self.page.show(state)
 
     def close_page(self) -> None:
         """Switch off at once, as when the window closes."""

@@ -16,6 +16,7 @@ from kochab.polar.report import History
 from kochab.window.job import Job
 from kochab.window.mount.connection import MountTask
 from kochab.window.mount.status import StopKey
+from kochab.window.panels.picture_age import PictureAge
 from kochab.window.polar.alignment_run import AlignmentRun, PracticeAdjuster
 from kochab.window.polar.bolts_view import BoltsView
 from kochab.window.polar.error_display import AlignPage
@@ -55,6 +56,7 @@ class PolarView(Page):
         self.job: Job | MountTask | None = None
         self._run: AlignmentRun | None = None
         self._request: AlignmentRequest | None = None
+        self._connected = False  # the mount, when it was last heard of
         # What was solved is kept: another clock or pole needs no new solve of the same files.
         self._solved: dict[tuple[object, ...], list[SolvedFile]] = {}
         self.setAcceptDrops(True)
@@ -69,6 +71,7 @@ class PolarView(Page):
         self._make_buttons()
         self.bar = ProgressBar(tr("Progress of the alignment"))
         self.message = label(tr(READY), "muted", wrap=True)
+        self.picture = PictureAge(services.session)
         self.served = label("", "good", wrap=True)
         self.served.setVisible(False)
         self._lay_out()
@@ -103,7 +106,7 @@ class PolarView(Page):
         self.tabs = tab_pages(tr("Polar alignment"), *((name, scrolled(inside)) for name, inside in pages.items()))
         first = row(self.start, self.done, self.turn_for_me, self.cancel, (self.bar, 1), None)
         second = row(self.again, self.use_frames, self.back, self.second, self.at_bolts, self.sound, None)
-        parts = ((self.tabs, 1), self.message, self.served, first, second)
+        parts = ((self.tabs, 1), self.picture, self.message, self.served, first, second)
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
     def _connect(self) -> None:
@@ -116,6 +119,7 @@ class PolarView(Page):
         self.page.zone.activated.connect(self._use_zone)
         services.jobs.closing.connect(self._close)
         services.mount.changed.connect(self.setup.refresh)
+        services.mount.changed.connect(self._hear_mount)
         QShortcut(QKeySequence("F7"), self, self.show_bolts)
         self._key = StopKey(self.stop, self)  # the mount's Esc does not stop motors at the bolts
         self._clock = QTimer(self, interval=REFRESH_MS)
@@ -169,12 +173,30 @@ class PolarView(Page):
     def switch_sounds(self) -> None:
         """Sounds on or off, and speech where the system has a voice."""
         on = self.sound.isChecked()
+        self._sound(on)
+        told = tr("Sounds on: {description}.") if on else tr("Sounds off: {description}.")
+        self.say(told.format(description=self.cues.description), "muted")
+
+    def _sound(self, on: bool) -> None:
         self.sound.setText(tr("So&unds: on") if on else tr("So&unds"))
         self.cues.on = on
         self.bolts.sounding = tr("sounds: {description}", description=self.cues.description) if on else ""
         self.bolts.update()
-        told = tr("Sounds on: {description}.") if on else tr("Sounds off: {description}.")
-        self.say(told.format(description=self.cues.description), "muted")
+
+    def _hear_mount(self) -> None:
+        """End with the mount that turns the axis, or with the practice: sounds and phone page as well."""
+        before, self._connected = self._connected, self._services.mount.known.phase not in ("off", "leaving")
+        request = self._request
+        if before and not self._connected and request is not None and request.with_mount:
+            if self.state.running:
+                self.stop()
+            self._fall_silent()
+
+    def _fall_silent(self) -> None:
+        """No sound and no phone page for a telescope that is gone."""
+        self.sound.setChecked(False)
+        self._sound(False)
+        self.phone.switch.setChecked(False)
 
     def show_bolts(self) -> None:
         """Open the full-screen view."""
@@ -252,6 +274,8 @@ class PolarView(Page):
         if self.job is job:
             self.job = None
             self._show_idle()
+            if self._request is not None and self._request.source is FrameSource.PRACTICE and not self._connected:
+                self._fall_silent()  # the practice telescope was this alignment's own
 
     @property
     def _drifts(self) -> bool:

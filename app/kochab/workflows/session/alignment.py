@@ -122,6 +122,12 @@ class AlignmentRequest:
     base: Base = Base.BOLTS
     dec_sign: int = 0
 
+    @property
+    def with_mount(self) -> bool:
+        """Whether it ends with the mount's connection: the mount turns the axis, or its telescope is a practice one."""
+        turned = self.source is FrameSource.CAMERA and self.hand is AxisTurnedBy.MOUNT
+        return turned or self.source is FrameSource.PRACTICE
+
 
 # -- What an alignment is given by the window, and how its steps come there; nothing of Qt -----
 

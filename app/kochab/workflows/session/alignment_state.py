@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from kochab.core import tr, tr_noop
+from kochab.core import number, tr, tr_noop
 from kochab.core.progress import Progress
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob, PolarError, total_in_words
@@ -102,6 +102,17 @@ class AlignmentState:
     def old(self, now_s: float) -> bool:
         """Whether the number is not of just now: the mount may stand differently already."""
         return self.running and (not self.solved or now_s - self.error_at_s > OLD_S)
+
+    def age_words(self, now_s: float) -> str:
+        """The age of the number, the same on every screen; empty where there is none or the alignment is over."""
+        if self.error is None or not self.running:
+            return ""
+        text = tr("live {seconds} s ago") if self.live else tr("measured {seconds} s ago")
+        if not self.solved:
+            text = tr("OLD: newest frame not solved, last result {seconds} s ago")
+        elif self.old(now_s):
+            text = tr("OLD: {seconds} s ago")
+        return text.format(seconds=number(max(0.0, now_s - self.error_at_s), ".0f"))
 
     def waits(self, now_s: float) -> bool:
         """Whether another number is to come: this one is old, or the axis is being measured."""

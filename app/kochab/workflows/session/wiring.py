@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 from kochab.core.solution import Solution
 from kochab.gear.session import StartPractice
-from kochab.polar.error import PolarError
 from kochab.workflows.live.update import LiveUpdate
+from kochab.workflows.session.alignment_state import AlignmentState
 
 ToJson = Callable[[str, Solution], str]
 ToRecord = Callable[[LiveUpdate], dict[str, Any]]
@@ -29,8 +29,8 @@ class PolarPage(Protocol):
     def stop(self) -> None:
         """Switch off."""
 
-    def show(self, words: str, error: PolarError | None = None, solved: bool = True) -> None:
-        """Replace what phones see."""
+    def show(self, state: AlignmentState) -> None:
+        """Replace what phones see; its age is told when they ask."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,54 @@
+"""Beside the Mount and Polar views an image that is not of now says so."""
+
+import pytest
+
+from kochab.window.application import build
+from kochab.window.panels.picture_age import OLD_S, PictureAge, picture_words
+from kochab.window.session import WorkflowEngine
+from kochab.workflows.session.wiring import Wiring
+from tests.window.fakes import star_field
+
+
+@pytest.fixture
+def commands(qtbot, settings):
+    window, made = build(WorkflowEngine(), settings, [], Wiring())
+    qtbot.addWidget(window)
+    window.show()
+    yield made
+    window.close()
+    assert made.session.jobs.join()
+
+
+def test_a_camera_frame_says_how_old_it_is_and_a_file_that_it_is_none(qtbot, commands, tmp_path):
+    session = commands.session
+    assert picture_words(session, 1e9) == ""  # no image, nothing to say
+    session.show(star_field(), "Camera frame 1")
+    shown = session.known.shown_at_s
+    assert shown > 0.0
+    assert picture_words(session, shown + OLD_S - 1.0) == ""
+    assert picture_words(session, shown + 720.0) == "The image is OLD: taken 12 min ago."
+    session.known.path = tmp_path / "M31.fits"
+    assert picture_words(session, shown) == "The image is a file, M31.fits: not what the telescope sees now."
+
+
+def test_a_stream_keeps_the_image_young_while_its_frames_come(commands):
+    session = commands.session
+    session.begin_stream("guide camera")
+    assert picture_words(session, 1e9) == ""
+    session.stream(star_field(), None, None)
+    first = session.known.shown_at_s
+    assert picture_words(session, first + OLD_S + 1.0).startswith("The image is OLD")
+
+
+def test_both_views_say_it_while_they_are_in_sight(qtbot, commands):
+    for name in ("mount", "polar"):
+        commands.views.show(name)
+        view = commands.views.docks[name].view
+        assert isinstance(view.picture, PictureAge)
+    commands.session.show(star_field(), "Camera frame 1")
+    commands.session.known.shown_at_s -= 100.0
+    view.picture.look()
+    assert view.picture.words.text() == "The image is OLD: taken 2 min ago."
+    assert view.picture._clock.isActive()
+    commands.views.show("image")
+    assert not view.picture._clock.isActive()
