@@ -1,8 +1,10 @@
 """Which files an output may replace: never one that is read, another only when a person says so."""
 
 import os
+import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from kochab.core.errors import UsageError
 
@@ -62,5 +64,18 @@ def same_file(one: Name, other: Name) -> bool:
             return True
     except (OSError, ValueError):
         pass  # one of them is not there
-    # Where case matters these are two files, until they are copied to a drive where it does not.
-    return os.path.realpath(one).casefold() == os.path.realpath(other).casefold()
+    return spelling(one) == spelling(other)
+
+
+def spelling(name: Name, path: Any = os.path) -> str:
+    """A name as the drive that tells fewest apart has it: links followed, no case, one form of accents, no end of dots.
+
+    Where case matters two such names are two files, until they are copied to a drive where it does not: Windows' and
+    macOS's usual ones. Windows drops dots and spaces at a name's end. ``path`` is `posixpath` or `ntpath`.
+    """
+    try:
+        real = str(path.realpath(name))
+    except (OSError, ValueError):  # a link that leads to itself, a NUL
+        real = str(path.abspath(os.fspath(name)))
+    folder, file = path.split(real)
+    return unicodedata.normalize("NFC", str(path.join(folder, file.rstrip(". ") or file))).casefold()
