@@ -1,8 +1,16 @@
 """Small real files of every format, written by the formats' own libraries."""
 
+import errno
 import os
-import signal
+import pickle
+import socket
+import struct
+import subprocess
+import threading
 import time
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -88,32 +96,31 @@ def careless_reader(path):
     return np.zeros((4, 4))
 
 
-# Readers that only a process of their own survives; each first tells who it is.
+# Readers that only a process of their own survives; each first opens its file, so that a test sees it begin.
+
+_opened = []
 
 
-def tell_who(path):
-    path.with_suffix(".pid").write_text(str(os.getpid()))
+def begin(path):
+    _opened[:] = [open(path, "rb")]  # noqa: SIM115
 
 
 def stuck_reader(path):
-    tell_who(path)
+    begin(path)
     while True:
         sum(range(10**6))
 
 
 def crashing_reader(path):
-    tell_who(path)
-    os.kill(os.getpid(), signal.SIGKILL)
+    os.abort()
 
 
 def greedy_reader(path):
-    tell_who(path)
     return Frame(np.ones((20_000, 20_000)), path=str(path))
 
 
 def growing_reader(path):
     """Takes 0.6 GB, then does nothing more."""
-    tell_who(path)
     taken = []
     while True:
         if len(taken) < 12:
@@ -122,6 +129,64 @@ def growing_reader(path):
 
 
 def quick_reader(path):
-    tell_who(path)
     print("what a library has to say")
     return Frame(sky(), colours(), path=str(path))
+
+
+class _Run:
+    def __reduce__(self):
+        return open, ("run-by-a-pickle", "w")
+
+
+def pickling_reader(path):
+    """Taken over, it writes to its parent what would run there if it were unpickled."""
+    body = pickle.dumps(_Run())
+    for pipe in Path("/proc/self/fd").iterdir():  # whichever leads to the parent
+        with suppress(OSError):
+            os.write(int(pipe.name), struct.pack("=QQ", 1, len(body)) + body)
+    os._exit(0)
+
+
+def size_reader(path):
+    return Frame(sky(), path=str(path), header={"bytes": path.stat().st_size})
+
+
+def told_reader(path):
+    """What a process may do that reads, as the header of its frame: each thing by its name, or why not."""
+    return Frame(sky(), path=str(path), header={name: _tried(partial(*thing)) for name, thing in FORBIDDEN.items()})
+
+
+def _tried(thing):
+    try:
+        thing()
+    except OSError as error:
+        return errno.errorcode[error.errno]
+    return "done"
+
+
+def _thread_writes():
+    """A thread may do no more."""
+    told = []
+    thread = threading.Thread(target=lambda: told.append(_tried(partial(open, "/tmp/kochab-written", "w"))))
+    thread.start()
+    thread.join()
+    raise OSError(getattr(errno, told[0], 0), "")
+
+
+FORBIDDEN = {
+    "read a file": (open, "/etc/hostname"),
+    "write a file": (open, "/tmp/kochab-written", "w"),
+    "append to what was read": (open, __file__, "a"),
+    "make a folder": (os.mkdir, "/tmp/kochab-made"),
+    "remove a file": (os.unlink, __file__),
+    "rename a file": (os.rename, __file__, __file__ + ".moved"),
+    "make a link": (os.symlink, "/etc", "/tmp/kochab-link"),
+    "write in a thread": (_thread_writes,),
+    "start a program": (os.execv, "/bin/true", ["true"]),
+    "start a program in a child": (subprocess.run, ["/bin/true"]),
+    "open a connection": (socket.create_connection, ("127.0.0.1", 9)),
+    "open a port": (socket.create_server, ("127.0.0.1", 0)),
+    "send a datagram": (socket.socket, socket.AF_INET, socket.SOCK_DGRAM),
+    "talk to this computer's services": (socket.socket, socket.AF_UNIX),
+    "end another process": (os.kill, os.getppid(), 0),
+}

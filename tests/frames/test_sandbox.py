@@ -1,13 +1,19 @@
 """A decoder that hangs, crashes or grows costs its file one sentence, and no process stays behind."""
 
 import ctypes
+import io
+import json
 import os
+import pickle
+import platform
 import runpy
 import signal
+import struct
 import subprocess
 import sys
 import time
-from contextlib import closing
+from contextlib import closing, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -17,11 +23,16 @@ import pytest
 
 from kochab.cli.main import main
 from kochab.core.errors import FrameError
+from kochab.core.frame import Frame, Hint, Site
 from kochab.frames import FORMATS, read_frame, reading, sandbox
+from kochab.frames.answer import DecoderFaultError, encoded, received
+from kochab.frames.confinement import filter_of, landlock_version
 from kochab.frames.samples import free_bytes
 from kochab.gear.cameras import folder as folder_camera
 from kochab.gear.cameras import open_camera
 from tests.frames.files import colours, one_of_each, sky
+
+WHEN = datetime(2026, 3, 14, 20, 0, 0, 250_000, UTC)
 
 
 def gone(pid):
@@ -50,24 +61,49 @@ def odd(tmp_path, monkeypatch):
     return named
 
 
-def reader_of(path):
-    return int(path.with_suffix(".pid").read_text())
+@pytest.fixture
+def started(monkeypatch):
+    """The processes that are started to read, by their numbers, and none is left from before."""
+    while sandbox._idle:
+        sandbox._idle.pop().kill()
+    pids, init = [], sandbox._Sandbox.__init__
+
+    def noting(self):
+        init(self)
+        pids.append(self._process.pid)
+
+    monkeypatch.setattr(sandbox._Sandbox, "__init__", noting)
+    return pids
 
 
-def test_a_decoder_that_hangs_is_killed_at_the_deadline(odd):
+def begun(pid, path):
+    """Whether a process has come to open this file to read it."""
+    if not Path(f"/proc/{os.getpid()}/fd").is_dir():
+        return True
+    with suppress(OSError):
+        return any(os.readlink(one) == str(path) for one in Path(f"/proc/{pid}/fd").iterdir())
+    return False
+
+
+def children(pid):
+    return [int(n) for one in Path(f"/proc/{pid}/task").iterdir() for n in (one / "children").read_text().split()]
+
+
+def test_a_decoder_that_hangs_is_killed_at_the_deadline(odd, started):
     path = odd("stuck_reader")
     with pytest.raises(FrameError, match=r"^night.odd was not read within 3 s"):
         read_frame(path, timeout_s=3.0)
-    assert gone(reader_of(path))
+    assert gone(*started)
 
 
-def test_a_decoder_that_hangs_is_killed_at_a_cancel(odd):
+def test_a_decoder_that_hangs_is_killed_at_a_cancel(odd, started):
     path = odd("stuck_reader")
     task = reading(path, None)
-    while not path.with_suffix(".pid").exists() or not path.with_suffix(".pid").read_text():
+    next(task)
+    while not begun(started[0], path):
         next(task)
     task.close()
-    assert gone(reader_of(path))
+    assert gone(*started)
 
 
 def test_the_time_limit_of_a_solve_covers_reading(odd, capsys):
@@ -92,16 +128,15 @@ def test_a_decoder_may_not_fill_the_memory(odd, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the process's memory itself")
-def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch):
+def test_a_decoder_that_grows_is_killed_where_nothing_bounds_it(odd, monkeypatch, started):
     """As on macOS: the process that waits for it asks how much it has, and no earlier test has bounded it."""
-    sandbox._kill_idle()
     monkeypatch.setattr(sandbox, "WATCHED", True)
     monkeypatch.setattr(sandbox, "LEAST_BYTES", 400_000_000)
     monkeypatch.setattr(sandbox, "MOST_BYTES", 400_000_000)
     path = odd("growing_reader")
     with pytest.raises(FrameError, match=r"^night.odd does not fit into the 0.4 GB there is for reading it.$"):
         read_frame(path)
-    assert gone(reader_of(path))
+    assert gone(*started)
     assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
 
 
@@ -274,9 +309,11 @@ def test_windows_itself_bounds_what_a_decoder_may_commit(monkeypatch):
     first, joined, second = limits  # one job for all files
     assert joined == (77, ctypes.c_void_p(-1).value)
     assert kernel.CreateJobObjectW.call_count == 1
-    assert [one.BasicLimitInformation.LimitFlags for one in (first, second)] == [0x100, 0x100]  # of a process's memory
+    # of a process's memory, and of how many there are
+    assert [one.BasicLimitInformation.LimitFlags for one in (first, second)] == [0x108, 0x108]
+    assert [one.BasicLimitInformation.ActiveProcessLimit for one in (first, second)] == [1, 1]
     assert [one.ProcessMemoryLimit for one in (first, second)] == [1_250_000_000, 2_250_000_000]
-    assert (first.JobMemoryLimit, first.BasicLimitInformation.ActiveProcessLimit) == (0, 0)
+    assert (first.JobMemoryLimit, first.BasicLimitInformation.Affinity) == (0, 0)
     assert sandbox.memory_text() == "2.0 GB"
     kernel.SetInformationJobObject = lambda *told: 0
     monkeypatch.setattr(sandbox, "_limit_bytes", None)
@@ -297,24 +334,25 @@ def test_free_memory_is_half_of_all_where_the_system_does_not_tell(monkeypatch):
     assert free_bytes() == 3_000_000_000
 
 
-def test_one_process_reads_one_file_after_the_other(odd):
+def test_one_process_reads_one_file_after_the_other(odd, started):
     first, second = odd("quick_reader", "a.odd"), odd("quick_reader", "b.odd")
     frames = [read_frame(first), read_frame(second)]
-    assert reader_of(first) == reader_of(second) != os.getpid()
+    assert len(started) == 1
     for frame in frames:
         np.testing.assert_array_equal(frame.pixels, sky())
         np.testing.assert_array_equal(frame.colour, colours())
         frame.pixels[0, 0] = 7  # the caller's own
 
 
-def test_a_file_is_read_while_another_hangs(odd):
+def test_a_file_is_read_while_another_hangs(odd, started):
     slow = odd("stuck_reader", "a.odd")
     with closing(reading(slow, None)) as task:
-        while not slow.with_suffix(".pid").exists() or not slow.with_suffix(".pid").read_text():
+        next(task)
+        while not begun(started[0], slow):
             next(task)
         quick = odd("quick_reader", "b.odd")
         np.testing.assert_array_equal(read_frame(quick).pixels, sky())
-        assert reader_of(slow) != reader_of(quick)
+        assert len(started) == 2
 
 
 def test_what_is_safe_is_read_at_once(tmp_path, monkeypatch):
@@ -331,11 +369,12 @@ def test_what_is_safe_is_read_at_once(tmp_path, monkeypatch):
 
 def test_a_name_is_told_from_the_folder_one_is_in(odd, tmp_path, monkeypatch):
     read_frame(odd("quick_reader"))
+    odd("size_reader")
     (tmp_path / "night").mkdir()
-    (tmp_path / "night" / "here.odd").write_bytes(b"ODD1")
     monkeypatch.chdir(tmp_path / "night")
-    assert read_frame("here.odd").path == "here.odd"
-    assert (tmp_path / "night" / "here.pid").exists()
+    Path("here.odd").write_bytes(b"ODD1 and more")
+    frame = read_frame("here.odd")
+    assert (frame.path, frame.header) == ("here.odd", {"bytes": 13})
 
 
 def test_no_process_to_be_had_is_a_sentence(odd, monkeypatch):
@@ -349,12 +388,12 @@ def test_no_process_to_be_had_is_a_sentence(odd, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not show a process's limits")
-def test_its_time_is_bounded_anew_for_every_file(odd):
+def test_its_time_is_bounded_anew_for_every_file(odd, started):
     path = odd("quick_reader")
     told = []
     for timeout_s in (5.0, None, 3000.0):
         read_frame(path, timeout_s)
-        limits = Path(f"/proc/{reader_of(path)}/limits").read_text()
+        limits = Path(f"/proc/{started[0]}/limits").read_text()
         told.append(next(line.split()[3] for line in limits.splitlines() if line.startswith("Max cpu time")))
     assert int(told[0]) < 1000
     assert told[1] == "unlimited"
@@ -367,14 +406,16 @@ def test_a_forked_process_has_one_of_its_own(odd):
     code = (
         "import os, sys\nfrom pathlib import Path\nfrom kochab.frames import FORMATS, read_frame\n"
         "FORMATS._others = {'odd': 'tests.frames.files:quick_reader'}\n"
-        "path = Path(sys.argv[1])\ntold = path.with_suffix('.pid')\nread_frame(path)\nfirst = told.read_text()\n"
-        "if os.fork() == 0:\n    read_frame(path)\n    os._exit(told.read_text() == first)\n"
-        "assert os.wait()[1] == 0\nread_frame(path)\nassert told.read_text() == first"
+        "from kochab.frames import sandbox\nwhose = lambda: [one._process.pid for one in sandbox._idle]\n"
+        "path = Path(sys.argv[1])\nread_frame(path)\nfirst = whose()\n"
+        "if os.fork() == 0:\n    read_frame(path)\n    os._exit(whose() == first)\n"
+        "assert os.wait()[1] == 0\nread_frame(path)\nassert whose() == first"
     )
     done = subprocess.run([sys.executable, "-W", "ignore", "-c", code, str(path)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not show a process's children")
 def test_the_process_ends_with_its_parent(odd):
     path = odd("stuck_reader")
     code = (
@@ -383,21 +424,22 @@ def test_the_process_ends_with_its_parent(odd):
     )
     parent = subprocess.Popen([sys.executable, "-c", code, str(path)])
     try:
-        while not (path.with_suffix(".pid").exists() and path.with_suffix(".pid").read_text()):
+        while not any(begun(pid, path) for pid in children(parent.pid)):
             assert parent.poll() is None
             time.sleep(0.05)
+        readers = children(parent.pid)
     finally:
         parent.send_signal(signal.SIGKILL)
         parent.wait()
-    assert gone(reader_of(path))
+    assert all(map(gone, readers))
 
 
-def test_a_file_that_hangs_costs_a_watched_folder_one_complaint(odd, tmp_path, monkeypatch):
+def test_a_file_that_hangs_costs_a_watched_folder_one_complaint(odd, tmp_path, monkeypatch, started):
     monkeypatch.setattr(folder_camera, "READ_LIMIT_S", 3.0)
     monkeypatch.setattr(folder_camera, "READ_AT_ONCE_S", 0.2)
     monkeypatch.setattr(folder_camera, "PATIENCE_S", 0.5)
     monkeypatch.setattr("kochab.frames.SUFFIXES", {".odd": "odd", ".png": "picture"})
-    path = odd("stuck_reader")
+    odd("stuck_reader")
     with closing(open_camera("folder", str(tmp_path))) as camera:
         while not camera._reading:
             assert camera.next_frame(0.1) is None
@@ -410,4 +452,152 @@ def test_a_file_that_hangs_costs_a_watched_folder_one_complaint(odd, tmp_path, m
         assert [c for c in camera.complaints() if "night.odd" in c] == [
             "File skipped: night.odd was not read within 3 s. Is it damaged? Else allow more time."
         ]
-    assert gone(reader_of(path))
+    assert started
+    assert all(map(gone, started))
+
+
+# -- What that process may not do, and what is not believed of what it says -----------------------
+
+HARMLESS = ("read a file",)
+
+
+def test_a_decoder_may_read_and_nothing_else(odd):
+    """Every call is tried within the process, by a decoder that was taken over."""
+    if "files" not in (held := confined()) or landlock_version() < 4:
+        pytest.skip(f"this kernel has Landlock {landlock_version()}: it holds {held}")
+    told = read_frame(odd("told_reader")).header
+    assert {name for name, outcome in told.items() if outcome == "done"} == {*HARMLESS}
+    assert {told[name] for name in told if name not in HARMLESS} <= {"EACCES", "EPERM"}
+    assert not any(Path(f"/tmp/kochab-{name}").exists() for name in ("written", "made", "link"))
+
+
+def confined():
+    """What holds for a process of this kernel."""
+    code = "from kochab.frames.confinement import confine; print(*confine())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "aarch64"), reason="calls are named for two processors")
+def test_the_filter_refuses_what_it_names_and_allows_the_rest():
+    """The program is run here by the rules of classic BPF (McCanne & Jacobson 1993), as the kernel runs it."""
+    mark, calls = 0xC000003E, [41, 59, 62]
+    program = [struct.unpack("=HBBI", row) for row in batched(filter_of(mark, calls), 8)]
+
+    def answer(arch, number):
+        at = value = 0
+        while True:
+            code, yes, no, k = program[at]
+            at += 1
+            if code == 0x06:
+                return k
+            if code == 0x20:
+                value = {0: number, 4: arch}[k]
+            else:
+                at += yes if {0x15: value == k, 0x35: value >= k}[code] else no
+
+    refused = {n for n in range(512) if answer(mark, n) != 0x7FFF0000}
+    assert refused == {*calls}
+    assert answer(mark, 0x40000000 + 1) == answer(0x40000003, 1) == 0x00050001  # EPERM
+
+
+def batched(data, size):
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+def answered(parts):
+    return received(
+        io.BytesIO(struct.pack(f"={len(parts) + 1}Q", len(parts), *map(len, parts)) + b"".join(parts)), 10**9
+    )
+
+
+def frame_parts(**changed):
+    """An answer as it is sent, its JSON changed."""
+    frame = Frame(
+        sky(), colours(), hint=Hint((1.0, 2.0), (10.0, 20.0, 5.0), WHEN, 2.0, Site(1.0, 2.0, 3.0), "camera", "EXIF")
+    )
+    told, *arrays = map(bytes, encoded(frame))
+    return [json.dumps(json.loads(told) | changed).encode(), *arrays]
+
+
+def test_a_frame_is_answered_as_it_was():
+    header = {"A": 1, "B": 2.5, "C": "x", "D": None, "E": True, "F": float("inf"), "G": 10**30, "H": np.float32(0.5)}
+    hint = Hint((1.0, 2.0), (10.0, 20.0, 5.0), WHEN, 2.0, Site(1.0, 2.0, 3.0), "camera", "EXIF", time_of_file=True)
+    for given in (
+        Frame(sky(), colours(np.float32), "RGGB", 40000.0, "a\udce9.fits", hint, ("one",), header),
+        Frame(sky().astype(np.float64)),
+    ):
+        frame, trace = answered([*map(bytes, encoded(given))])
+        assert trace == ""
+        np.testing.assert_array_equal(frame.pixels, given.pixels)
+        assert frame.pixels.dtype == given.pixels.dtype
+        assert (frame.bayer, frame.saturation, frame.path) == (given.bayer, given.saturation, given.path)
+        assert (frame.hint, frame.warnings) == (given.hint, given.warnings)
+    header |= {"F": "inf", "G": str(10**30)}
+    assert answered([*map(bytes, encoded(Frame(sky(), header=header)))])[0].header == header
+
+
+@pytest.mark.parametrize(
+    ("error", "kind"),
+    [(FrameError("is cut short."), FrameError), (MemoryError("all"), MemoryError), (KeyError("x"), DecoderFaultError)],
+)
+def test_what_a_reader_raises_is_answered_by_its_kind(error, kind):
+    found, trace = answered([*map(bytes, encoded(error, "where"))])
+    assert type(found) is kind
+    assert str(error) in str(found)
+    assert trace == "where"
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        [],
+        [b""],
+        [pickle.dumps(sky())],
+        [b"[" * 100_000],
+        [b"{}"],
+        [b"[]"],
+        [b"NaN"],
+        [b"{}"] * 9,
+        frame_parts(arrays=[]),
+        frame_parts(arrays=[["<u2", [48, 64]]]),
+        frame_parts(arrays=[["|O", [48, 64]], ["|u1", [48, 64, 3]]]),
+        frame_parts(arrays=[["<u2", [48, 65]], ["|u1", [48, 64, 3]]]),
+        frame_parts(arrays=[["<u2", [2**40, 2**40]], ["|u1", [48, 64, 3]]]),
+        frame_parts(arrays=[["<u2", [-48, -64]], ["|u1", [48, 64, 3]]]),
+        frame_parts(arrays=[[">u2", [48, 64]], ["|u1", [48, 64, 3]]]),
+        frame_parts(arrays=[["<u2", [64, 48]], ["|u1", [48, 64, 3]]]),
+        frame_parts(arrays=[["<u2", [48.0, 64.0]], ["|u1", [48, 64, 3]]]),
+        *(
+            frame_parts(frame=json.loads(frame_parts()[0])["frame"] | changed)
+            for changed in (
+                {"bayer": "RGBX"},
+                {"saturation": "high"},
+                {"saturation": [1]},
+                {"hint": None},
+                {"hint": {}},
+                {"header": [["a", {"b": 1}]]},
+                {"header": 5},
+            )
+        ),
+    ],
+)
+def test_an_answer_that_is_none_is_refused(parts):
+    with pytest.raises((ValueError, TypeError, LookupError, AttributeError)):
+        answered(parts)
+
+
+def test_an_answer_larger_than_the_memory_is_refused_before_it_is_read():
+    with pytest.raises(ValueError, match="size"):
+        received(io.BytesIO(struct.pack("=3Q", 2, 100, 2**50)), 10**9)
+    with pytest.raises(EOFError):
+        received(io.BytesIO(struct.pack("=2Q", 1, 100) + b"{}"), 10**9)
+
+
+def test_a_decoder_that_answers_a_pickle_is_one_sentence(odd, tmp_path, monkeypatch):
+    """What it would have run on our side is not run."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FrameError, match=r"^night.odd cannot be read: its decoder crashed"):
+        read_frame(odd("pickling_reader"))
+    assert not (tmp_path / "run-by-a-pickle").exists()
+    assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)

@@ -3,7 +3,9 @@
     reader -> leave_to_sandbox() raises Outside -> in_sandbox(function, ...) -> a warm process -> the result
 
 What is read by hand, or by a library that is bounded by the size of the image, never comes here. A
-process takes 0.2 to 0.3 s to start, is kept for the next file, and ends with its parent.
+process takes 0.2 to 0.3 s to start, is kept for the next file, and ends with its parent. It gives up all
+that it does not need (`confinement`), and what it answers is not believed (`answer`): we send it
+pickles, it sends none.
 """
 
 import atexit
@@ -12,7 +14,6 @@ import logging
 import os
 import pickle
 import signal
-import struct
 import sys
 import threading
 import time
@@ -20,17 +21,17 @@ import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from queue import SimpleQueue
-from typing import IO, Any, BinaryIO, TypeVar
-
-import numpy as np
+from typing import Any
 
 from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
+from kochab.frames.answer import encoded, received, send
+from kochab.frames.confinement import confine
 from kochab.frames.samples import free_bytes
 
-T = TypeVar("T")
-Answer = tuple[Any, Exception | None, str]
-"""What a function returned, or what it raised and where."""
+Answer = tuple[Frame | Exception, str]
+"""What a function returned or raised, and where it did."""
 _logger = logging.getLogger(__name__)
 
 MOST_BYTES = 4_000_000_000
@@ -99,10 +100,11 @@ def serve() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches us too; the parent decides
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print
+    confine()  # while there is one thread
     calls: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(calls,), daemon=True).start()
     while True:
-        _send(answers, _answer(calls.get()))
+        send(answers, _answer(calls.get()))
 
 
 def _listen(calls: "SimpleQueue[bytes]") -> None:
@@ -118,17 +120,13 @@ def _listen(calls: "SimpleQueue[bytes]") -> None:
             os._exit(0)
 
 
-def _answer(call: bytes) -> Answer:
+def _answer(call: bytes) -> list[memoryview]:
     try:
         function, arguments, memory_bytes, timeout_s = pickle.loads(call)
         _bound(memory_bytes, timeout_s)
-        return function(*arguments), None, ""
+        return encoded(function(*arguments))
     except Exception as error:
-        try:
-            pickle.loads(pickle.dumps(error))
-        except Exception:  # some libraries' exceptions cannot be made again from what they hold
-            return None, RuntimeError("".join(traceback.format_exception_only(error))), traceback.format_exc()
-        return None, error, traceback.format_exc()
+        return encoded(error, traceback.format_exc())
 
 
 def _bound(memory_bytes: int | None, timeout_s: float | None) -> None:
@@ -158,7 +156,7 @@ def _bound_linux(memory_bytes: int) -> None:
 
 
 def _bound_windows(memory_bytes: int) -> None:
-    """Committed memory, by a job object with this process in it; the structures are named in Microsoft's documents."""
+    """Committed memory and processes, by a job object with this one in it; Microsoft's documents name its parts."""
     import ctypes
 
     global _job
@@ -167,7 +165,8 @@ def _bound_windows(memory_bytes: int) -> None:
     counters = (ctypes.c_uint64 * 9)(72)  # PROCESS_MEMORY_COUNTERS; its PagefileUsage is what is committed
     kernel.K32GetProcessMemoryInfo(own, counters, 72)
     limits = (ctypes.c_uint64 * 18)()  # JOBOBJECT_EXTENDED_LIMIT_INFORMATION
-    limits[2], limits[14] = 0x100, counters[7] + memory_bytes  # JOB_OBJECT_LIMIT_PROCESS_MEMORY
+    # JOB_OBJECT_LIMIT_PROCESS_MEMORY and _ACTIVE_PROCESS: it starts no program
+    limits[2], limits[5], limits[14] = 0x108, 1, counters[7] + memory_bytes
     kernel.CreateJobObjectW.restype = ctypes.c_void_p
     job = ctypes.c_void_p(_job or kernel.CreateJobObjectW(None, None))
     if not kernel.SetInformationJobObject(job, 9, limits, 144):
@@ -179,8 +178,8 @@ def _bound_windows(memory_bytes: int) -> None:
 # -- Outside of it -----------------------------------------------------------------------------
 
 
-def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *arguments: Any) -> Task[T]:
-    """What ``function`` returns or raises, called in another process; that is killed when this task is closed.
+def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., Frame], *arguments: Any) -> Task[Frame]:
+    """The frame that ``function`` returns, called in another process; that is killed when this task is closed.
 
     Parameters
     ----------
@@ -191,7 +190,8 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
     function, arguments
         Picklable; the function is found by its module and name.
 
-    Raises `FrameError` when the deadline has passed, or the process ended: it crashed, or the system ended it.
+    Raises `FrameError` when the reader does, the deadline has passed, or the process ended: it crashed, or the system
+    ended it, or what it answered is no answer. MemoryError as the reader does, DecoderFaultError for all else.
     """
     deadline = None if timeout_s is None else time.monotonic() + timeout_s
     try:
@@ -202,7 +202,7 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
         ) from None
     try:
         memory_bytes = max(LEAST_BYTES, min(MOST_BYTES, free_bytes() or MOST_BYTES))
-        answer = sandbox.call((function, arguments, None if WATCHED else memory_bytes, timeout_s))
+        answer = sandbox.call((function, arguments, None if WATCHED else memory_bytes, timeout_s), memory_bytes)
         seen = time.monotonic()
         while not answer.done():
             if WATCHED and time.monotonic() > seen + _WATCH_S:
@@ -226,13 +226,13 @@ def in_sandbox(name: str, timeout_s: float | None, function: Callable[..., T], *
     except BaseException:  # also when this task is closed
         sandbox.kill()
         raise
-    # It answered, if only by an error: the process is sound and serves the next file.
+    # It answered, if only by a sentence: the process is sound and serves the next file.
     _idle.append(sandbox)
-    value, fault, trace = answer.result()
-    if fault is not None:
+    found, trace = answer.result()
+    if isinstance(found, Exception):
         _logger.debug("In the process that reads %s: %s", name, trace)
-        raise fault
-    return value  # type: ignore[no-any-return]
+        raise found
+    return found
 
 
 class _Sandbox:
@@ -255,14 +255,14 @@ class _Sandbox:
         self._thread: threading.Thread | None = None
         self._started = _own_program  # which knows where its modules are
 
-    def call(self, call: tuple[Any, ...]) -> "Future[Answer]":
-        """Send ``call``; the answer comes, or an exception when the process has ended."""
+    def call(self, call: tuple[Any, ...], most_bytes: int) -> "Future[Answer]":
+        """Send ``call``; the answer comes, or an exception when the process has ended or answers something else."""
         answer: Future[Answer] = Future()
-        self._thread = threading.Thread(target=self._exchange, args=(call, answer), daemon=True)
+        self._thread = threading.Thread(target=self._exchange, args=(call, most_bytes, answer), daemon=True)
         self._thread.start()
         return answer
 
-    def _exchange(self, call: tuple[Any, ...], answer: "Future[Answer]") -> None:
+    def _exchange(self, call: tuple[Any, ...], most_bytes: int, answer: "Future[Answer]") -> None:
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
         assert stdout is not None
@@ -274,7 +274,7 @@ class _Sandbox:
             pickle.dump(_folder(), stdin)
             pickle.dump(pickle.dumps(call), stdin)
             stdin.flush()
-            answer.set_result(_received(stdout))
+            answer.set_result(received(stdout, most_bytes))
         except Exception as error:  # else nobody would learn that no answer comes
             answer.set_exception(error)
 
@@ -331,40 +331,9 @@ def _kill_idle() -> None:
         _idle.pop().kill()
 
 
-# -- Between the two: numbers as they lie in memory, without a copy ----------------------------
-
-
-def _send(pipe: BinaryIO, value: Any) -> None:
-    buffers: list[pickle.PickleBuffer] = []
-    body = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
-    parts = [memoryview(body), *(buffer.raw() for buffer in buffers)]
-    pipe.write(struct.pack(f"=Q{len(parts)}Q", len(parts), *(part.nbytes for part in parts)))
-    for part in parts:
-        pipe.write(part)
-    pipe.flush()
-
-
-def _received(pipe: IO[bytes]) -> Any:
-    (count,) = struct.unpack("=Q", _filled(pipe, 8))
-    sizes = struct.unpack(f"={count}Q", _filled(pipe, 8 * count))
-    body, *buffers = [_filled(pipe, size) for size in sizes]
-    return pickle.loads(body, buffers=buffers)
-
-
 def _folder() -> str:
     """The current folder, from which a file's name may be told; the one to stay in when it is gone."""
     try:
         return os.getcwd()
     except OSError:
         return os.curdir
-
-
-def _filled(pipe: IO[bytes], size: int) -> memoryview:
-    whole = np.empty(size, np.uint8).data  # bytearray would write zeros first
-    at = 0
-    while at < size:
-        count = pipe.readinto(whole[at:])  # type: ignore[attr-defined]
-        if not count:
-            raise EOFError
-        at += count
-    return whole
