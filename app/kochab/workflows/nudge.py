@@ -51,7 +51,8 @@ def nudge(
     East and west are angles of the RA axis: on the sky they are smaller by the cosine of the
     declination. Cancelling stops the mount.
 
-    Raises RefusedError when the guard or the mount refuses, or the mount can neither pulse nor move.
+    Raises RefusedError when the guard or the mount refuses, or the mount can neither pulse nor move, and
+    NotStoppedError when it runs on after its move.
     """
     if amount_arcsec < LEAST_ARCSEC:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
@@ -141,6 +142,7 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
             if left <= 1e-3 or not mount.state().slewing:
                 break
             wait(AFTER_S)
+    mount.emergency.confirm()  # the bytes that end a move can be lost: it is seen to stand, or stopped
     return Nudged(
         direction,
         amount_arcsec,

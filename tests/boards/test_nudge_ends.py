@@ -1,0 +1,40 @@
+"""A nudge on boards that lose the bytes that end it."""
+
+import pytest
+
+from kochab.core.errors import DeviceError
+from kochab.core.mount import Direction
+from kochab.core.progress import run
+from kochab.gear.session import Meridian, MountSelection, guarded, limits_at
+from kochab.workflows.nudge import nudge
+from tests.boards import SITE, served
+
+
+@pytest.fixture(params=["onstep", "onstepx", "am5", "ioptron", "nexstar"])
+def nudged(request):
+    """A board, and its guard."""
+    with served(request.param) as board:
+        board.align(-20.0, 40.0)
+        selection = MountSelection(board.port, board.driver)
+        with guarded(selection, SITE, clock=board.clock, limits=limits_at(Meridian.FLIPS)) as guard:
+            yield board, guard
+
+
+def south(guard):
+    return run(nudge(guard, Direction.SOUTH, 1800.0, rate_deg_s=0.5))
+
+
+def test_a_nudge_whose_end_is_lost_is_stopped(nudged):
+    board, guard = nudged
+    board.lose_stops(1)
+    south(guard)
+    assert not board.moving
+
+
+def test_a_nudge_that_cannot_be_ended_is_told(nudged):
+    board, guard = nudged
+    board.lose_stops(1000)
+    with pytest.raises(DeviceError, match=r"CUT ITS POWER|cut its power"):
+        south(guard)
+    board.lose_stops(0)
+    guard.stop()
