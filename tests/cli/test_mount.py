@@ -65,6 +65,24 @@ def test_park_unpark_home_and_track_are_previewed_then_done(capsys, driver) -> N
         assert telescope.tracking_deg_s == TrackingRate.LUNAR.deg_s
 
 
+def test_syncs_by_hand_of_one_program_after_the_other_count_together(capsys) -> None:
+    """Four of six degrees added up to 24, each measured against the last."""
+    with simulated("onstep") as (telescope, port):
+        telescope.sync((sidereal_deg(SITE, datetime.now(UTC)) + 60.0) % 360.0, 60.0)
+        line = ("--port", port, "--driver", "onstep", "--site", "50,8", "--yes")
+
+        def sync(dec_deg, *more):
+            return run(
+                capsys, "sync", "--ra-deg", str(telescope.believed_deg()[0]), "--dec-deg", str(dec_deg), *line, *more
+            )
+
+        assert [sync(dec)[0] for dec in (54.0, 48.0, 42.0)] == [0, 0, 0]
+        code, told = sync(36.0)
+        assert (code, "With this night's syncs by hand" in told["error"]) == (1, True)
+        assert telescope.believed_deg()[1] == pytest.approx(42.0, abs=0.3)
+        assert sync(36.0, "--arm")[0] == 0
+
+
 def test_a_wrong_clock_is_told_refused_and_set(capsys) -> None:
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 60.0)
     telescope.sync((sidereal_deg(SITE, datetime.now(UTC)) + 90.0) % 360.0, 85.0)

@@ -19,6 +19,7 @@ from kochab.gear.mount_events import MountEvent, PracticeStarted
 from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis, MountSettings, open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_port
 from kochab.gear.mounts.serial_line import PORTS
 
@@ -109,14 +110,14 @@ def guarded(
 
     Raises `DeviceError` with one sentence and what to do.
     """
-    clock = clock or utc_now
-    settings = MountSettings(
-        epoch=selection.epoch, site=site, clock=clock, equatorial=selection.equatorial, kept=config_folder() / "mounts"
-    )
+    kept, now = config_folder() / "mounts", clock or utc_now
+    settings = MountSettings(epoch=selection.epoch, site=site, clock=now, equatorial=selection.equatorial, kept=kept)
     again = partial(open_mount, selection.driver, selection.port, selection.baud, stop_first=True, **settings)
     # Home was confirmed for this moment, not for when a lost line is found again.
     mount = again() if stop_first else again(stop_first=False, home=selection.home)
-    return Guard(mount, site, limits or Limits(), clock=clock, reopen=again)
+    # With a clock of its own it is a practice night, on which nothing is kept.
+    syncs = NightSyncs.of_line(now, kept, selection.port or selection.driver) if clock is None else None
+    return Guard(mount, site, limits or Limits(), clock=now, reopen=again, syncs=syncs)
 
 
 def complete(selection: MountSelection) -> Task[MountSelection]:

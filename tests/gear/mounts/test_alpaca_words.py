@@ -174,6 +174,30 @@ def test_its_state_is_what_the_server_shows(scope, name, values) -> None:
         assert getattr(mount.state(), name) is meant
 
 
+@pytest.mark.parametrize("told", [None, "false", 0, float("nan"), []])
+def test_a_state_that_is_null_or_no_truth_is_unknown_and_never_stands(scope, told) -> None:
+    """``null`` where a word is due was taken for false: a mount that slews would have stood."""
+    mount, link = scope()
+    names = ("slewing", "atpark", "tracking", "trackingrate", "sideofpier", "alignmentmode")
+    link.properties |= dict.fromkeys(names, told)
+    state = mount.state()
+    assert (state.slewing, state.parked, state.tracking) == (None, None, None)
+    link.refused.add("abortslew")
+    with pytest.raises(RefusedError, match="abortslew is refused"):
+        mount.stop()
+    del link.properties["slewing"]
+    assert mount.state().slewing is None
+
+
+@pytest.mark.parametrize("name", ["rightascension", "declination"])
+@pytest.mark.parametrize("told", [None, float("nan"), "x", float("inf")])
+def test_a_position_that_is_no_number_is_none(scope, name, told) -> None:
+    mount, link = scope()
+    link.properties[name] = told
+    with pytest.raises(NoAnswerError, match=r"reports (no valid position|invalid values)"):
+        mount.position()
+
+
 @pytest.mark.parametrize(
     ("change", "altaz"),
     [({"altitude": 30.5, "azimuth": 200.25}, (30.5, 200.25)), ({"altitude": 30.5}, None), ({"azimuth": 200.25}, None)],

@@ -173,7 +173,9 @@ def test_a_driver_without_coordinates_is_no_mount_and_its_line_is_given_back(sco
         ("24", "90", True),
         ("0", "-90", True),
         ("24.001", "0", False),
-        ("1", "90.001", False),
+        ("1", "180.001", False),
+        ("nan", "0", False),
+        ("1", "nan", False),
         (None, "0", False),
         ("1", None, False),
     ],
@@ -186,6 +188,43 @@ def test_a_position_is_on_the_sky(scope, ra, dec, valid) -> None:
     else:
         with pytest.raises(NoAnswerError, match="no valid position"):
             mount.position()
+
+
+@pytest.mark.parametrize(
+    ("ra", "dec", "place"),
+    [("3", "90.9976", (225.0, 89.0024)), ("20", "-91.5", (120.0, -88.5)), ("0", "90", (0.0, 90.0))],
+)
+def test_a_place_beyond_the_pole_is_one_on_the_other_side(scope, ra, dec, place) -> None:
+    """INDI's EQMod leaves Dec 90.9976 when it has parked."""
+    mount, link = scope()
+    link.vectors[COORD] = {"RA": ra, "DEC": dec}
+    assert (mount.position().ra_deg, mount.position().dec_deg) == pytest.approx(place)
+
+
+@pytest.mark.parametrize(("state", "slewing"), [("Alert", None), ("Off", None), (None, None), ("Ok", False)])
+def test_a_driver_that_has_lost_its_mount_does_not_know_whether_it_moves(scope, state, slewing) -> None:
+    mount, link = scope()
+    link.tell(COORD, state)
+    assert mount.state().slewing is slewing
+    link.tell(COORD, "Busy")
+    assert mount.state().slewing
+
+
+@pytest.mark.parametrize(("per_look_s", "parked"), [(0.0, True), (1.0, True), (60.0, False)])
+def test_parked_is_what_stands(scope, per_look_s, parked) -> None:
+    """INDI's OnStep says so while its board still runs there; the right ascension of what stands goes with the stars."""
+    mount, link = scope(**{PARK: {"PARK": "On", "UNPARK": "Off"}})
+    link.states[PARK] = "Ok"
+
+    def wait(come, timeout_s):
+        link.vectors[COORD]["RA"] = str(float(link.vectors[COORD]["RA"]) + per_look_s / 3600.0)
+        link.tell(COORD, "Ok")
+        return come()
+
+    link.wait = wait
+    assert (mount.state().parked, mount.state().slewing) == (parked, not parked)
+    per_look_s = 0.0
+    assert mount.state().parked  # it has come to rest
 
 
 def test_while_it_moves_and_three_seconds_after_its_next_report_is_waited_for(scope) -> None:

@@ -8,6 +8,7 @@ ended by its emergency stop when something goes wrong. Time and site are sent on
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from math import inf
 from time import sleep
@@ -16,7 +17,7 @@ from typing import Generic, NoReturn, Self, TypeVar
 
 from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg, wrapped
-from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError, StoppedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
 from kochab.core.progress import Task
@@ -24,14 +25,23 @@ from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import EmergencyStop
-from kochab.gear.mounts.motion_plan import Limits, Plan, Preview, SyncEvidence
+from kochab.gear.mounts.motion_plan import Degrees, Limits, Plan, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
+from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
+from kochab.gear.mounts.standing import place_of_rest
 
 UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
+DOUBTFUL_SYNC = tr_noop(
+    "The mount moved while it was synced, and whether it took the sync is not known: take a new frame. Nothing slews."
+)
 FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
 
 T = TypeVar("T")
+
+
+def _degrees(place: Pointing) -> Degrees:
+    return place.ra_deg, place.dec_deg
 
 
 class FromDriver(Generic[T]):
@@ -63,8 +73,11 @@ class Guard:
         log: MotionLog | None = None,
         reopen: Callable[[], Mount] | None = None,
         wait: Callable[[float], None] = sleep,
+        syncs: NightSyncs | None = None,
     ) -> None:
         self.clock = clock
+        self.syncs = syncs or NightSyncs(clock)
+        self._before_sync: Degrees = (0.0, 0.0)  # the night's shift by hand, which undo restores
         self.log = log or MotionLog(clock=clock)
         self.armed = False
         self.policy = MotionPolicy(site, limits or Limits(), clock)
@@ -157,7 +170,7 @@ class Guard:
     def _set(self, ability: Ability, do: Callable[[], None]) -> None:
         """A mount whose position has moved with its clock must be synced before it slews."""
         self._require_ability(ability)
-        if self.state().slewing or self.emergency.moving:
+        if self._settled_state().slewing or self.emergency.moving:
             self._refuse(str(ability), tr("The mount is moving: stop it first."))
         self.supervisor.forget()  # a new clock or site may shift the position: no jump
         self.supervisor.undo = None
@@ -176,8 +189,8 @@ class Guard:
     ) -> Preview:
         """What a sync to the mount's own coordinates would do; nothing changes."""
         self.clock_and_site.compare(self.mount)
-        to_deg = (ra_deg, dec_deg)
-        return self.policy.sync(self.position(), self.state(), to_deg, evidence, by_hand, self.armed)
+        state, shift = self._settled_state(), self.syncs.shift_deg
+        return self.policy.sync(self.position(), state, (ra_deg, dec_deg), evidence, by_hand, self.armed, shift)
 
     def sync(
         self,
@@ -194,6 +207,7 @@ class Guard:
         it: then an offset slew does the same without a sync.
         """
         self._require_ability(Ability.SYNC)
+        self._require_rest()
         preview = self.preview_sync(ra_deg, dec_deg, evidence, by_hand)
         self._require_allowed(preview, confirmed)
         guessed = self.state().home_confirmed is False  # asked before the sync, which confirms it
@@ -201,6 +215,11 @@ class Guard:
         shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
         # A guess is nothing to go back to; what called for this sync does so again once it is taken back.
         self.supervisor.undo = None if guessed else (shift, self.policy.until_sync)
+        self._before_sync = self.syncs.shift_deg
+        if by_hand and not self.armed:
+            self.syncs.add(-shift[0], -shift[1])
+        else:
+            self.syncs.settle()
         self.armed, self.policy.until_sync = False, ""
 
     @property
@@ -210,28 +229,56 @@ class Guard:
 
     def undo_sync(self) -> None:
         """Take back the last sync, wherever the mount has gone since."""
-        here = self.position()  # first: it may show that the mount was switched off and on
+        self.position()  # first: it may show that the mount was switched off and on
         if self.supervisor.undo is None:
             raise RefusedError("No sync to undo.")
+        here = self._require_rest()
         shift, until_sync = self.supervisor.undo
         ra = (here.ra_deg + shift[0]) % 360.0
         dec = min(90.0, max(-90.0, here.dec_deg + shift[1]))
         self._require_allowed(self.policy.sync(here, self.state(), (ra, dec), by_hand=True, armed=True), True)
         self._sync(ra, dec)
         self.supervisor.undo, self.policy.until_sync = None, until_sync
+        self.syncs.keep(self._before_sync)
+
+    def _require_rest(self) -> Pointing:
+        """Where the tube stands: a sync while it runs out of a motion would be of another place."""
+        here, stands = place_of_rest(self.position, self.emergency.wait)
+        if not stands:
+            self._refuse("sync", tr("The telescope is still moving: wait until it stands, then sync."))
+        return here
+
+    def _settled_state(self) -> MountState:
+        """The state; a mount that does not say whether it moves is looked at twice."""
+        state = self.state()
+        if state.slewing is None:
+            state = replace(state, slewing=not place_of_rest(self.position, self.emergency.wait, looks=2)[1])
+        return state
 
     def _sync(self, ra_deg: float, dec_deg: float) -> None:
         self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump
         silent: NoAnswerError | None = None
+        before = self.position()
         try:
             self._send("sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg)
         except NoAnswerError as error:  # an old Autostar answers with the next command: its position tells
             silent = error
+        except StoppedError:
+            raise
+        except RefusedError as error:  # a garbled answer to a sync that was taken says the same
+            if 3600.0 * apart_deg(_degrees(self.position()), _degrees(before)) > self.limits.read_back_arcsec:
+                raise NoAnswerError("{error} {doubt}", error=error, doubt=tr(DOUBTFUL_SYNC)) from error
+            raise
         here = self.position()
-        away = 3600.0 * apart_deg((here.ra_deg, here.dec_deg), (ra_deg, dec_deg))
+        away = 3600.0 * apart_deg(_degrees(here), (ra_deg, dec_deg))
         if away > self.limits.read_back_arcsec:
             if silent is not None:
                 raise silent
+            # Only a position that stands where it stood shows that nothing was taken.
+            here, stands = place_of_rest(self.position, self.emergency.wait)
+            if not stands or 3600.0 * apart_deg(_degrees(here), _degrees(before)) > self.limits.read_back_arcsec:
+                self.log.add("sync", "failed", tr(DOUBTFUL_SYNC))
+                raise NoAnswerError(DOUBTFUL_SYNC)
             sentence = tr("The mount ignored the sync, still off by {away:.1f}′. Slew by the offset.", away=away / 60.0)
             self.log.add("sync", "failed", sentence)
             raise RefusedError(sentence)
@@ -242,7 +289,7 @@ class Guard:
     def preview_goto(self, ra_deg: float, dec_deg: float) -> Preview:
         """What a goto to the mount's own coordinates would do; nothing moves."""
         self.clock_and_site.compare(self.mount)
-        return self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg))[1]
+        return self.policy.goto(self.position(), self._settled_state(), (ra_deg, dec_deg))[1]
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """Begin a slew that every rule allows; see :meth:`slew` for one that is waited for."""
@@ -261,7 +308,7 @@ class Guard:
 
     def preview_rest(self, action: str) -> Preview:
         """What ``park`` or ``home`` would do; nothing moves."""
-        return self.policy.rest(action, self.position(), self.state(), self.park_altitude_deg())[1]
+        return self.policy.rest(action, self.position(), self._settled_state(), self.park_altitude_deg())[1]
 
     def park(self) -> None:
         """Begin to go to the mount's park position; see :meth:`rest` for one that is waited for."""
@@ -288,7 +335,7 @@ class Guard:
 
     def _begin_rest(self, action: str, stops: int) -> None:
         self._require_ability(Ability.PARK if action == "park" else Ability.HOME)
-        plan, preview = self.policy.rest(action, self.position(), self.state(), self.park_altitude_deg())
+        plan, preview = self.policy.rest(action, self.position(), self._settled_state(), self.park_altitude_deg())
         self._require_allowed(preview, confirmed=True)
         send = self.mount.park if action == "park" else self.mount.go_home
         self._send(action, self.limits.slew_timeout_s, send, SupervisedMotion(plan, anywhere()), stops)
@@ -385,7 +432,7 @@ class Guard:
         self._require_ability(Ability.GOTO)
         stops = self.stops  # before the questions, which take seconds: a Stop meanwhile wins
         self.clock_and_site.compare(self.mount)
-        plan, preview = self.policy.goto(self.position(), self.state(), (ra_deg, dec_deg), flip)
+        plan, preview = self.policy.goto(self.position(), self._settled_state(), (ra_deg, dec_deg), flip)
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
         self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, ra_deg=ra_deg, dec_deg=dec_deg)
@@ -396,8 +443,9 @@ class Guard:
         known = bool(self.rates_deg_s) or action == "pulse"
         if (angle := rate_deg_s * seconds * (1.0 if known else FASTER)) > NUDGE_DEG:
             self.clock_and_site.compare(self.mount)
+        state = self._settled_state() if angle > NUDGE_DEG else self.state()
         here = self.position()
-        plan, preview, region = self.policy.move(action, here, self.state(), direction, angle, OVERRUN)
+        plan, preview, region = self.policy.move(action, here, state, direction, angle, OVERRUN)
         self._require_allowed(preview, confirmed=True)
         return SupervisedMotion(plan, region, known)
 

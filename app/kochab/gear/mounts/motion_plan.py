@@ -19,6 +19,7 @@ from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg
 # -- What a guarded mount may do, and the evidence a sync must bring ---------------------------
 
 
+Degrees = tuple[float, float]
 Horizon = tuple[tuple[float, float], ...]
 
 
@@ -110,7 +111,8 @@ class Plan:
 
     ``paths`` are arrays (N, 3) of unit vectors of date: paths the telescope may take.
     ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
-    ``doubt`` is why the mount's clock or site must not be relied upon.
+    ``doubt`` is why the mount's clock or site must not be relied upon. ``by_hand_deg`` is what this night's syncs by
+    hand have shifted it by.
     """
 
     start_deg: tuple[float, float]
@@ -127,6 +129,7 @@ class Plan:
     action: str = "goto"
     from_home: bool = False
     doubt: str = ""
+    by_hand_deg: Degrees = (0.0, 0.0)
     park_altitude_deg: float | None = None
 
     @property
@@ -230,7 +233,6 @@ def preview_of(
 # arrives, a fork in altitude and azimuth follows roughly a great circle, and a German mount that
 # changes sides goes over the pole. A slew is allowed when all of them are.
 
-Degrees = tuple[float, float]
 Aim = Callable[[Degrees, datetime], Degrees]
 """Where a mount is sent so that it points at a place, both in its own coordinates."""
 STEP_DEG = 1.0

@@ -278,6 +278,9 @@ def past_meridian(plan: Plan) -> Findings:
 def sync_step(plan: Plan) -> Findings:
     """Refuse beyond the largest step; ask beyond the smaller one."""
     limits, step = plan.limits, plan.distance_deg
+    # Measured from the place that it would report without the syncs by hand before.
+    unsynced = unit_vectors(plan.start_deg[0] - plan.by_hand_deg[0], plan.start_deg[1] - plan.by_hand_deg[1])
+    together = separation_deg(unsynced, plan.target) if plan.by_hand else step
     guessed = plan.state.home_confirmed is False  # a step from a guessed position proves nothing
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
@@ -302,8 +305,20 @@ def sync_step(plan: Plan) -> Findings:
             step=step,
             refuse=limits.refuse_sync_deg,
         )
+    elif together > limits.refuse_sync_deg and not plan.armed and not guessed:
+        yield refuse(
+            "With this night's syncs by hand the mount would be shifted by {together:.1f}°, more than {refuse:g}°. Sync"
+            " on two solved frames; or, if you are sure, allow it (--arm).",
+            together=together,
+            refuse=limits.refuse_sync_deg,
+        )
     elif step > limits.confirm_sync_deg:
         yield confirm("The sync would shift the mount by {step:.1f} deg: confirm it.", step=step)
+    elif together > limits.confirm_sync_deg:
+        yield confirm(
+            "With this night's syncs by hand the mount would be shifted by {together:.1f}°: confirm it.",
+            together=together,
+        )
 
 
 def sync_evidence(plan: Plan) -> Findings:
@@ -435,10 +450,11 @@ class MotionPolicy:
         evidence: SyncEvidence | None = None,
         by_hand: bool = False,
         armed: bool = False,
+        by_hand_deg: Degrees = (0.0, 0.0),
     ) -> Preview:
-        """What a sync would do."""
+        """What a sync would do, after others by hand that have shifted both coordinates by ``by_hand_deg``."""
         plan = self.plan("sync", here, state, to_deg)
-        plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=armed)
+        plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=armed, by_hand_deg=by_hand_deg)
         return preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, SYNC_RULES)
 
     def altaz_deg(self, here: Pointing) -> Degrees | None:

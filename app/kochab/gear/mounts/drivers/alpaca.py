@@ -1,8 +1,9 @@
 """A mount driven through an ASCOM Alpaca server, so that other programs can use it too."""
 
+from collections.abc import Mapping
 from contextlib import closing, suppress
 from datetime import UTC, datetime
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar, TypeVar, Unpack
 
 from kochab.core import tr, tr_noop
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
@@ -12,6 +13,8 @@ from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
+
+T = TypeVar("T")
 
 POWER_UP_S = 20.0
 EPOCHS = {2: Epoch.J2000}  # ``EquatorialSystem``; 0 is unknown and 1 topocentric, the epoch of date
@@ -58,7 +61,7 @@ class AlpacaMount(ServerMount):
         told = [(str(number), name) for number, name in self._link.devices()]
         self._path = f"telescope/{chosen(told, where, 'Alpaca', 'telescope')}/"
         self._put("connected", POWER_UP_S, Connected=True)
-        epoch = EPOCHS.get(int(self._get("equatorialsystem", 0)), Epoch.DATE)
+        epoch = self._one_of(EPOCHS, "equatorialsystem") or Epoch.DATE
         super().__init__(settings.get("epoch") or epoch, self._leave)
         for ability, name in CAN.items():
             if not self._get(name, False):
@@ -115,15 +118,24 @@ class AlpacaMount(ServerMount):
     @making_sense()
     def state(self) -> MountState:
         """As the server shows it, and whoever else moves the mount."""
-        parked, tracking = self._get("atpark", None), self._get("tracking", None)
         return MountState(
-            slewing=bool(self._get("slewing")),
-            parked=None if parked is None else bool(parked),
-            tracking=None if tracking is None else bool(tracking),
-            rate=dict(enumerate(RATES)).get(int(self._get("trackingrate", -1))),
-            pier_side=SIDES.get(int(self._get("sideofpier", -1))),
-            alt_azimuth=ALT_AZIMUTH.get(int(self._get("alignmentmode", -1))),
+            slewing=self._truth("slewing"),
+            parked=self._truth("atpark"),
+            tracking=self._truth("tracking"),
+            rate=self._one_of(dict(enumerate(RATES)), "trackingrate"),
+            pier_side=self._one_of(SIDES, "sideofpier"),
+            alt_azimuth=self._one_of(ALT_AZIMUTH, "alignmentmode"),
         )
+
+    def _truth(self, name: str) -> bool | None:
+        """A property that is true or false; None where the mount has it not, or it is null or anything else."""
+        told = self._get(name, None)
+        return told if isinstance(told, bool) else None
+
+    def _one_of(self, table: Mapping[int, T], name: str) -> T | None:
+        """What the number of a property stands for; None where it stands for nothing, or is none."""
+        told = self._get(name, None)
+        return table.get(told) if isinstance(told, int) and not isinstance(told, bool) else None
 
     @making_sense()
     def altaz_deg(self) -> tuple[float, float] | None:
@@ -184,7 +196,7 @@ class AlpacaMount(ServerMount):
             try:
                 link.put(self._path + "abortslew", {})
             except RefusedError:
-                if link.get(self._path + "slewing"):
+                if link.get(self._path + "slewing") is not False:
                     raise  # otherwise nothing moves: a parked mount may refuse, too
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:

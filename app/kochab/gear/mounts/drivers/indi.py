@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack, closing
 from datetime import UTC, datetime, timedelta
-from math import asin, cos, degrees, inf, radians, sin
+from math import asin, copysign, cos, degrees, inf, radians, sin
 from time import monotonic
 from typing import ClassVar, Unpack
 
@@ -10,9 +10,20 @@ from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
+from kochab.core.mount import (
+    SIDEREAL_DEG_S,
+    Ability,
+    Direction,
+    Epoch,
+    MountState,
+    PierSide,
+    Pointing,
+    SiteReport,
+    TrackingRate,
+)
 from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
+from kochab.gear.mounts.emergency_stop import STILL_DEG
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.indi_link import CALL_S, PORT, POWER_UP_S, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
 
@@ -21,6 +32,7 @@ SETTLES_S = 3.0  # after a motion its position is not trusted before the driver 
 MORE_S = 0.3
 LATE_S = 1.5  # how late a driver's report may be on a busy computer
 NEAR_DEG = 0.02
+KNOWN = ("Idle", "Ok", "Busy", "Alert")
 PLACES = {"EQUATORIAL_EOD_COORD": Epoch.DATE, "EQUATORIAL_COORD": Epoch.J2000}
 MOVES = "TELESCOPE_MOTION_NS", "TELESCOPE_MOTION_WE"
 PARTS = {
@@ -73,6 +85,7 @@ class IndiMount(ServerMount):
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
+            self._parked = False  # as it was last seen
             asked = monotonic()  # a driver just connected, or told its site, still reports an older position
 
             def unread() -> bool:
@@ -119,24 +132,51 @@ class IndiMount(ServerMount):
                 "{name} gets no position from its mount{said}.", name=self._device.name, said=self._device.said()
             )
         ra, dec = (self._device.number(self._at, member) for member in ("RA", "DEC"))
-        if ra is None or dec is None or not (abs(ra) <= 24.0 and abs(dec) <= 90.0):
+        if ra is None or dec is None or not (abs(ra) <= 24.0 and abs(dec) <= 180.0):
             raise NoAnswerError("{name} reports no valid position.", name=self._device.name)
-        return Pointing(ra * 15.0 % 360.0, dec, self.epoch)
+        ra_deg = ra * 15.0
+        if abs(dec) > 90.0:  # EQMod counts on beyond the pole: that is a place on the other side
+            ra_deg, dec = ra_deg + 180.0, copysign(180.0, dec) - dec
+        return Pointing(ra_deg % 360.0, dec, self.epoch)
 
     def state(self) -> MountState:
         """As the driver shows it, and whoever else moves the mount."""
         self._device.check()
         state, on = self._device.state, self._on
-        moves = (self._at, *MOVES, "TELESCOPE_PARK")
+        told = [state(vector) for vector in (self._at, *MOVES, "TELESCOPE_PARK")]
+        silent = told[0] not in KNOWN or (told[0] == "Alert" and bool(self._told(self._at, self._refused_s)))
+        slewing = True if "Busy" in told else None if silent else False
+        parked = on("TELESCOPE_PARK", "PARK")
+        if parked and slewing is not True and not self._rests():
+            parked, slewing = False, True
+        self._parked = bool(parked)
         rates = [rate for rate in TrackingRate if on("TELESCOPE_TRACK_MODE", f"TRACK_{rate.name}")]
         sides = [side for side in PierSide if on("TELESCOPE_PIER_SIDE", f"PIER_{side.name}")]
         return MountState(
-            slewing="Busy" in map(state, moves),
-            parked=on("TELESCOPE_PARK", "PARK") and state("TELESCOPE_PARK") != "Busy",
+            slewing=slewing,
+            parked=parked and state("TELESCOPE_PARK") != "Busy",
             tracking=on("TELESCOPE_TRACK_STATE", "TRACK_ON"),
             pier_side=sides[0] if len(sides) == 1 else None,  # both are off if the driver doesn't know
             alt_azimuth=on("MOUNT_TYPE", "ALTAZ") or on("MOUNT_TYPE", "MOUNT_TYPE_ALTAZ") or None,  # else a default
             rate=rates[0] if len(rates) == 1 else None,
+        )
+
+    def _rests(self) -> bool:
+        """Whether a mount that is said to be parked stands: INDI's OnStep says so while its board still runs there."""
+        if self._parked:
+            return True
+        told = []
+        for _ in range(2):
+            asked = monotonic()
+            # A place that is not told anew has not changed.
+            self._link.wait(lambda asked=asked: bool(self._told(self._at, asked)), self._poll_s)
+            told.append([self._device.number(self._at, member) for member in ("RA", "DEC")])
+        (ra, dec), (next_ra, next_dec) = told
+        if ra is None or dec is None or next_ra is None or next_dec is None:
+            return False
+        # What is parked does not track: its right ascension goes on with the stars.
+        return (
+            apart_deg((ra * 15.0, dec), (next_ra * 15.0, next_dec)) <= STILL_DEG + 2.0 * SIDEREAL_DEG_S * self._poll_s
         )
 
     def altaz_deg(self) -> None:
@@ -311,7 +351,7 @@ class IndiMount(ServerMount):
 
     def _on(self, vector: str, member: str) -> bool | None:
         value = self._device.value(vector, member)
-        return None if value is None else value == "On"
+        return {"On": True, "Off": False}.get(value or "")
 
     def _place(self) -> str:
         return next((vector for vector in PLACES if self._device.state(vector) is not None), "")
