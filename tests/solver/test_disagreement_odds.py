@@ -29,8 +29,15 @@ FREE = {
     "polar axis": ((*HALF, *OFFSETS), AXES, HALF, NOISES),
     "cone error": ((*HALF, *OFFSETS), HALF, CONES, NOISES),
     "not aligned": (OFFSETS, HALF, HALF, NOISES),
+    "wrong day": (HALF, HALF, HALF, NOISES),
+    "compass azimuth": (tuple(product((120.0, 600.0), BUILT)), BUILT, BUILT, NOISES),
 }
-"""Cause -> the sizes of both axes' offsets, of the tilt, of the cone and of the noise, each as likely."""
+"""Cause -> the sizes of both axes' offsets, or one a pair, of the tilt, of the cone and of the noise, each as likely."""
+
+
+def sizes_of(offset, axis, cone):
+    """Every combination (5,), arcmin."""
+    return [(*(o if isinstance(o, tuple) else (o, o)), a, a, c) for o, a, c in product(offset, axis, cone)]
 
 
 def weights(seen):
@@ -49,17 +56,29 @@ def seen_of(skies=SKIES[:1], offsets=((0.0, 0.0),), **more):
 
 
 BLIND = {"summer time": 0.30, "time zone": 0.10, "epoch": 0.15, "hemisphere": 0.08, "longitude sign": 0.08}
-BLIND |= {"pier side": 0.05, "": 0.5}
+BLIND |= {"pier side": 0.05, "": 0.5, "compass azimuth": 0.2}
+# a twentieth for all days of a month before and after, each in inverse proportion; of the nearest, two on either side
+BLIND["wrong day"] = 0.05 / sum(1.0 / days for days in range(1, 32)) * (1.0 + 1.0 / 2.0)
+NO_DAY = {"wrong day": 0.02 * BLIND["wrong day"]}
 
 
 @pytest.mark.parametrize(
     ("beliefs", "change"),
     [
         (SiteReport(), {}),
-        (SiteReport(time_utc=TIME), {"summer time": 0.006, "time zone": 0.002}),
-        (SiteReport(time_utc=TIME + timedelta(seconds=3650)), {"summer time": 3.0 + 0.003, "time zone": 0.002}),
-        (SiteReport(time_utc=TIME + timedelta(seconds=90)), {"summer time": 0.006, "time zone": 0.002, "clock": 2.0}),
-        (SiteReport(time_utc=TIME - timedelta(seconds=3510)), {"summer time": 0.006, "time zone": 0.002, "clock": 2.0}),
+        (SiteReport(time_utc=TIME), {"summer time": 0.006, "time zone": 0.002, **NO_DAY}),
+        (
+            SiteReport(time_utc=TIME + timedelta(seconds=3650)),
+            {"summer time": 3.0 + 0.003, "time zone": 0.002, **NO_DAY},
+        ),
+        (
+            SiteReport(time_utc=TIME + timedelta(seconds=90)),
+            {"summer time": 0.006, "time zone": 0.002, **NO_DAY, "clock": 2.0},
+        ),
+        (
+            SiteReport(time_utc=TIME - timedelta(seconds=3510)),
+            {"summer time": 0.006, "time zone": 0.002, **NO_DAY, "clock": 2.0},
+        ),
         (SiteReport(site=SITE), {"hemisphere": 0.0016, "longitude sign": 0.0016}),
         (SiteReport(site=Site(47.0, -8.6)), {"hemisphere": 0.0016, "longitude sign": 1.6}),
         (SiteReport(site=Site(-47.0, 8.8)), {"hemisphere": 1.6, "longitude sign": 0.0016, "site longitude": 2.0}),
@@ -73,7 +92,7 @@ def test_a_mounts_own_clock_and_site_count_twentyfold_or_a_fiftieth(beliefs, cha
 
 def test_without_a_site_neither_its_longitude_nor_reversed_hour_angles_are_asked_for() -> None:
     expected = BLIND | {"hemisphere": 0.05}
-    del expected["longitude sign"]
+    del expected["longitude sign"], expected["compass azimuth"]
     assert weights(Seen(seen_of(site=None))) == pytest.approx(expected)
 
 
@@ -103,7 +122,7 @@ def test_a_mount_in_altitude_and_azimuth_tilts_with_its_base(more, polar, base) 
     }
     assert {name: found.get(name, 0.0) for name in expected} == pytest.approx(expected)
     assert found[""] == pytest.approx(0.5 + 0.02 * polar * both)
-    by_base = sum(cause.weight for cause in causes(seen) if cause.alt_azimuth)
+    by_base = sum(cause.weight for cause in causes(seen) if cause.alt_azimuth and cause.name != "compass azimuth")
     assert by_base == pytest.approx(0.5 * base)
 
 
@@ -134,10 +153,9 @@ def log_probability(seen, cause, free, terms):
     step = 1e-4
     slopes = np.stack([(off(terms - step * e) - off(terms + step * e)) / (2.0 * step) for e in np.eye(5)], axis=1)
     found = off(terms) + slopes @ terms
-    offset, axis, cone, noise = (np.array(sizes) / 60.0 for sizes in free)
     logs, odds = [], []
-    for o, a, c, n in product(offset, axis, cone, noise):
-        covariance = slopes @ np.diag(np.square([o, o, a, a, c])) @ slopes.T + n**2 * np.eye(len(slopes))
+    for sizes, n in product(np.divide(sizes_of(*free[:3]), 60.0), np.divide(free[3], 60.0)):
+        covariance = slopes @ np.diag(np.square(sizes)) @ slopes.T + n**2 * np.eye(len(slopes))
         logs.append(multivariate_normal(None, covariance).logpdf(found))
         odds.append(16.0 / (16.0 + (60.0 * n) ** 2))  # half at four arcminutes
     return logsumexp(logs, b=odds) - np.log(sum(odds))
@@ -162,10 +180,10 @@ def test_every_cause_has_the_probability_of_normal_data(arcmin, alt_azimuth) -> 
     seen = Seen(seen_of(skies, off, alt_azimuth=alt_azimuth, aligned=False, beliefs=told))
     for cause in causes(seen):
         offset, axis, cone, noise = free = freedom(cause)
-        assert cause.alt_azimuth is (cause.name == "site latitude" or (alt_azimuth and cause.fitted))
+        by_ground = cause.name in ("site latitude", "compass azimuth")
+        assert cause.alt_azimuth is (by_ground or (alt_azimuth and cause.fitted))
         assert sorted(cause.noise) == pytest.approx(np.divide(noise, 60.0))
-        sizes = [(o, o, a, a, c) for o, a, c in product(offset, axis, cone)]
-        np.testing.assert_allclose(cause.scales(), np.divide(sizes, 60.0))
+        np.testing.assert_allclose(cause.scales(), np.divide(sizes_of(offset, axis, cone), 60.0))
         found, terms, _ = fit(seen, cause)
         if found > -200.0:
             assert found == pytest.approx(log_probability(seen, cause, free, terms), abs=3e-3), cause

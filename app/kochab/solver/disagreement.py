@@ -37,6 +37,7 @@ SMALL = (0.5 / 60.0,)
 SET_UP = (0.5 / 60.0, 0.2, 0.5)  # a mount set up well, or by hand
 BUILT = (0.5 / 60.0, 0.1)  # and how square its tube is
 OFFSETS, AXES, CONES = (0.3, 2.0, 10.0, 60.0), (0.3, 1.0, 4.0), (0.2, 0.6)
+COMPASS = (2.0, 10.0)  # magnetic declinations, and the iron of a tripod
 NOISES = (0.4 / 60.0, 1.0 / 60.0, 2.0 / 60.0, 4.0 / 60.0, 10.0 / 60.0)
 RARE_DEG = 4.0 / 60.0  # noise of this size is half as likely as little: few mounts are so loose
 ANYWHERE = (60.0,)
@@ -109,8 +110,10 @@ class Cause:
     """A hypothesis: what the mount would say (N, 2) if only this were wrong.
 
     ``weight`` is how often that happens before anything is known, times what the mount's own clock and site say of
-    it. ``offset``, ``axis`` and ``cone`` are the priors of the terms, ``noise`` those of what is left.
+    it. ``offset``, ``axis`` and ``cone`` are the priors of the terms, ``noise`` those of what is left; ``second`` is
+    that of the second axis' offset where it is not the first one's.
     Where the terms are the cause itself, ``fitted``, they count as explained, and ``evidence`` has fields for them.
+    With fewer sightings than it ``needs`` it weighs, and is not named.
     """
 
     name: str
@@ -119,15 +122,18 @@ class Cause:
     weight: float
     evidence: str = ""
     offset: Sequence[float] = SET_UP
+    second: Sequence[float] | None = None
     axis: Sequence[float] = SET_UP
     cone: Sequence[float] = BUILT
     noise: Sequence[float] = NOISES
     alt_azimuth: bool = False
     fitted: bool = False
+    needs: int = 1
 
     def scales(self) -> Floats:
         """Standard deviations (C, 5) of the terms, every combination as likely."""
-        return np.array([(o, o, a, a, c) for o, a, c in product(self.offset, self.axis, self.cone)])
+        offsets = [(o, o) for o in self.offset] if self.second is None else list(product(self.offset, self.second))
+        return np.array([(*o, a, a, c) for o, a, c in product(offsets, self.axis, self.cone)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +145,7 @@ class Suspect:
     residual_arcsec: float
     evidence: str
     advice: str
+    needs: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +162,15 @@ class Disagreement:
 
 
 UNEXPLAINED = tr_noop("Mount is off by {angle}, and no single cause explains it: align it, or sync and check again.")
+UNTOLD = {
+    1: tr_noop(
+        "Mount is off by {angle}, and why is not told by one sighting: the polar axis, the base, the tube's cone, a"
+        " compass and a sync all look alike here. Sync, or check again at two places far from here, on both sides of"
+        " the meridian."
+    ),
+    2: tr_noop("Mount is off by {angle}, and why is not told by two sightings: check again at a third place."),
+}
+"""Sightings -> what is said when they name no cause."""
 
 
 def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
@@ -169,13 +185,14 @@ def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
     name = max(shares, key=lambda one: shares[one])
     best = next(s for s in suspects if s.name == name)
     agrees = offset <= AGREE_ARCSEC
-    cause = name if shares[name] >= NAMED and not agrees else ""
+    enough = len(sightings) >= max(s.needs for s in suspects if s.name == name)
+    cause = name if shares[name] >= NAMED and enough and not agrees else ""
     if agrees:
         sentence = tr("Mount and sky agree within {angle}.", angle=_angle(offset))
     elif cause:
         sentence = f"{tr(cause)}: {best.evidence} {best.advice}"
     else:
-        sentence = tr(UNEXPLAINED, angle=_angle(offset))
+        sentence = tr(UNTOLD.get(len(sightings), UNEXPLAINED), angle=_angle(offset))
     (ra, dec), there = seen.shift[-1], seen.expected[-1]
     east, north = -3600.0 * float(ra) * cos(radians(there[1])), -3600.0 * float(dec)
     return Disagreement(agrees, cause, sentence, offset, east, north, tuple(suspects))
@@ -193,7 +210,7 @@ def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
         evidence = tr(c.evidence).format(first=terms[0], second=terms[1], axis=_angle(3600.0 * tilt), cone=60.0 * cone)
         worst = 3600.0 * float(np.hypot(*left.T).max())
         evidence = tr("{shown} It leaves {angle} unexplained.", shown=evidence, angle=_angle(worst))
-        found.append(Suspect(c.name, exp(x - total), worst, evidence, tr(c.advice)))
+        found.append(Suspect(c.name, exp(x - total), worst, evidence, tr(c.advice), c.needs))
     return sorted((s for s in found if s.name), key=lambda s: -s.score)
 
 
@@ -281,6 +298,7 @@ def _angle(arcsec: float) -> str:
 # -- What can be wrong with a mount's idea of the sky, one cause a function --------------------
 
 SIDEREAL_DEG_H = 3600.0 * SIDEREAL_DEG_S
+DAY_S, LARGEST_ZONE_S, MOST_DAYS = 86400.0, 12.5 * 3600.0, 31
 CLOCK_S, PLACE_DEG = 60.0, 0.2  # within these a mount's own clock and site are right
 CONFIRMED, DENIED = 20.0, 0.02  # what a witness is worth
 
@@ -288,7 +306,7 @@ CONFIRMED, DENIED = 20.0, 0.02  # what a witness is worth
 def causes(seen: Seen) -> Iterator[Cause]:
     """Every cause that can be asked of these sightings."""
     yield Cause("", "", _off(0.0), HEALTHY, offset=SMALL, axis=SMALL, cone=SMALL, noise=NOISES[:-1])
-    yield from clocks(seen.last)
+    yield from clocks(seen)
     yield from epochs(seen.last)
     yield from sites(seen.last)
     yield Cause(
@@ -299,6 +317,24 @@ def causes(seen: Seen) -> Iterator[Cause]:
         tr_noop("Right ascension is off by 12 h, declination is right: the tube is on the other side of the pier."),
     )
     yield from homes(seen)
+    if seen.site is not None:
+        yield Cause(
+            tr_noop("compass azimuth"),
+            tr_noop("Turn the mount to true north, or align it on stars, or sync it on a solved frame."),
+            _off(0.0),
+            0.2,
+            tr_noop(
+                "The azimuth is off by {first:+.1f} deg everywhere and the altitude is right: the mount was turned to"
+                " the north of a compass, not to the true one."
+            ),
+            offset=COMPASS,
+            second=BUILT,
+            axis=BUILT,
+            cone=BUILT,
+            alt_azimuth=True,
+            fitted=True,
+            needs=2,
+        )
     if len(seen.sightings) > 1:
         yield from alignments(seen)
 
@@ -309,8 +345,15 @@ FAST = tr_noop("The mount's own clock is {minutes:.0f} min ahead of the computer
 SLOW = tr_noop("The mount's own clock is {minutes:.0f} min behind the computer's.")
 
 
-def clocks(last: MountSighting) -> Iterator[Cause]:
+LATE = tr_noop("The mount's own date is {days:.1f} days ahead of the computer's.")
+EARLY = tr_noop("The mount's own date is {days:.1f} days behind the computer's.")
+AHEAD_DAYS = tr_noop("Right ascension is off as by a date {days} days ahead, which is {angle:.1f} deg.")
+BEHIND_DAYS = tr_noop("Right ascension is off as by a date {days} days behind, which is {angle:.1f} deg.")
+
+
+def clocks(seen: Seen) -> Iterator[Cause]:
     """Summer time and other whole hours; and what the mount's own clock is seen to be off."""
+    last = seen.last
     clock = last.beliefs.time_utc
     off_s = None if clock is None else (clock - last.time_utc) / timedelta(seconds=1)
     for hours in (h for h in range(-11, 13) if h):
@@ -326,13 +369,38 @@ def clocks(last: MountSighting) -> Iterator[Cause]:
             * _witness(None if off_s is None else abs(off_s - 3600.0 * hours) < CLOCK_S),
             tr(AHEAD if hours > 0 else BEHIND, hours=abs(hours), angle=abs(off_deg)),
         )
-    if off_s is not None and abs(off_s) > CLOCK_S and abs(abs(off_s) % 3600.0 - 1800.0) < 1740.0:
+    yield from days(off_s, float(seen.shift[-1, 0]))
+    if off_s is not None and LARGEST_ZONE_S > abs(off_s) > CLOCK_S and abs(abs(off_s) % 3600.0 - 1800.0) < 1740.0:
         yield Cause(
             tr_noop("clock"),
             tr_noop("Set the mount's clock, then align again."),
             _off(off_s / 3600.0 * SIDEREAL_DEG_H),
             0.1 * CONFIRMED,
             tr(FAST if off_s > 0 else SLOW, minutes=abs(off_s) / 60.0),
+        )
+
+
+def days(off_s: float | None, shift_deg: float) -> Iterator[Cause]:
+    """A wrong day, which is some four minutes of sidereal time each; ``off_s`` is what the mount's own clock is off.
+
+    Where it tells none, those near what it says too much in right ascension: all others are far from it.
+    """
+    wrong = Cause(tr_noop("wrong day"), tr_noop("Set the date on the hand control, then align again."), _off(0.0), 0.1)
+    if off_s is not None and abs(off_s) > LARGEST_ZONE_S:
+        told = tr(LATE if off_s > 0 else EARLY, days=abs(off_s) / DAY_S)
+        off_deg = wrapped(off_s / 3600.0 * SIDEREAL_DEG_H)
+        yield replace(wrong, would_say=_off(off_deg), weight=0.1 * CONFIRMED, evidence=told)
+        return
+    share = 0.05 / sum(2.0 / days for days in range(1, MOST_DAYS + 1))
+    day_deg = 24.0 * SIDEREAL_DEG_H - 360.0
+    nearest = round(shift_deg / day_deg)
+    for day in (d for d in range(nearest - 2, nearest + 3) if d and abs(d) <= MOST_DAYS):
+        off_deg = day * day_deg
+        told = tr(AHEAD_DAYS if day > 0 else BEHIND_DAYS, days=abs(day), angle=abs(off_deg))
+        weight = share / abs(day) * _witness(None if off_s is None else False)
+        # On the shift alone, which a longitude or a slow clock makes as well: nothing else may be wrong beside it.
+        yield replace(
+            wrong, would_say=_off(off_deg), weight=weight, evidence=told, offset=SMALL, axis=SMALL, cone=SMALL, needs=2
         )
 
 

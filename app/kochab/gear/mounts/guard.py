@@ -207,11 +207,11 @@ class Guard:
         it: then an offset slew does the same without a sync.
         """
         self._require_ability(Ability.SYNC)
-        self._require_rest()
+        here = self._require_rest()
         preview = self.preview_sync(ra_deg, dec_deg, evidence, by_hand)
         self._require_allowed(preview, confirmed)
         guessed = self.state().home_confirmed is False  # asked before the sync, which confirms it
-        self._sync(ra_deg, dec_deg)
+        self._sync(here, ra_deg, dec_deg)
         shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
         # A guess is nothing to go back to; what called for this sync does so again once it is taken back.
         self.supervisor.undo = None if guessed else (shift, self.policy.until_sync)
@@ -237,7 +237,7 @@ class Guard:
         ra = (here.ra_deg + shift[0]) % 360.0
         dec = min(90.0, max(-90.0, here.dec_deg + shift[1]))
         self._require_allowed(self.policy.sync(here, self.state(), (ra, dec), by_hand=True, armed=True), True)
-        self._sync(ra, dec)
+        self._sync(here, ra, dec)
         self.supervisor.undo, self.policy.until_sync = None, until_sync
         self.syncs.keep(self._before_sync)
 
@@ -255,10 +255,9 @@ class Guard:
             state = replace(state, slewing=not place_of_rest(self.position, self.emergency.wait, looks=2)[1])
         return state
 
-    def _sync(self, ra_deg: float, dec_deg: float) -> None:
+    def _sync(self, before: Pointing, ra_deg: float, dec_deg: float) -> None:
         self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump
         silent: NoAnswerError | None = None
-        before = self.position()
         try:
             self._send("sync", 0.0, lambda: self.mount.sync(ra_deg, dec_deg), ra_deg=ra_deg, dec_deg=dec_deg)
         except NoAnswerError as error:  # an old Autostar answers with the next command: its position tells

@@ -20,6 +20,7 @@ from kochab.simulate.responders import open_responder
 from kochab.simulate.serial_line import Fault
 
 GOAL_BYTE_MS, GOAL_MUTE_S, PATIENCE_S = 100.0, 5.0, 30.0
+TPOINT = "detective by TPOINT"
 FULL_SPEED_S = 1.5  # the simulated mounts have got up to speed by then
 SEED = 4
 DRIVEN_BY = {
@@ -77,8 +78,15 @@ def goals(found: list[dict[str, Any]]) -> list[Goal]:
         Goal.at_most("a mount mute in a slew is told after, s", worst("stop", "mute_s"), GOAL_MUTE_S),
         Goal.at_least("share of the mounts whose fault is named, any fault", worst("detective", "right", False), 0.95),
         Goal.at_most("share of healthy mounts accused", worst("detective", "wrong", of="healthy"), 0.01),
+        Goal.at_least(
+            "the same by TPOINT's terms, untold where it cannot be told", worst(TPOINT, "right", False), 0.95
+        ),
+        Goal.at_most("share of healthy mounts by TPOINT's terms accused", worst(TPOINT, "wrong", of="healthy"), 0.01),
         Goal.at_most("motions outside limits in random evenings, any driver", worst("evenings", "violations"), 0),
         Goal.at_most("conformance not met, any driver", worst("conformance", "failed"), 0),
+        Goal.at_most("syncs and unknown motion judged wrongly", worst("syncs and unknown motion", "failed"), 0),
+        Goal.at_most("states of Alpaca misread", worst("states of Alpaca", "failed"), 0),
+        Goal.at_most("states of INDI misread", worst("states of INDI", "failed"), 0),
         Goal.at_most("nudges that outlive their program, any driver", worst("killed or asleep", "failed"), 0),
     ]
 
