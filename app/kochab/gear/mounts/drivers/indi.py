@@ -165,19 +165,19 @@ class IndiMount(ServerMount):
         """Whether a mount that is said to be parked stands: INDI's OnStep says so while its board still runs there."""
         if self._parked:
             return True
-        told = []
-        for _ in range(2):
-            asked = monotonic()
-            # A place that is not told anew has not changed.
-            self._link.wait(lambda asked=asked: bool(self._told(self._at, asked)), self._poll_s)
-            told.append([self._device.number(self._at, member) for member in ("RA", "DEC")])
-        (ra, dec), (next_ra, next_dec) = told
+        (ra, dec), (next_ra, next_dec) = self._next_place(), self._next_place()
         if ra is None or dec is None or next_ra is None or next_dec is None:
             return False
         # What is parked does not track: its right ascension goes on with the stars.
         return (
             apart_deg((ra * 15.0, dec), (next_ra * 15.0, next_dec)) <= STILL_DEG + 2.0 * SIDEREAL_DEG_S * self._poll_s
         )
+
+    def _next_place(self) -> tuple[float | None, float | None]:
+        """Hours and degrees as they are told next; what is not told anew has not changed."""
+        asked = monotonic()
+        self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+        return self._device.number(self._at, "RA"), self._device.number(self._at, "DEC")
 
     def altaz_deg(self) -> None:
         """Drivers reckon it from the right ascension themselves, if at all."""
