@@ -214,11 +214,8 @@ class Astronomer:
             self._sync()
 
     def _order_nudge(self, direction, rate, seconds):
-        """As a person's key does, which waits for its end; or bare, as other motions use it."""
-        if self.random.random() < 0.5:
-            run(nudge(self.guard, direction, 3600.0 * rate * seconds, rate_deg_s=rate))
-        else:
-            self.guard.move(direction, rate, seconds)
+        """As a person's key does, which waits for its end: nothing in Kochab moves an axis in another way."""
+        run(nudge(self.guard, direction, 3600.0 * rate * seconds, rate_deg_s=rate))
 
     def _unpark(self):
         self._do("unpark", self.guard.unpark)
