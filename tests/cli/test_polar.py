@@ -527,14 +527,20 @@ def test_following_ends_when_the_axis_is_known(capsys, tmp_path):
     assert json.loads(out)["minutes_more"] == 0.0
 
 
-def test_a_cloudy_frame_of_many_is_left_out_with_a_note_and_of_few_is_not(capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("solved", "clouded", "code"), [(2, 1, 0), (3, 1, 0), (3, 2, 0), (1, 1, 1), (2, 2, 1), (1, 2, 1)]
+)
+def test_a_clouded_frame_of_three_or_more_is_left_out_and_told(capsys, tmp_path, solved, clouded, code):
+    """One of a few is a cloud; where as many have no solution as have one, something else is wrong."""
     rows = stream_rows(tmp_path)
-    for count, code in ((len(rows), 0), (10, 1)):
-        (tmp_path / "night.json").write_text("\n".join(rows[:count]))
-        done, out, err = polar(capsys, str(tmp_path / "night.json"), "--site", "40,10,300", "--utc-offset", "0")
-        assert done == code, err
-        assert ("note      frame x: No solution, left out." in out) is (code == 0)
-        assert ("frame x: no solution: clouded or dark" in err) is (code == 1)
+    missed = [row for row in rows if not json.loads(row)["solved"]][:1] * clouded
+    found = [row for row in rows if json.loads(row)["solved"]]
+    kept = [found[len(found) // max(solved - 1, 1) * k - (k > 0)] for k in range(solved)]
+    (tmp_path / "night.json").write_text("\n".join([*missed, *kept]))
+    done, out, err = polar(capsys, str(tmp_path / "night.json"), "--site", "40,10,300", "--utc-offset", "0")
+    assert done == code, err
+    assert ("frame x: No solution, left out." in out) is (code == 0)
+    assert ("frame x: no solution: clouded or dark" in err) is (code == 1)
 
 
 def stream_rows(folder):

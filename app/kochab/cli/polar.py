@@ -74,7 +74,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " 30 degrees or more from first to last; tracking may be on or off. The uncertainty (1 sigma)"
         " is measurement and possible flexure; only a second sweep (--check) measures flexure."
         " Frames of one place, tracked and never turned, or a PHD2 guide log give the axis by drift."
-        " A frame without a solution is left out where ten others have one."
+        " A frame without a solution is left out where more others, two at least, have one."
         " Exit code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
         " bolt by it), 2 unusable input.",
     )
@@ -157,7 +157,8 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
     each = [(_solve(path, options), sweep) for sweep, names in enumerate((args.files, args.check)) for path in names]
     tried = [one for found, _ in each for one in found]
     files = [f for f in tried if isinstance(f, SolvedFile)]
-    unsolved = {id(file): _unusable(file) for file in unsolved_of(files)}
+    sweeps = [sweep for found, sweep in each for one in found if isinstance(one, SolvedFile)]
+    unsolved = {id(file): _unusable(file) for file in unsolved_of(files, sweeps)}
     if bad := [one for each in tried if isinstance(one := unsolved.get(id(each), each), UnusableFrame)]:
         sentence = " ".join(about(one.path, one.reason) for one in bad)
         return _fail(sentence, args.json, max(one.code for one in bad), bad), None

@@ -292,10 +292,18 @@ def solutions_of(path: str, options: SolveOptions) -> Task[list[SolvedFile]]:
     return [or_as_its_header_says((yield from solve_polar_file(path, options)))]
 
 
-def unsolved_of(files: Sequence[SolvedFile]) -> list[SolvedFile]:
-    """Those without a solution that can't be left out, for fewer than ten others are solved."""
-    unsolved = [file for file in files if isinstance(file.result, NoSolution)]
-    return unsolved if len(files) - len(unsolved) < ENOUGH_FRAMES else []
+def unsolved_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[SolvedFile]:
+    """Those without a solution that can't be left out of their sweep: fewer than two others are solved, or than these.
+
+    Clouds hide a frame or two of a sweep. Where they hide half of it, something else is wrong.
+    """
+    missed = []
+    for number in set(sweeps):
+        own = [file for file, sweep in zip(files, sweeps, strict=True) if sweep == number]
+        unsolved = [file for file in own if isinstance(file.result, NoSolution)]
+        solved = len(own) - len(unsolved)
+        missed += unsolved if solved < max(2, min(len(unsolved) + 1, ENOUGH_FRAMES)) else []
+    return missed
 
 
 def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[str], told: FilesTold) -> FilesAxis:

@@ -421,7 +421,7 @@ def _solved(
             found = yield from _with_each_step(solutions_of(path, options), lambda _: Progress("solve"))
             tools.solved[key] = found
         solved += [(one, sweep) for one in tools.solved[key]]
-    for one in unsolved_of([file for file, _ in solved]):
+    for one in unsolved_of([file for file, _ in solved], [sweep for _, sweep in solved]):
         if isinstance(one.result, NoSolution):
             raise KochabError(
                 "{name} has no solution, {reason}: {advice}",
