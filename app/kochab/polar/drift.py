@@ -10,6 +10,7 @@ of the field, from the bend of the path, and hardly from RA, where periodic erro
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,8 +21,8 @@ from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, offset_in_words, total_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
 from kochab.polar.horizon import pole_direction
-from kochab.polar.measure import MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
-from kochab.polar.rotations import ARCSEC, about, tangents, wrapped_rad
+from kochab.polar.measure import FAR_DEG, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
+from kochab.polar.rotations import ARCSEC, about, rotation_vectors, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 
 FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from its pole before anything is known
@@ -29,11 +30,24 @@ CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each
 RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
 PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share (one sigma)
 LEAK = 0.05  # of a guide star's way in RA that passes for Dec: PHD2's two angles are that far from square
-LEAST_S, BLOCKS = 60.0, 12
+LEAST_S, LONG_S, BLOCKS = 60.0, 600.0, 12
 TOLD_ARCSEC = 120.0
 KNOWN_ARCSEC, LONGEST_H, LOWEST_DEG = 30.0, 4.0, 15.0
 TRACKED_DEG, GROUP_DEG = 2.0, 1.0
+CENTRED_DEG = 5.0  # a flip looks elsewhere by twice what camera and tube are askew
+ROLLS_DEG_H = 5.0  # the field of an axis some degrees off turns by less, but very near the pole
+JUMP_ARCSEC, JUMP_SIGMAS, JUMPS = 120.0, 6.0, 4.0  # of a jump, and times what the frames turn otherwise
+ASKEW = 0.06  # an axis 3 deg off its pole makes so much of a turn in RA or Dec look strange
 STEADY_ARCSEC, WANDERS_ARCSEC, FAST_ARCSEC_H = 2.0, 4.0, 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Knock:
+    """Between two frames the field turned by ``angle_arcsec`` as neither RA nor Dec turns it."""
+
+    before: str
+    after: str
+    angle_arcsec: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +58,8 @@ class Stretch:
     then says nothing. ``sign_known``: whether north is known from south; ``pier`` is the side of it, for a flip turns
     that round. Of a guide star ``pulses_rad`` (N,) is how far pulses had moved Dec by then, towards the elevated pole,
     ``ra_rad`` (N,) how far the star stood from its place in RA, and ``steps`` (N,) counts the dithers; its roll means
-    nothing. Stretches of one ``calibration`` share the error of their pulses.
+    nothing. Stretches of one ``calibration`` share the error of their pulses. A ``knock`` before or after it means that
+    the axis no longer stands where it did.
     """
 
     attitudes: tuple[LocalAttitude, ...]
@@ -56,6 +71,7 @@ class Stretch:
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     calibration: str = ""
     pier: str = ""
+    knock: Knock | None = None
 
     @property
     def seconds(self) -> Floats:
@@ -135,28 +151,76 @@ class Drift:
 
 
 def tracked(sightings: Sequence[Sighting]) -> bool:
-    """Whether all frames show one place in the sky, over more than a minute: a mount that only tracked."""
+    """Whether all frames show one place in the sky, over more than a minute: a mount that only tracked.
+
+    It may have flipped, or somebody turned the camera, where frames go on as those before them for minutes.
+    """
     if len(sightings) < 2:
         return False
+    ordered = sorted(sightings, key=lambda s: s.time_utc)
     first = sightings[0].attitude.matrix
-    turns = (angle_between(row, other) for s in sightings for row, other in zip(s.attitude.matrix, first, strict=True))
-    times = [s.time_utc for s in sightings]
-    return max(turns) < np.radians(TRACKED_DEG) and (max(times) - min(times)).total_seconds() >= LEAST_S
+    turns = [[angle_between(*axes) for axes in zip(s.attitude.matrix, first, strict=True)] for s in sightings]
+    if (ordered[-1].time_utc - ordered[0].time_utc).total_seconds() < LEAST_S:
+        return False
+    most, there = np.max(turns), np.max([turn[2] for turn in turns])
+    going_on_s = sum((b.time_utc - a.time_utc).total_seconds() for a, b in pairwise(ordered) if _goes_on(a, b))
+    return bool(most < np.radians(TRACKED_DEG) or (there < np.radians(CENTRED_DEG) and going_on_s > LONG_S))
 
 
 def stretches_of(sightings: Sequence[Sighting], settings: MeasureSettings, guided: bool | None) -> list[Stretch]:
-    """Frames by time, parted where the mount went elsewhere; ``guided`` None judges by how they wander."""
+    """Frames by time, parted where the mount went elsewhere, flipped or was knocked, or the camera was turned.
+
+    ``guided`` None judges by how they wander.
+    """
     groups: list[list[Sighting]] = []
     for one in sorted(sightings, key=lambda s: s.time_utc):
-        if groups and angle_between(one.attitude.matrix[2], groups[-1][-1].attitude.matrix[2]) < np.radians(GROUP_DEG):
+        if groups and _goes_on(groups[-1][-1], one):
             groups[-1].append(one)
         else:
             groups.append([one])
-    found = []
+    found: list[Stretch] = []
     for group in groups:
-        if (group[-1].time_utc - group[0].time_utc).total_seconds() >= LEAST_S:
-            local = tuple(to_local(s, settings.site, settings.refraction) for s in group)
-            found.append(Stretch(local, _holds(group) if guided is None else guided))
+        jumps = _jumps(group)
+        for begin, end in pairwise([0, *jumps, len(group)]):
+            part, knock = group[begin:end], jumps.get(begin)
+            if (part[-1].time_utc - part[0].time_utc).total_seconds() >= LEAST_S:
+                local = tuple(to_local(s, settings.site, settings.refraction) for s in part)
+                found.append(Stretch(local, _holds(part) if guided is None else guided, knock=knock))
+            elif knock and found:  # too short to drift, but it shows that the axis is not where it was
+                found[-1] = replace(found[-1], knock=knock)
+    return found
+
+
+def _goes_on(before: Sighting, after: Sighting) -> bool:
+    """Whether the camera looks where it looked, and is rolled as it was but for the rotation of the field."""
+    hours = (after.time_utc - before.time_utc).total_seconds() / 3600.0
+    apart = [angle_between(*axes) for axes in zip(after.attitude.matrix, before.attitude.matrix, strict=True)]
+    return bool(apart[2] < np.radians(GROUP_DEG) and max(apart) < np.radians(GROUP_DEG + ROLLS_DEG_H * hours))
+
+
+def _jumps(group: Sequence[Sighting]) -> dict[int, Knock | None]:
+    """The frames before which the camera turned by far more than between others: put elsewhere a little, or knocked.
+
+    RA and Dec turn it about the axis and across it; what is left over, no motor does.
+    """
+    if len(group) < 3:
+        return {}
+    matrices = np.stack([s.attitude.matrix for s in group])
+    turns = rotation_vectors(matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2))
+    pole = matrices[:-1, :, 2]  # in the camera; near enough to the axis
+    aside = np.array([0.0, 0.0, 1.0]) - pole[:, 2:] * pole
+    strange = np.einsum("ki,ki->k", turns, aside / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-6))
+    hours = np.array([(b.time_utc - a.time_utc).total_seconds() / 3600.0 for a, b in pairwise(group)])
+    known = [s.attitude.covariance for s in group if s.attitude.covariance is not None]
+    least = max(JUMP_ARCSEC * ARCSEC, JUMP_SIGMAS * float(np.sqrt(2.0 * np.median([np.trace(c) for c in known]))))
+    size = np.linalg.norm(turns, axis=1)
+    usual = np.median(size / np.maximum(hours, 1e-6)) * hours
+    strange = np.abs(strange - np.median(strange / np.maximum(hours, 1e-6)) * hours)
+    found: dict[int, Knock | None] = {}
+    for k in map(int, np.flatnonzero((size > least + JUMPS * usual) | (strange > least))):
+        knocked = strange[k] > least + ASKEW * size[k]
+        names = group[k].label or tr("one frame"), group[k + 1].label or tr("the next")
+        found[k + 1] = Knock(*names, float(strange[k]) / ARCSEC) if knocked else None
     return found
 
 
@@ -399,6 +463,11 @@ EITHER = tr_noop(
     "The guide log doesn't say which way its Dec pulses move the mount. If north pulses move it north: {plus}."
     " If they move it south: {minus}. Say which."
 )
+FAR = tr_noop("The axis is {off:.0f}° from the pole. Check the site and the time, and that the mount tracked.")
+KNOCKED = tr_noop(
+    "The field turned by {angle} between {before} and {after}: the tripod, a bolt or the camera moved. Use the frames"
+    " before or after that alone."
+)
 OTHER_AXIS = tr_noop("Part {part} of {parts} shows another axis. Was a bolt turned, or the mount guided?")
 GUIDED = tr_noop("Guided frames hold their place: only the rotation of the field counts. Not guided? Say so.")
 LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
@@ -414,6 +483,11 @@ UNSEEN = {
 def _doubts(stretches: Sequence[Stretch], wider: float, all_of_them: _Solved) -> list[PolarFinding]:
     """What leaves the axis unknown: Dec without a sign, stretches that show different axes."""
     found = []
+    if (off_deg := all_of_them.error.total_arcsec / 3600.0) > FAR_DEG:
+        found.append(PolarFinding(PolarFindingKind.FAR, tr(FAR, off=off_deg), spoils=True))
+    if knock := next((s.knock for s in stretches if s.knock is not None), None):
+        text = tr(KNOCKED, before=knock.before, after=knock.after, angle=angle_in_words(knock.angle_arcsec))
+        found.append(PolarFinding(PolarFindingKind.MOUNT_MOVED, text, spoils=True))
     if not all(s.sign_known for s in stretches):
         text = tr(DEC_SIGN)
         found.append(PolarFinding(PolarFindingKind.DEC_SIGN, text, spoils=True))

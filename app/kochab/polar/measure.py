@@ -395,6 +395,11 @@ class Measurement:
         return any(finding.spoils for finding in self.findings)
 
     @property
+    def checked(self) -> bool:
+        """Whether the frames could have shown that something moved: two alone fit an axis whatever moved."""
+        return any(finding.kind is PolarFindingKind.UNCHECKED for finding in self.findings) is False
+
+    @property
     def turn_deg(self) -> float:
         """How far the axis turned from the first to the furthest frame."""
         return float(np.degrees(self.fit.turn_rad))

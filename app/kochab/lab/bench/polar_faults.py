@@ -7,6 +7,7 @@ told. Healthy sweeps are *accused* where the exit code is 1. The axis is the one
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from kochab.core.solution import Matches, NamedStar, Solution
 from kochab.lab.bench import Row
 from kochab.lab.bench import polar_sweeps as sky
 from kochab.lab.bench.polar_sweeps import Random, Sweep
-from kochab.polar.error import CHI2_95
+from kochab.polar.drift import Drift
+from kochab.polar.error import CHI2_95, Knob
 from kochab.polar.horizon import Refraction
 from kochab.polar.measure import NoAxis
 from kochab.workflows.polar.solutions import FilesAxis, FilesTold, axis_of
@@ -97,7 +99,7 @@ KINDS: dict[str, Callable[[Random], Sweep]] = {
     "camera turned": _sweep(sky.with_camera_turned),
     "flip": _sweep(sky.with_flip),
     "flip, tracked": _lights(sky.with_flip, guided=False),
-    "flip, guided": _lights(sky.with_flip, guided=True),
+    "flip, guided": _lights(partial(sky.with_flip, centred=True), guided=True),
     "camera turned, tracked": _lights(sky.with_camera_turned, guided=False),
     "camera turned, guided": _lights(sky.with_camera_turned, guided=True),
     "kick, tracked": _lights(sky.with_kick, guided=False),
@@ -134,7 +136,7 @@ def judge(kind: str, seed: int) -> Row:
         return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "told": (told.kind.name,)}
     whole, truth = told.error.with_flexure, true_axis(sweep, told.error.pole)
     return {
-        "bolts": not told.spoilt and getattr(told, "checked", True),
+        "bolts": not told.spoilt and (any(map(told.tells, Knob)) if isinstance(told, Drift) else told.checked),
         "code": int(told.spoilt),
         "inside": whole.distance2(truth) <= CHI2_95,
         "off_arcsec": angle_between(told.error.axis, truth) / sky.ARCSEC,

@@ -290,12 +290,18 @@ def with_camera_turned(sweep: Sweep, rng: Random, degrees: float | None = None, 
     return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.camera_turned(angle)))
 
 
-def with_flip(sweep: Sweep, rng: Random, first: int | None = None) -> Sweep:
-    """The mount goes over the meridian: half a turn of RA, and Dec through the pole to the same place of the sky."""
+def with_flip(sweep: Sweep, rng: Random, first: int | None = None, centred: bool = False) -> Sweep:
+    """The mount goes over the meridian: half a turn of RA, and Dec through the pole.
+
+    Without ``centred`` it looks elsewhere by twice what camera and tube are askew, with it at the same place.
+    """
     first = first or int(rng.integers(1, len(sweep.exposures)))
 
     def flipped(shot: Exposure) -> Exposure:
-        return replace(shot, ra_turn=shot.ra_turn + np.pi, dec_turn=np.pi - shot.dec_turn)
+        ra, dec = shot.ra_turn + np.pi, np.pi - shot.dec_turn
+        if centred:
+            ra, dec = _pointed(shot.mount, ra, dec, shot.attitude[:, 2])
+        return replace(shot, ra_turn=ra, dec_turn=dec)
 
     return _from(sweep, first, flipped)
 
