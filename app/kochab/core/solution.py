@@ -191,7 +191,6 @@ class Reason(StrEnum):
     FIELD_TOO_SMALL = tr_noop("field too small for the catalogue")
     NO_PATTERN_AGREED = tr_noop("no pattern agreed")
     DISTORTION_TOO_STRONG = tr_noop("distortion too strong")
-    CANCELLED = tr_noop("cancelled")
     TIMED_OUT = tr_noop("timed out")
     OUTSIDE_RADIUS = tr_noop("outside the search radius")
     ANOTHER_FIELD = tr_noop("not the field of view given")
