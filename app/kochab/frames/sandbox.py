@@ -8,7 +8,6 @@ that it does not need (`confinement`), and what it answers is not believed (`ans
 pickles, it sends none.
 """
 
-import atexit
 import contextlib
 import logging
 import os
@@ -323,12 +322,6 @@ def _kept() -> _Sandbox | None:
                 return sandbox
             sandbox.kill()
     return None
-
-
-@atexit.register
-def _kill_idle() -> None:
-    while _idle:
-        _idle.pop().kill()
 
 
 def _folder() -> str:
