@@ -17,7 +17,7 @@ from tests.patterns import REPOSITORY
 
 FOLDER = REPOSITORY / "resources" / "translations"
 SOURCE = REPOSITORY / "app" / "kochab"
-ERRORS = re.compile(r"^class (\w+Error)\((?:\w+\.)?\w*Error\)", re.MULTILINE)
+ERRORS = re.compile(r"^class (\w+Error)\((?:\w+\.)?\w*Error(?:, \w+)*\)", re.MULTILINE)
 SAMPLES = REPOSITORY / "resources" / "samples" / "samples.json"
 
 
