@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 
 from kochab.core.attitude import wrapped
+from kochab.core.text_input import read_json
 from kochab.gear.mounts.motion_plan import Degrees
 
 OVER_S = 12 * 3600.0  # after its last sync by hand a night is over
@@ -61,8 +62,8 @@ class NightSyncs:
     def _read(self) -> tuple[Degrees, float]:
         if self._file is None:
             return self._sum
-        with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
-            told = json.loads(self._file.read_text("utf-8"))
+        with suppress(ValueError, TypeError, KeyError):
+            told = read_json(self._file)
             ra, dec, at = (float(told[name]) for name in ("ra_deg", "dec_deg", "unix_s"))
             if all(map(isfinite, (ra, dec, at))):
                 return (ra, dec), at
