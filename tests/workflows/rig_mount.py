@@ -19,6 +19,7 @@ class RigMount:
     epoch = Epoch.DATE
     blind_stop = b""
     ends_alone = True
+    missed = 0
     rates_deg_s = (15.0 / 3600.0, 120.0 / 3600.0, 1.0)
 
     def __init__(self, rig):

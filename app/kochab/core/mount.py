@@ -145,12 +145,14 @@ class MountState:
 class SiteReport:
     """The site and time that a mount uses; None where it does not report them.
 
-    ``utc_offset_h`` is east positive, summer time included.
+    ``utc_offset_h`` is east positive, summer time included. ``last_start`` is what it says of its last start, in words
+    of its own, empty where it says that nothing happened: other words later tell that it has started again.
     """
 
     site: Site | None = None
     time_utc: datetime | None = None
     utc_offset_h: float | None = None
+    last_start: str | None = None
 
 
 class Mount(Protocol):
@@ -184,6 +186,10 @@ class Mount(Protocol):
     @property
     def lacks(self) -> Mapping[Ability, str]:
         """What it cannot do, each with the reason in one sentence."""
+
+    @property
+    def missed(self) -> int:
+        """How many questions it has left unanswered so far: meanwhile it may have been without power."""
 
     def identify(self) -> str:
         """The mount's own name and version."""

@@ -1,6 +1,7 @@
 """A mount whose clock or site contradicts the computer's: no slew and no sync before it is settled."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from types import SimpleNamespace
 
@@ -232,6 +233,53 @@ def test_a_sync_that_the_mount_may_no_longer_hold_is_not_taken_back(loses) -> No
     with pytest.raises(RefusedError, match="No sync to undo"):
         guard.undo_sync()
     assert mount.did == before
+
+
+@pytest.mark.parametrize(
+    "silent", [lambda guard, mount: setattr(mount, "missed", 1), lambda guard, mount: guard.reconnect()]
+)
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"time_utc": datetime(2013, 1, 1, tzinfo=UTC)}, "its clock is 2013-01-01 00:00"),
+        ({"time_utc": NIGHT - timedelta(seconds=60.0)}, "its clock is 2026-01-15 21:59"),  # as OnStepX wakes
+        ({"site": Site(48.0, -8.0)}, "its site is"),
+        ({"last_start": "1"}, "it tells of a new start"),
+        ({}, ""),
+    ],
+)
+def test_after_a_silence_a_mount_that_tells_otherwise_than_before_was_restarted(changed, told, silent) -> None:
+    """Even where its clock is still near the computer's."""
+    guard, mount, believes = believing(SiteReport(SITE, NIGHT, last_start=""))
+    guard._reopen = lambda: setattr(mount, "closed", False) or mount
+    assert guard.preview_goto(*at(-30.0, 50.0)).allowed
+    believes.report = replace(believes.report, **changed)
+    assert guard.preview_goto(*at(-30.0, 50.0)).allowed, "it is not asked again while it answers everything"
+    silent(guard, mount)
+    refusals = " ".join(guard.preview_goto(*at(-30.0, 50.0)).refusals)
+    assert ("Mount was restarted" in guard.policy.until_sync) is bool(told)
+    assert told in guard.policy.until_sync
+    assert bool(refusals) is bool(told)
+
+
+def test_a_clock_that_a_person_has_set_here_is_no_restart() -> None:
+    guard, mount, believes = believing(SiteReport(SITE, NIGHT - HOUR))
+    guard.clock_doubt()
+    guard.set_clock()
+    mount.missed += 1
+    assert guard.preview_goto(*at(-30.0, 50.0)).allowed
+    mount.missed += 1
+    believes.report = SiteReport(SITE, NIGHT - HOUR)
+    guard.set_clock()  # the clock of before is asked for first: afterwards it tells nothing
+    assert "Mount was restarted" in guard.policy.until_sync
+
+
+def test_a_mount_without_an_answer_for_its_clock_is_not_asked_without_end() -> None:
+    guard, mount, believes = believing(NoAnswerError("It knows no such question."))
+    for _ in range(9):
+        mount.missed += 1
+        guard.preview_goto(*at(-30.0, 50.0))
+    assert believes.asked == 2
 
 
 def test_a_moving_mount_keeps_its_clock() -> None:

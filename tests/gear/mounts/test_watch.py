@@ -342,16 +342,100 @@ def test_a_mount_that_jumps_to_the_pole_was_switched_off_and_on(dec, refused, lo
         assert guard.preview_goto(*at(-30.0, 50.0)).allowed
 
 
-def test_a_mount_that_moved_when_its_line_was_lost_may_have_gone_to_the_pole() -> None:
-    _, refusals = woken(-40.0, 90.0, lost=True, moving=True)
-    assert "switched off" not in refusals
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_mount_that_is_at_the_pole_when_its_line_is_back_is_synced_first_whether_or_not_it_moved(moving) -> None:
+    _, refusals = woken(-40.0, 90.0, lost=True, moving=moving)
+    assert "switched off and on" in refusals
+    assert "Sync first" in refusals
 
 
-def test_a_mount_that_was_not_looked_at_may_have_gone_to_the_pole(monkeypatch) -> None:
+@pytest.mark.parametrize("passed_s", [0.0, 5.0, 3600.0])
+def test_a_mount_that_nobody_ordered_to_move_has_not_gone_to_the_pole_however_long_nobody_looked(
+    passed_s, monkeypatch
+) -> None:
     guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
     guard.position()
     then = slew_supervisor.monotonic()
-    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: then + 5.0)
+    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: then + passed_s)
     mount.here = at(-40.0, 90.0)
     guard.position()
-    assert guard.preview_goto(*at(-30.0, 50.0)).allowed
+    (refusal,) = guard.preview_goto(*at(-30.0, 50.0)).refusals
+    assert refusal.startswith("Mount was restarted (switched off and on)")
+
+
+def test_a_mount_that_was_ordered_to_the_pole_is_believed_there() -> None:
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
+    mount.slew_deg_s = 50.0
+    run(guard.rest("home"))
+    assert guard.position().dec_deg == 90.0
+    assert guard.policy.until_sync == ""
+
+
+@pytest.mark.parametrize("tracks_s", [0.0, 1800.0])
+def test_tracking_beside_the_pole_is_no_restart(tracks_s, monkeypatch) -> None:
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=88.5)
+    guard.position()
+    then = slew_supervisor.monotonic()
+    monkeypatch.setattr(slew_supervisor, "monotonic", lambda: then + tracks_s)
+    mount.missed += 1
+    guard.position()
+    assert guard.policy.until_sync == ""
+
+
+def test_an_axis_that_jumped_beside_the_pole_was_restarted() -> None:
+    """The tube is where it was, within a degree, but the mount has lost how far its RA axis is turned."""
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=89.5)
+    guard.position()
+    mount.missed += 1
+    mount.here = at(-90.0, 90.0)
+    guard.position()
+    assert "did not answer for a while" in guard.policy.until_sync
+
+
+@pytest.mark.parametrize("says", [{"at_home": True}, {"parked": True}])
+def test_after_a_missed_answer_a_mount_that_says_home_or_park_needs_a_sync(says) -> None:
+    """Far from the pole, too: where it parks is set in the mount."""
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
+    guard.position()
+    mount.missed += 1
+    mount.now = replace(mount.now, **says)
+    guard.position()
+    assert "did not answer for a while" in guard.policy.until_sync
+
+
+def test_after_a_missed_answer_a_mount_that_goes_on_is_believed() -> None:
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
+    guard.position()
+    mount.missed += 1
+    guard.position()
+    mount.now = replace(mount.now, at_home=True)
+    guard.position()
+    assert guard.policy.until_sync == ""
+
+
+@pytest.mark.parametrize("missed", [0, 1])
+def test_home_is_not_done_when_an_answer_was_missed_on_the_way(missed) -> None:
+    """It may have been without power: then it says at once that it is at home, wherever the tube is."""
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=88.5)
+    mount.slew_deg_s = 1.0
+    home = guard.rest("home")
+    next(home)
+    mount.missed += missed
+    mount.here, mount._way = (mount.here[0], 90.0), None
+    if missed:
+        with pytest.raises(RefusedError, match="switched off and on"):
+            run(home)
+        assert mount.did[-1] == ("stop",)
+        assert guard.policy.until_sync
+    else:
+        run(home)
+
+
+def test_a_mount_that_says_it_is_parked_while_it_runs_is_not_parked_yet() -> None:
+    """INDI's OnStep shows PARK=Ok at once."""
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=40.0)
+    places = [at(-40.0, 40.0)] + [at(-40.0, 40.0 + step) for step in range(5)] + [at(-40.0, 44.0)] * 9
+    mount.position = lambda: Pointing(*places.pop(0), mount.epoch)
+    mount.park = lambda: setattr(mount, "now", replace(mount.now, parked=True, slewing=None))
+    looks = len(list(guard.rest("park")))
+    assert looks >= 5, "until the first place that is given twice"

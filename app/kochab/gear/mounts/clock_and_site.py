@@ -1,11 +1,13 @@
 """The mount's clock and site beside the computer's: what contradicts forbids slews and syncs."""
 
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from kochab.core import tr, tr_n
+from kochab.core import tr, tr_n, tr_noop
 from kochab.core.angle_text import site_text
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError
+from kochab.core.frame import Site
 from kochab.core.mount import Ability, Mount, Pointing, SiteReport
 from kochab.gear.mounts.motion_policy import MotionPolicy
 
@@ -13,14 +15,21 @@ CLOCK_S, SITE_DEG = 120.0, 0.5  # in two minutes the sky turns by half a degree,
 SHIFTED_DEG = 0.5  # a new clock or site that shifts the position by more calls for a sync
 ASKED = 2  # unanswered questions after which the mount counts as not reporting them
 COMMANDS = {Ability.SET_CLOCK: "kochab mount set-clock", Ability.SET_SITE: "kochab mount set-site"}
+JUMPED_S = 30.0  # of a clock that runs on: more than a late answer, less than a board without a battery loses
+JUMPED = tr_noop("Mount was restarted, or its clock or site was set by someone: after a silence {what}.")
 HOUR_S, ZONE_S, DAY_S = 3600.0, 1800.0, 86400.0  # nearly all time zones differ by multiples of half an hour
 
 
 class ClockAndSite:
-    """Tells the ``policy`` what a mount contradicts of the computer's clock and of the site."""
+    """Tells the ``policy`` what a mount contradicts of the computer's clock and of the site.
 
-    def __init__(self, policy: MotionPolicy) -> None:
-        self._policy = policy
+    ``restarted`` hears of a mount that after a silence tells otherwise than before, whatever the computer has.
+    """
+
+    def __init__(self, policy: MotionPolicy, restarted: Callable[[str], None] = lambda sentence: None) -> None:
+        self._policy, self._restarted = policy, restarted
+        self._told: tuple[float | None, SiteReport] | None = None  # how far ahead its clock was, and all that it told
+        self._missed: int | None = 0
         self.forget()
 
     def forget(self) -> None:
@@ -31,12 +40,18 @@ class ClockAndSite:
         self._left, self._trusted, self._policy.doubt = ASKED, False, ""
         self.wrong: dict[Ability, str] = {}  # what would mend it -> what is wrong
 
+    def reconnected(self) -> None:
+        """The line was lost: compare again, with what it told before, too."""
+        self.forget()
+        self._missed = None
+
     def trust(self) -> None:
         """A person says that the mount is right."""
         self._trusted, self._policy.doubt, self._policy.until_sync = True, "", ""
 
     def shifted(self, before: Pointing, after: Pointing) -> None:
         """Its position, with a new clock or site: a sync before it was of the old one."""
+        self._told = None
         shift_deg = apart_deg((before.ra_deg, before.dec_deg), (after.ra_deg, after.dec_deg))
         if shift_deg > SHIFTED_DEG and not self._trusted:
             self._policy.until_sync = tr(
@@ -46,22 +61,50 @@ class ClockAndSite:
             )
 
     def compare(self, mount: Mount) -> None:
-        """Ask the mount, unless it agreed already: what contradicts may have been set on its hand control."""
-        if not self._trusted and (self._left > 0 or self._policy.doubt):
+        """Ask the mount, unless it agreed already: what contradicts may have been set on its hand control.
+
+        After every silence, too: in it the mount may have been without power.
+        """
+        if self._silent(mount) or (not self._trusted and (self._left > 0 or self._policy.doubt)):
             self.ask(mount)
+
+    def _silent(self, mount: Mount) -> bool:
+        return self._told is not None and mount.missed != self._missed
 
     def ask(self, mount: Mount) -> str:
         """What contradicts now, in a sentence; empty when nothing does, or nothing is told."""
+        silent = self._silent(mount)
         try:
             report = mount.site_report()
+            if silent and self._otherwise(report):
+                report = mount.site_report()  # a late answer may be of before, and midnight passes between two
         except NoAnswerError:
             self._left -= 1
             return self._policy.doubt
+        if silent and (what := self._otherwise(report)):
+            self._restarted(tr(JUMPED).format(what=what))
+        self._told, self._missed = (self._ahead_s(report), report), mount.missed
         self._left = 0  # it does report them: ask again only while they contradict
         said = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
         self.wrong = {ability: words for ability, words in said.items() if words and not self._trusted}
         self._policy.doubt = self._sentence(mount) if self.wrong else ""
         return self._policy.doubt
+
+    def _ahead_s(self, report: SiteReport) -> float | None:
+        return None if report.time_utc is None else (report.time_utc - self._policy.clock()).total_seconds()
+
+    def _otherwise(self, report: SiteReport) -> str:
+        """What it tells otherwise than before, in words; empty when nothing."""
+        if self._told is None:
+            return ""
+        (before_s, before), after_s = self._told, self._ahead_s(report)
+        if report.last_start and before.last_start is not None and report.last_start != before.last_start:
+            return tr("it tells of a new start")
+        if before_s is not None and after_s is not None and abs(after_s - before_s) > JUMPED_S:
+            return tr("its clock is {time}", time=f"{report.time_utc:%Y-%m-%d %H:%M}")
+        if report.site is not None and before.site is not None and _apart_deg(report.site, before.site) > SITE_DEG:
+            return tr("its site is {site}", site=site_text(report.site))
+        return ""
 
     def _sentence(self, mount: Mount) -> str:
         commands = tr(" and ").join(COMMANDS[ability] for ability in self.wrong)
@@ -78,9 +121,9 @@ class ClockAndSite:
         )
 
     def _clock(self, report: SiteReport) -> str:
-        if report.time_utc is None:
+        ahead_s = self._ahead_s(report)
+        if ahead_s is None:
             return ""
-        ahead_s = (report.time_utc - self._policy.clock()).total_seconds()
         size_s = abs(ahead_s)
         if size_s <= CLOCK_S:
             return ""
@@ -98,11 +141,14 @@ class ClockAndSite:
     def _site(self, report: SiteReport) -> str:
         if report.site is None or self._policy.site is None:
             return ""
-        # As an angle on the sphere: longitudes 180 and -180 are the same place.
-        pairs = [(one.longitude_deg, one.latitude_deg) for one in (report.site, self._policy.site)]
-        if apart_deg(*pairs) <= SITE_DEG:
+        if _apart_deg(report.site, self._policy.site) <= SITE_DEG:
             return ""
         return tr("its site is {site}, not {site2}", site=site_text(report.site), site2=site_text(self._policy.site))
+
+
+def _apart_deg(one: Site, other: Site) -> float:
+    # As an angle on the sphere: longitudes 180 and -180 are the same place.
+    return apart_deg((one.longitude_deg, one.latitude_deg), (other.longitude_deg, other.latitude_deg))
 
 
 def wall_clock(now_utc: datetime) -> datetime:

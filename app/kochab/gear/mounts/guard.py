@@ -83,7 +83,7 @@ class Guard:
         self.policy = MotionPolicy(site, limits or Limits(), clock)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
-        self.clock_and_site = ClockAndSite(self.policy)
+        self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted)
         self._reopen = reopen
         self._finalizer = weakref.finalize(self, self.emergency.at_exit)  # a bound method would keep self alive
 
@@ -119,6 +119,7 @@ class Guard:
     blind_stop = FromDriver(lambda driver: driver.blind_stop)
     ends_alone = FromDriver(lambda driver: driver.ends_alone)
     rates_deg_s = FromDriver(lambda driver: driver.rates_deg_s)
+    missed = FromDriver(lambda driver: driver.missed)
     identify = FromDriver(lambda driver: driver.identify)
     altaz_deg = FromDriver(lambda driver: driver.altaz_deg)
     park_altitude_deg = FromDriver(lambda driver: driver.park_altitude_deg)
@@ -172,6 +173,7 @@ class Guard:
         self._require_ability(ability)
         if self._settled_state().slewing or self.emergency.moving:
             self._refuse(str(ability), tr("The mount is moving: stop it first."))
+        self.clock_and_site.compare(self.mount)  # with the clock of before, while it can tell of a restart
         self.supervisor.forget()  # a new clock or site may shift the position: no jump
         self.supervisor.undo = None
         before = self.position()
@@ -287,8 +289,17 @@ class Guard:
 
     def preview_goto(self, ra_deg: float, dec_deg: float) -> Preview:
         """What a goto to the mount's own coordinates would do; nothing moves."""
-        self.clock_and_site.compare(self.mount)
-        return self.policy.goto(self.position(), self._settled_state(), (ra_deg, dec_deg))[1]
+        return self.policy.goto(*self._look(), (ra_deg, dec_deg))[1]
+
+    def _look(self) -> tuple[Pointing, MountState]:
+        """Where and how it is, its clock and site compared; once more when it fell silent meanwhile."""
+        for _ in range(2):
+            missed = self.missed
+            self.clock_and_site.compare(self.mount)
+            here, state = self.position(), self._settled_state()
+            if missed == self.missed:
+                break
+        return here, state
 
     def goto(self, ra_deg: float, dec_deg: float) -> None:
         """Begin a slew that every rule allows; see :meth:`slew` for one that is waited for."""
@@ -430,8 +441,7 @@ class Guard:
         """Send a goto."""
         self._require_ability(Ability.GOTO)
         stops = self.stops  # before the questions, which take seconds: a Stop meanwhile wins
-        self.clock_and_site.compare(self.mount)
-        plan, preview = self.policy.goto(self.position(), self._settled_state(), (ra_deg, dec_deg), flip)
+        plan, preview = self.policy.goto(*self._look(), (ra_deg, dec_deg), flip)
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
         self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, ra_deg=ra_deg, dec_deg=dec_deg)
@@ -472,8 +482,8 @@ class Guard:
         if self._reopen is None:
             raise LineLostError("Connection to the mount lost. Reconnect.")
         self.supervisor.reconnecting()
+        self.clock_and_site.reconnected()
         self.emergency.reconnect(self._reopen)
-        self.clock_and_site.forget()
 
     def close(self) -> None:
         """Stop what moves and give the port back; never raises."""

@@ -259,6 +259,7 @@ class Conversation:
         self._counting = Lock()
         self._stopping = 0  # Stops whose bytes are on their way: everything else waits
         self.stops = 0  # how often everything was stopped: what began before must not begin now
+        self.missed = 0  # questions that stayed unanswered on a line that loses nothing itself
 
     def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T], since: int | None = None) -> T:
         """Send ``command``, read its answer and parse it.
@@ -276,6 +277,7 @@ class Conversation:
                     raise ProtocolError(
                         "Unexpected answer on {port}: {error}", port=self.link.port, error=error
                     ) from error
+                self.missed += not self.link.lossy
                 raise
             self._doubt = max(0, self._doubt - 1)
             return value

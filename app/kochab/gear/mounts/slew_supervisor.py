@@ -1,9 +1,9 @@
 """Slew supervision: each position read back is compared with the plan until the motion has ended."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime
-from math import inf
+from datetime import datetime
 from time import monotonic
 from typing import NoReturn
 
@@ -19,7 +19,8 @@ from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
 from kochab.gear.mounts.emergency_stop import EmergencyStop
 from kochab.gear.mounts.motion_plan import Aim, Degrees, Plan, Severity
-from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy, crosses, horizon, sun
+from kochab.gear.mounts.motion_policy import MotionPolicy, crosses, horizon, sun
+from kochab.gear.mounts.restart_watch import RestartWatch
 
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
@@ -28,11 +29,6 @@ THERE_DEG = 0.5  # this near the target no position counts as a jump
 LOOK_S = 1.5  # how old the position of a moving mount may be before state() asks for it
 POLL_S = 0.2  # between two looks at a slew
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
-WOKE_UP = tr_noop(
-    "The mount says that it points at the pole, {:.0f}° from where it was a moment ago: was it switched off and on?"
-    " If so, switch it off, put the tube at its home and switch it on there. Then say that the mount is right"
-    " (--trust-mount)."
-)
 SLEPT_S = 10.0  # a wait that overran by this much means that the computer slept
 SLEPT = tr_noop(
     "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
@@ -42,6 +38,11 @@ FAR_DEG, IDLE = 0.5, 8  # beyond FAR_DEG an idle mount may not have begun yet: i
 STILL_DEG = 0.01  # from one look to the next, on the way to park or home
 GRID_DEG = 2.0  # well below ASIDE_DEG: no place between two grid points is aside
 FOLLOWED_DEG = 30.0  # a mount may have tracked this far past the meridian without a flip
+
+
+def reach_deg(passed_s: float) -> float:
+    """How far a mount that was ordered to move may have gone."""
+    return FASTEST_DEG_S * passed_s + ASIDE_DEG
 
 
 class SupervisedMotion:
@@ -86,7 +87,7 @@ class SupervisedMotion:
     def _jump(self, here: Floats, passed_s: float) -> str | None:
         moved = separation_deg(self._here, here)
         there = separation_deg(here, self.plan.target) < THERE_DEG
-        if there or moved <= FASTEST_DEG_S * passed_s + ASIDE_DEG:
+        if there or moved <= reach_deg(passed_s):
             return None
         return tr("its position jumped by {moved:.0f} deg, faster than any motor", moved=moved)
 
@@ -116,7 +117,7 @@ class SlewSupervisor:
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
         self._slewed = 0.0  # when a motion began, or the mount did last not say that it no longer slews
-        self._seen: tuple[Floats, float, datetime] | None = None  # the last position, and its time on both clocks
+        self.watch = RestartWatch(emergency.mount, policy, log, reach_deg)
 
     def begin(self, motion: SupervisedMotion | None) -> None:
         """A motion begins; a new one replaces what was supervised before."""
@@ -124,14 +125,18 @@ class SlewSupervisor:
 
     def forget(self) -> None:
         """Compare no more: the mount's coordinates are about to change by a sync."""
-        self._motion = self._seen = self.aim = None
+        self._motion = self.aim = None
+        self.watch.forget()
 
     def reconnecting(self) -> None:
         """What stood when the line was lost stands there still, or was switched off and on meanwhile."""
         self.aim = self.undo = None
-        moved = self._emergency.moving or self._emergency.unfinished
-        # "Seen" in the future, so that no time has passed and any jump is too fast for a motor.
-        self._seen = None if moved or self._seen is None else (self._seen[0], inf, datetime.max.replace(tzinfo=UTC))
+        self.watch.reconnecting()
+
+    def restarted(self, sentence: str) -> None:
+        """It was switched off and on: no slew before a sync, and no sync of before is taken back."""
+        self.watch.found(sentence)
+        self.undo = None
 
     def position(self) -> Pointing:
         """Where the mount says it points; one that leaves its path is stopped.
@@ -147,24 +152,19 @@ class SlewSupervisor:
                 asked_s = monotonic()
                 here = mount.position()  # a late answer may bring an old position
                 if found := motion.finding(here, self._clock(), asked_s):
-                    self._stop(found)
+                    self._stop(found, lambda: self._see(here, asked_s, strayed=True))
         except NotStoppedError:  # its driver could not end a move
             self._emergency.finish()
             raise
         self._see(here, asked_s)
         return here
 
-    def _see(self, here: Pointing, asked_s: float) -> None:
-        """Forbid slews after a jump to the pole: a mount switched on anywhere assumes that it is at home."""
-        now = self._clock()
-        place = unit_vectors(*of_date(here, now))
-        if self._seen is not None and 90.0 - abs(here.dec_deg) < HOME_DEG:
-            before, at_s, at = self._seen
-            jump_deg, passed_s = separation_deg(before, place), max(0.0, monotonic() - at_s, (now - at).total_seconds())
-            if jump_deg > FASTEST_DEG_S * passed_s + ASIDE_DEG:
-                self._policy.until_sync, self.undo = tr(WOKE_UP).format(jump_deg), None
-                self._log.add("position", "failed", self._policy.until_sync)
-        self._seen = place, asked_s, now
+    def _see(self, here: Pointing, asked_s: float, strayed: bool = False) -> None:
+        """Forbid slews after a restart: a mount switched on anywhere assumes that it is at home."""
+        found = self.watch.restarts
+        self.watch.see(self._emergency.mount, here, asked_s, self._emergency.moving, strayed)
+        if self.watch.restarts != found:
+            self.undo = None
 
     def state(self) -> MountState:
         """How the mount is, and while it moves where it is, too: see :meth:`position`."""
@@ -176,7 +176,8 @@ class SlewSupervisor:
             found = motion.side_finding(state.pier_side)
             if found:
                 self._stop(tr("{found}: allow the flip (Meridian, or --allow-flip), and watch the cables", found=found))
-        if motion is not None and motion.due and not state.parked:  # some mounts are silent once parked
+        due = motion is not None and motion.due
+        if (due or self.watch.silent(self._emergency.mount)) and not state.parked:  # some are silent once parked
             self.position()
         return state
 
@@ -234,21 +235,25 @@ class SlewSupervisor:
 
         Raises as :meth:`arrival`.
         """
-        before, idle = None, 0
+        at: Degrees | None = None
+        before, idle, restarts = at, 0, self.watch.restarts
         looks = self._looks(action, limit_s, stops)
         doing = tr_noop("parking") if action == "park" else tr_noop("going home")
         while True:
             yield Progress(doing)
             state, here = next(looks)
             there = state.parked if action == "park" else state.at_home
-            if there:
-                return
+            if there and not state.slewing:
+                before, at = at, self._parked_at(restarts) if here is None else (here.ra_deg, here.dec_deg)
+                if at is None or (before is not None and apart_deg(before, at) < STILL_DEG):
+                    return
+                continue
             if here is None:
                 yield Progress(doing, detail="" if state.parked else tr(MUTE))
                 continue
-            still = before is not None and apart_deg(before, (here.ra_deg, here.dec_deg)) < STILL_DEG
+            before, at = at, (here.ra_deg, here.dec_deg)
+            still = before is not None and apart_deg(before, at) < STILL_DEG
             idle = idle + 1 if still and not state.slewing else 0
-            before = here.ra_deg, here.dec_deg
             if idle >= IDLE and there is None:  # not reported: standing still has to do
                 return
             if idle >= IDLE:
@@ -256,9 +261,27 @@ class SlewSupervisor:
                     raise RefusedError("The mount stopped before it was parked.")
                 raise RefusedError("The mount stopped before it was at home.")
 
+    def _parked_at(self, restarts: int) -> Degrees | None:
+        """Where it is that says it is parked; None where it is silent then, as an Autostar is.
+
+        Raises `RefusedError` when it cannot have come there, because it was restarted since the count ``restarts``.
+        """
+        asked_s = monotonic()
+        try:
+            here = self._emergency.mount.position()
+        except NoAnswerError:
+            return None
+        self._see(here, asked_s)
+        self._require_no_restart(restarts)
+        return here.ra_deg, here.dec_deg
+
+    def _require_no_restart(self, restarts: int) -> None:
+        if self.watch.restarts != restarts:
+            raise RefusedError(self._policy.until_sync)
+
     def _looks(self, what: str, limit_s: float, stops: int) -> Iterator[tuple[MountState, Pointing | None]]:
         """State and position again and again, no position when the answer was missed or the mount is parked."""
-        end = monotonic() + limit_s
+        end, restarts = monotonic() + limit_s, self.watch.restarts
         misses, state = 0, MountState()
         while True:
             self.pause(self._emergency.wait, POLL_S)
@@ -276,13 +299,14 @@ class SlewSupervisor:
                     raise
                 here = None
             else:
-                misses = misses + 1 if state.parked else 0
+                misses = misses + 1 if state.parked and what != "park" else 0
                 if misses >= MISSES:
                     raise RefusedError("The mount was parked on its way. Unpark it, then try again.")
+            self._require_no_restart(restarts)
             yield state, here
 
     def _state(self) -> MountState:
-        state = self._emergency.mount.state()
+        self.watch.state = state = self._emergency.mount.state()
         if state.slewing is not False:
             self._slewed = monotonic()
         # All but a goto end by their time limit. A goto may begin late, or pause, and is supervised all the same.
@@ -290,17 +314,22 @@ class SlewSupervisor:
             self._emergency.end()
         return state
 
-    def _stop(self, found: str) -> NoReturn:
+    def _stop(self, found: str, see: Callable[[], None] = lambda: None) -> NoReturn:
+        """Stop it for what was ``found``, and ``see`` where that is, once the Stop has gone out."""
         resting = self._motion is not None and self._motion.plan.action in ("park", "home")
         text = (
             tr("Kochab stopped the mount on its way to rest: {found}.")
             if resting
             else tr("Kochab stopped the slew: {found}.")
         )
-        self.strayed = text.format(found=found)
+        self.strayed, restarts = text.format(found=found), self.watch.restarts
         self._emergency.stops += 1
         try:
             self._emergency.halt()
+            with suppress(NoAnswerError):
+                see()
+            if self.watch.restarts != restarts:
+                self.strayed = f"{self.strayed} {self._policy.until_sync}"
         finally:  # afterwards: a slow disk must not delay a Stop
             self._log.add("stray", "failed", self.strayed)
         raise StrayedError(self.strayed)

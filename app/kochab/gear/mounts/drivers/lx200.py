@@ -1,6 +1,7 @@
 """The LX200 family: one driver, which speaks the dialects of the table."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from typing import ClassVar, TypeVar
@@ -45,6 +46,8 @@ class Lx200(SerialMount):
     tcp_port: ClassVar[int | None] = 4030  # of a SkyFi
     only: ClassVar[Dialect | None] = None
     parking = False
+    _missed_before_park = 0
+    _mute = False  # an Autostar that has parked
 
     def start(self) -> None:
         """Find the dialect, and ask for the longer form of coordinates."""
@@ -131,6 +134,8 @@ class Lx200(SerialMount):
     def position(self) -> Pointing:
         """Where it says it points."""
         self.watchdog.check()
+        if self._mute:
+            raise NoAnswerError(PARKED, mount=self.dialect.title)
         ra = self.query(self.places[0], protocol.parse_ra)
         return Pointing(ra, self.query(self.places[1], protocol.parse_dec), self.epoch)
 
@@ -148,7 +153,9 @@ class Lx200(SerialMount):
         except NoAnswerError:
             if not self.parking:
                 raise
+            self.talk.missed, self._mute = self._missed_before_park, True
             return MountState(slewing=False, parked=True)  # an Autostar that has parked is silent
+        self._mute = False
         for question in others:
             found = with_more(found, self.ask_more(question))
         return found
@@ -175,11 +182,25 @@ class Lx200(SerialMount):
         offset = self.query(protocol.ZONE, protocol.parse_zone)
         date = self.query(protocol.DATE, protocol.parse_date)
         time = self.query(protocol.TIME, protocol.parse_time)
+        start = self.ask_last_start()
         try:
-            return SiteReport(site, utc_of(*date, *time, offset), offset)
+            return SiteReport(site, utc_of(*date, *time, offset), offset, start)
         # Every number is in range, but there is no such day.
         except ValueError:
-            return SiteReport(site, None, offset)
+            return SiteReport(site, None, offset, start)
+
+    def ask_last_start(self) -> str | None:
+        """What it says of its last start; an old firmware does not know the question, and is asked once."""
+        if self.dialect.last_start is None or self.dialect.last_start[0] in self.unanswered:
+            return None
+        command, parse = self.dialect.last_start
+        missed = self.talk.missed
+        try:
+            return self.talk.ask(command, self.read_short, parse)
+        except NoAnswerError:
+            self.unanswered.add(command)
+            self.talk.missed = missed
+            return None
 
     def set_site(self, site: Site) -> None:
         """``:St`` and ``:Sg``."""
@@ -260,6 +281,13 @@ class Lx200(SerialMount):
             self.reads_back = False
             return True
 
+    def read_short(self, link: SerialLink) -> bytes:
+        """A digit, after which some send ``#``."""
+        first = link.read_exact(1, PRODUCT_S)
+        with suppress(NoAnswerError):
+            return first + link.read_until(b"#", 8, 0.2)
+        return first
+
     def read_slew(self, link: SerialLink) -> bytes:
         """``0``, or a digit with a text that some leave out."""
         first = link.read_exact(1, self.timeout_s)
@@ -298,6 +326,7 @@ class Lx200(SerialMount):
         self.require(ability)
         self.talk.send(self.commands[ability])
         self.parking = ability is Ability.PARK and self.dialect is AUTOSTAR
+        self._missed_before_park = self.talk.missed
 
 
 def with_more(found: MountState, more: MountState) -> MountState:

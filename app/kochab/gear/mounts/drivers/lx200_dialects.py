@@ -34,7 +34,8 @@ class Dialect:
     target's seconds of time, since the version ``fine_since``; ``places`` ask for RA and Dec. ``echoes``: an answer
     begins with its question. ``tells_site`` and ``takes_site``: and its clock, in a Meade's words. ``pulse`` is given
     a direction and milliseconds, up to ``longest_pulse_ms`` (0: it has none). Where ``rates`` are set in the mount,
-    these are only near. The first of ``questions`` is always answered, ``answered`` commands by 1 or 0.
+    these are only near. The first of ``questions`` is always answered, ``answered`` commands by 1 or 0. ``last_start``
+    asks for a sign that it has started again, and how that reads.
     """
 
     title: str
@@ -64,6 +65,7 @@ class Dialect:
     refusals: Mapping[int, str] = field(default_factory=lambda: protocol.REFUSALS)
     commands: Mapping[Ability, bytes] = field(default_factory=dict)
     answered: frozenset[Ability] = frozenset()
+    last_start: tuple[bytes, Callable[[bytes], str]] | None = None
 
 
 CLASSIC = Dialect(
@@ -94,6 +96,7 @@ ON_STEP = Dialect(
     questions=(ON_STEP_FLAGS,),
     commands=protocol.ON_STEP_COMMANDS,
     answered=ON_STEP_ANSWERS,
+    last_start=(b":GX89#", protocol.parse_date_missing),
 )
 
 DIALECTS = {
@@ -118,6 +121,7 @@ DIALECTS = {
         refusals=protocol.ZWO_REFUSALS,
         commands=protocol.ZWO_COMMANDS,
         answered=frozenset({Ability.TRACKING, Ability.SIDEREAL, Ability.LUNAR, Ability.SOLAR}),
+        last_start=(b":GRR#", protocol.parse_text),
     ),
     "nyx": Dialect(
         "Pegasus NYX-101 and NYX-88",

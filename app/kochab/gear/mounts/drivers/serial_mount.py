@@ -89,6 +89,11 @@ class SerialMount:
         """What it cannot do, each with the reason."""
         return MappingProxyType(self._lacks)
 
+    @property
+    def missed(self) -> int:
+        """How many questions it has left unanswered."""
+        return self.talk.missed
+
     def altaz_deg(self) -> tuple[float, float] | None:
         """Altitude and azimuth where it reports them."""
         return None

@@ -20,6 +20,7 @@ class ServerMount:
     blind_stop: ClassVar[bytes] = b""
     ends_alone: ClassVar[bool] = False
     rates_deg_s: ClassVar[tuple[float, ...]] = ()
+    missed: ClassVar[int] = 0  # the server asks the mount, and does not tell of these
 
     def __init__(self, epoch: Epoch, hang_up: Callable[[], None]) -> None:
         self.epoch = epoch

@@ -243,6 +243,11 @@ def parse_flags(reply: bytes) -> MountState:
     )
 
 
+def parse_date_missing(reply: bytes) -> str:
+    """OnStep's ``:GX89#``: 0 when it knows its date, as a restarted one does not that has no battery."""
+    return "" if reply.startswith(b"0") else "no date"
+
+
 SIDES = {b"E": PierSide.EAST, b"W": PierSide.WEST}
 GTO_RATES = {b"0": TrackingRate.LUNAR, b"1": TrackingRate.SOLAR, b"2": TrackingRate.SIDEREAL}
 

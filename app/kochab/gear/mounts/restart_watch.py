@@ -1,0 +1,127 @@
+"""Was the mount switched off and on? One that was says that it is at home, wherever its tube is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+
+from kochab.core import tr, tr_noop
+from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.mount import SIDEREAL_DEG_S, Mount, MountState, Pointing
+from kochab.gear.journal import MotionLog
+from kochab.gear.mounts.coordinates import of_date
+from kochab.gear.mounts.motion_plan import Degrees
+from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy
+
+UNORDERED_DEG = 2.0  # how far a mount that nobody ordered to move may be found from where it was, beside tracking
+CURE = tr_noop(
+    "Sync first, on a solved frame. If the sync is refused, switch the mount off, put the tube at its home, switch it"
+    " on there, and say that the mount is right (--trust-mount)."
+)
+WOKE_UP = tr_noop(
+    "Mount was restarted (switched off and on): it says that it is at its home, {:.0f}° from where it was."
+)
+SILENT = tr_noop(
+    "The mount did not answer for a while, and now says that it is at its home or parked, {:.0f}° from where it was: it"
+    " may have been switched off and on."
+)
+ASTRAY = tr_noop(
+    "The mount says that it is at its home or parked, {:.0f}° from where it was and off its way: it may have been"
+    " switched off and on."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A place of date that the mount reported, and when, by both clocks; how it was then.
+
+    ``ordered``: a motion that somebody had ordered was under way.
+    """
+
+    place_deg: Degrees
+    at_s: float
+    at: datetime
+    ordered: bool
+    state: MountState
+
+    @property
+    def beside_pole(self) -> bool:
+        """Where nearly every mount takes itself to be when it wakes up."""
+        return 90.0 - abs(self.place_deg[1]) < HOME_DEG
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it says that it is at home or parked."""
+        return bool(self.state.at_home or self.state.parked)
+
+    def since_s(self, before: "Look") -> float:
+        """Seconds since an earlier look, by whichever clock advanced more: one of them may be simulated."""
+        return max(0.0, self.at_s - before.at_s, (self.at - before.at).total_seconds())
+
+    def same_rest(self, before: "Look") -> bool:
+        """Whether it stands where it stood, at home, parked or beside the pole, so that a restart would do no harm."""
+        reach_deg = drift_deg(self.since_s(before))
+        if before.ordered or apart_deg(self.place_deg, before.place_deg) > reach_deg:
+            return False
+        turned_deg = abs(wrapped(self.place_deg[0] - before.place_deg[0]))  # beside the pole RA tells of a lost axis
+        return before.at_rest or (before.beside_pole and turned_deg <= reach_deg)
+
+
+def drift_deg(passed_s: float) -> float:
+    """How far a mount that nobody ordered to move may have gone: tracking or standing, and nudged a little by hand."""
+    return UNORDERED_DEG + 2.0 * SIDEREAL_DEG_S * passed_s
+
+
+class RestartWatch:
+    """Compares what the mount says with what it said before, and forbids slews until a sync after a restart.
+
+    ``reach_deg`` tells how far a mount that was ordered to move may go in so many seconds.
+    """
+
+    def __init__(self, mount: Mount, policy: MotionPolicy, log: MotionLog, reach_deg: Callable[[float], float]) -> None:
+        self.restarts = 0  # how many were found
+        self.state = MountState()  # as it was last told
+        self._policy, self._log, self._reach_deg = policy, log, reach_deg
+        self._seen: Look | None = None
+        self._missed: int | None = mount.missed  # None: the line was opened again
+
+    def forget(self) -> None:
+        """Compare no more: the mount's coordinates are about to change."""
+        self._seen = None
+
+    def reconnecting(self) -> None:
+        """The line was lost: meanwhile it may have been without power."""
+        self._missed = None
+
+    def silent(self, mount: Mount) -> bool:
+        """Whether it has missed an answer since it was last seen."""
+        return mount.missed != self._missed
+
+    def see(self, mount: Mount, here: Pointing, asked_s: float, ordered: bool, strayed: bool = False) -> None:
+        """Compare a place that was asked for at ``asked_s`` (`monotonic`) with the one before.
+
+        After a silence its state is asked for, too; raises as :meth:`Mount.state`. ``strayed``: the motion that was
+        ordered does not lead there.
+        """
+        now, missed, before = self._policy.clock(), mount.missed, self._seen
+        silent = self.silent(mount)
+        if before is not None and (silent or strayed):
+            self.state = mount.state()
+        look = Look(of_date(here, now), asked_s, now, ordered or self.state.slewing is True, self.state)
+        if before is not None:
+            self._compare(before, look, SILENT if silent else ASTRAY if strayed else "")
+        self._seen, self._missed = look, missed
+
+    def _compare(self, before: Look, look: Look, doubt: str) -> None:
+        moved_deg, passed_s = apart_deg(before.place_deg, look.place_deg), look.since_s(before)
+        ordered = before.ordered or look.ordered
+        jumped = moved_deg > (self._reach_deg(passed_s) if ordered else drift_deg(passed_s))
+        if look.beside_pole and jumped:
+            self.found(tr(WOKE_UP).format(moved_deg))
+        elif doubt and (look.beside_pole or look.at_rest) and not look.same_rest(before):
+            self.found(tr(doubt).format(moved_deg))
+
+    def found(self, sentence: str) -> None:
+        """It was, or may have been, restarted: no slew before a sync."""
+        self.restarts += 1
+        self._policy.until_sync = f"{sentence} {tr(CURE)}"
+        self._log.add("position", "failed", self._policy.until_sync)

@@ -1,0 +1,91 @@
+"""The supply of a mount fails while its port stays open: boards that share nothing with the drivers."""
+
+import threading
+
+import pytest
+
+from kochab.core.errors import DeviceError
+from kochab.core.mount import Ability
+from kochab.core.progress import run
+from kochab.gear.mounts import open_mount
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+from tests.boards import served
+from tests.boards.sky import sidereal_deg
+
+FORGETS = ("onstep", "onstepx", "am5", "ioptron")
+
+
+@pytest.fixture(params=FORGETS)
+def board(request):
+    """Aligned, tracking, well up in the east; its clock has a battery, so that it alone tells nothing."""
+    with served(request.param, slew_deg_s=4.0, keeps_clock=True) as one:
+        one.align(-50.0, 40.0)
+        yield one
+
+
+@pytest.fixture
+def guard(board):
+    mount = open_mount(board.driver, board.port, site=board.site, clock=board.clock)
+    with Guard(mount, board.site, Limits(crosses_meridian=True), clock=board.clock) as one:
+        yield one
+
+
+def place(board, hour_angle_deg, dec_deg):
+    return (sidereal_deg(board.clock.unix(), board.site.longitude_deg) - hour_angle_deg) % 360.0, dec_deg
+
+
+def said(order):
+    """What an order that has to fail says."""
+    with pytest.raises(DeviceError) as told:
+        order()
+    return str(told.value)
+
+
+def cut_when_it_moves(board):
+    """Cut its power half a second after its motors have begun."""
+    over = threading.Event()
+
+    def cut():
+        while not board.moving and not over.wait(0.05):
+            pass
+        over.wait(0.5)
+        board.cut_power(0.5)
+
+    thread = threading.Thread(target=cut, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_a_mount_that_lost_its_power_between_two_orders_is_not_slewed_from_its_false_home(board, guard) -> None:
+    """One answer is missed, or none: then it is at home for all it says."""
+    guard.preview_goto(*place(board, -30.0, 50.0))
+    board.cut_power(0.5)
+    for _ in range(3):
+        with pytest.raises(DeviceError):
+            run(guard.slew(*place(board, -30.0, 50.0)))
+    assert "Sync first" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
+    assert [order.kind for order in board.orders if order.kind == "goto"] == []
+
+
+def test_a_slew_in_which_the_power_failed_ends_with_a_word_of_the_restart(board, guard) -> None:
+    cutting = cut_when_it_moves(board)
+    ended = said(lambda: run(guard.slew(*place(board, -10.0, 40.0))))
+    cutting.join()
+    if "Sync first" not in ended:  # it was silent to the end: the next question tells
+        ended = said(lambda: guard.goto(*place(board, -30.0, 50.0)))
+    assert "switched off and on" in ended
+    assert not board.false_slews()
+
+
+@pytest.mark.parametrize("action", ["home", "park"])
+def test_rest_is_not_done_by_a_mount_whose_power_failed_on_the_way(action, board, guard) -> None:
+    if Ability(action if action == "park" else "go home") in guard.lacks:
+        pytest.skip("it has no such command that Kochab knows")
+    cutting = cut_when_it_moves(board)
+    ended = said(lambda: run(guard.rest(action)))
+    cutting.join()
+    assert board.false_by_deg() > 5.0
+    assert guard.policy.until_sync or "did not answer" in ended
+    assert "switched off and on" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
+    assert not board.false_slews()
