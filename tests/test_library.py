@@ -114,6 +114,7 @@ def test_what_is_no_image_is_refused(array, complaint):
         ({"scale": -1}, "scale is -1"),
         ({"near": (10, 95, 3)}, "near is"),
         ({"near": (10, 5, 0)}, "near is"),
+        ({"near": (5040, 5, 9)}, "near is"),
         ({"method": "guess"}, "There is no method 'guess'"),
         ({"detector": "eyes"}, "There is no detector 'eyes'"),
     ],
@@ -129,6 +130,8 @@ def test_hints_and_methods_reach_the_solver(samples):
     assert found.method == "voting"
     lost = kochab.solve("orion.png", near=(264, 1, 5), scale=50.3, blind_after_hint=False)
     assert isinstance(lost, kochab.NoSolution)
+    wrapped = kochab.solve("orion.png", near=(444, -1.5, 5), scale=50.3, blind_after_hint=False)
+    assert wrapped.ra_dec_deg == pytest.approx((84.0, -1.5), abs=0.01)
 
 
 def test_bare_lists_must_be_pairs():

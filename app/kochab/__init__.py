@@ -243,8 +243,11 @@ def _options(
     for name, value, limit in (("fov", fov, 180.0), ("scale", scale, 36000.0)):
         if value is not None and not 0.0 < value < limit:
             raise UsageError(f"{name} is {value:g}; it must be above 0 and below {limit:g}.")
-    if near is not None and not (abs(near[0]) <= 360.0 and abs(near[1]) <= 90.0 and 0.0 < near[2] <= 180.0):
-        raise UsageError(f"near is {near}; it must be (RA, Dec, radius) in degrees.")
+    if near is not None:
+        ra, dec, radius = near
+        if not (-360.0 <= ra <= 720.0 and abs(dec) <= 90.0 and 0.0 < radius <= 180.0):
+            raise UsageError(f"near is {near}; it must be (RA, Dec, radius) in degrees.")
+        near = ra % 360.0, dec, radius
     # A range symmetric in the ratio: a scale that is a tenth too large is as likely as one too small.
     tenth = None if scale is None else (scale / 1.1, scale * 1.1)
     hint = Hint(scale_arcsec_px=tenth, centre_deg=near, source="caller")

@@ -42,6 +42,10 @@ def test_a_list_that_begins_with_a_minus_is_no_option(good, capsys) -> None:
     assert identify(good, "--json", "--near", "-276,-2,20") == 0
     (out,) = lines(capsys)
     assert out["ra_deg"] == pytest.approx(84.0, abs=1e-4)
+    assert identify(good, "--json", "--near", "444,-2,20") == 0  # right ascension begins again at 360
+    assert lines(capsys)[0]["ra_deg"] == pytest.approx(84.0, abs=1e-4)
+    assert identify(good, "--json", "--near", "5040,-2,20") == 2  # minutes of arc
+    assert "not a place on the sky" in capsys.readouterr().err
     assert identify(good, "--json", "--near", "-276,-95,20") == 2
     assert "not a place on the sky" in capsys.readouterr().err
 

@@ -281,6 +281,17 @@ def test_absurd_sizes(tmp_path, axes, said):
         read_frame(path)
 
 
+@pytest.mark.parametrize("table", [fits.BinTableHDU, fits.TableHDU])
+@pytest.mark.parametrize("name", ["stars.fits", "stars.fits.gz"])
+def test_a_table_without_an_image_says_what_to_give(tmp_path, table, name):
+    """As astrometry.net leaves them beside a frame: .axy, .corr, .rdls."""
+    column = fits.Column("X", "E" if table is fits.BinTableHDU else "F8.2", array=np.arange(5.0))
+    fits.HDUList([fits.PrimaryHDU(), table.from_columns([column])]).writeto(tmp_path / name)
+    with pytest.raises(FrameError) as told:
+        read_frame(tmp_path / name)
+    assert str(told.value) == f"{name} holds a table and no image: give the frame that it was made from."
+
+
 @pytest.mark.parametrize("cards", [{"BITPIX": 7}, {"NAXIS": 5000}, {"NAXIS": "'two'"}, {"BITPIX": "F"}])
 def test_senseless_headers(tmp_path, cards):
     good = {"SIMPLE": "T", "BITPIX": 16, "NAXIS": 2, "NAXIS1": 20, "NAXIS2": 20}

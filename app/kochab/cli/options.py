@@ -56,7 +56,7 @@ def _near(text: str) -> Place:
     if len(parts) != 3:
         raise argparse.ArgumentTypeError(f"{text} is not RA,DEC,RADIUS in degrees")
     ra, dec, radius = (number(part) for part in parts)
-    if not -360 <= ra <= 360 or not -90 <= dec <= 90 or not 0 < radius <= 180:
+    if not -360 <= ra <= 720 or not -90 <= dec <= 90 or not 0 < radius <= 180:
         raise argparse.ArgumentTypeError(f"{text} is not a place on the sky and a radius, degrees")
     return ra % 360.0, dec, radius
 

@@ -250,10 +250,12 @@ def _headers(file: BinaryIO) -> Iterator[tuple[int, Header]]:
 def find_image(file: BinaryIO) -> FitsImage:
     """The first image of the file, plain or compressed; FrameError when there is none."""
     primary: Header | None = None
+    tables = False
     for index, (start, header) in enumerate(_headers(file)):
         primary = primary or header
         values = header.values
         compressed = values.get("ZIMAGE") is True
+        tables = tables or (not compressed and values.get("XTENSION") in ("BINTABLE", "TABLE"))
         kind = values.get("XTENSION", "IMAGE")
         if compressed or (kind in ("IMAGE", "IUEIMAGE") and "NAXIS" in values):
             prefix = "Z" if compressed else ""
@@ -267,6 +269,8 @@ def find_image(file: BinaryIO) -> FitsImage:
                 return FitsImage(both, index, start, file.tell(), shape, bitpix, compressed)
             if any(s == 0 for s in shape) and len(shape) >= 2:
                 raise FrameError("holds an image without pixels.")
+    if tables:
+        raise FrameError("holds a table and no image: give the frame that it was made from.")
     raise FrameError("holds no image.")
 
 
