@@ -116,7 +116,6 @@ OWN = {  # what the package itself brought, and what servers say (bounded by the
     "core/registry.py", "core/text_input.py", "sky/planet_moons.py", "sky/sky_tables.py", "sky/names.py",
     "sky/landmarks.py", "window/shell/help_book.py", "window/shell/welcome.py", "window/live/sky_points.py",
     "gear/journal.py", "gear/cameras/uvc.py", "gear/cameras/alpaca.py", "gear/servers/alpaca_link.py", "cli/live.py",
-    "window/live/benchmark.py",
 }  # fmt: skip
 
 

@@ -103,7 +103,6 @@ NAMES = {
         "Radius",
         "Ident",
     },  # OpenNGC’s kind; a page, its words
-    "kochab.window.live.benchmark": {"given frames"},  # a measurement from the command line
     "kochab.window.live.pointing_panel": {"Uncertainty", "Age", "Rates", "Frame rate", "Latency", "Lens"},  # keys
     "kochab.window.live.sky_points": {"Catalogue"},  # a type
     "kochab.window.panels.star_table": {"Zubeneschamali"},  # a star, the longest name

@@ -1,4 +1,4 @@
-"""Measures the real window on a stream of given frames: ``python -m kochab.window.live.benchmark FOLDER``.
+"""Measures the real window on a stream of given frames: ``python -m kochab.lab.bench.live_window FOLDER``.
 
 ``FOLDER`` holds ``frames.npy`` (N, H, W), the frames of half a swing to be shown forth and back,
 and ``about.json`` with ``fps``, ``seconds``, ``exposure_s`` and perhaps ``bayer``. They come in
