@@ -89,7 +89,7 @@ house: $(STAMP)
 mutants: $(STAMP) patterns
 	@$(BIN)/python -m tests.mutants $(MUTANTS)
 
-# 200,000 of them in about half an hour; what fails is kept in tests/fuzz/corpus and tried by every `make test`.
+# 330,000 of them in about half an hour; what fails is kept in tests/fuzz/corpus and tried by every `make test`.
 fuzz: $(STAMP) patterns
 	@$(BIN)/python -m tests.fuzz $(FUZZ)
 

@@ -12,7 +12,7 @@ def main() -> int:
     """Run the targets, print a line for each; 1 when something must be mended."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="begins of names (default: all)")
-    parser.add_argument("--count", type=float, default=1.0, metavar="N", help="times the usual count (about 230,000)")
+    parser.add_argument("--count", type=float, default=1.0, metavar="N", help="times the usual count (about 330,000)")
     parser.add_argument("--minutes", type=float, default=60.0, metavar="M", help="at most so long (60)")
     parser.add_argument("--seed", type=int, default=random.randrange(10**6), metavar="S", help="repeats a run")
     args = parser.parse_args()
