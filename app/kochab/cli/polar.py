@@ -279,6 +279,7 @@ def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
         "chi2": m.fit.chi2,
         "degrees_of_freedom": m.fit.freedom,
         "spoilt": m.spoilt,
+        "checked": m.checked,
         "good_enough": good_enough(error, imaging) if imaging and not m.spoilt else None,
         **_findings_json(m.findings, doubts),
     }
@@ -311,7 +312,7 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
     bolts = [f"altitude  {altitude_in_words(error)}", f"azimuth   {azimuth_in_words(error)}"]
     lines = [
         f"{total_in_words(error)} from the {name_of(m.settings.pole, m.settings.site)}",
-        *([] if m.spoilt else bolts),
+        *(bolts if m.checked and not m.spoilt else []),
         f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
         f" {m.rho_deg:.0f} deg from the axis{chi2}",
         f"of the ±  {split_in_words(error)}",
@@ -320,6 +321,8 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
         lines.append("stop      the error is within its uncertainty")
     if imaging and not m.spoilt:
         lines.append(f"enough?   {good_enough(error, imaging)}")
+    if not m.checked and not m.spoilt:
+        lines.append("bolts     not yet: a third frame first")
     if not m.spoilt:
         lines += _better(m)
     notes = [*(finding.text for finding in m.findings if not finding.spoils), *doubts]

@@ -91,6 +91,15 @@ def horizon_of(frame: Frame, site: Site | None = None) -> Horizon | None:
     return None if where is None or frame.hint.time_utc is None else Horizon(where, frame.hint.time_utc)
 
 
+def sun_altitude_deg(site: Site, time_utc: datetime) -> float:
+    """How high the Sun stands, degrees, to a few minutes of arc (ERFA ``epv00``, without refraction)."""
+    import erfa
+
+    heliocentric, _ = erfa.epv00(julian_date_tt(time_utc), 0.0)
+    sun = -heliocentric["p"] / np.linalg.norm(heliocentric["p"])
+    return Horizon(site, time_utc, Refraction(0.0)).altaz_deg(sun)[0]
+
+
 @lru_cache(maxsize=64)
 def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
     """ERFA's star-independent parameters for a site and a moment."""

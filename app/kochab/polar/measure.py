@@ -49,6 +49,7 @@ class PolarFindingKind(StrEnum):
     CROPPED = "cropped among whole frames"
     NIGHTS = "different nights"
     CLOCK = "time zone or clock"
+    ON_TRUST = "site and clock as they were said"
     LONGITUDE_SIGN = "longitude without a sign"
     FIXED_TRIPOD = "fixed tripod"
     TOO_FEW = "too few frames"
@@ -230,7 +231,10 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
     if all(fit.freedom <= 0 for fit in fits):
         yield PolarFinding(
             PolarFindingKind.UNCHECKED,
-            tr("Two frames can't show whether declination or the camera moved between them. Take a third."),
+            tr(
+                "Two frames can't show whether declination, the camera or the tripod moved between them, or whether"
+                " both times are right. Take a third before you turn a bolt."
+            ),
         )
     for fit in fits:
         if fit.chance < UNLIKELY:
@@ -397,7 +401,7 @@ class Measurement:
     @property
     def checked(self) -> bool:
         """Whether the frames could have shown that something moved: two alone fit an axis whatever moved."""
-        return any(finding.kind is PolarFindingKind.UNCHECKED for finding in self.findings) is False
+        return all(finding.kind is not PolarFindingKind.UNCHECKED for finding in self.findings)
 
     @property
     def turn_deg(self) -> float:

@@ -72,6 +72,13 @@ def observed_places(icrs: Floats, when: dt.datetime, place: Place) -> Floats:
     )
 
 
+def sun_altitude_deg(place: Place, when: dt.datetime) -> float:
+    """How high the Sun stands, without refraction."""
+    sun = -erfa.epv00(*julian_dates(when))[0]["p"]
+    up = observed_places((sun / np.linalg.norm(sun))[None], when, replace(place, pressure_hpa=0.0))
+    return float(np.degrees(np.arcsin(up[0, 2])))
+
+
 def refracted_pole(place: Place) -> Floats:
     """E, N, U of the refracted pole above the horizon by Bennett's formula (1982): an arcsecond from 20 deg on."""
     altitude_deg = abs(place.latitude_deg)
@@ -236,7 +243,7 @@ def random_sweep(rng: Random, frames: int | None = None, turn_deg: float | None 
         times = [start + dt.timedelta(seconds=float(gap_s * k)) for k in range(frames_now)]
         shots = tuple(Exposure(mount, turn, dec, when, when) for turn, when in zip(turns, times, strict=True))
         sweep = Sweep(place, place, random_rig(rng), shots, noise_px=rng.uniform(0.1, 0.4))
-        if sweep.lowest_deg() > 25:
+        if sweep.lowest_deg() > 25 and sun_altitude_deg(place, start) < -12:
             return sweep
 
 

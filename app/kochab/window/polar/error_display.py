@@ -202,7 +202,11 @@ class Numbers(QWidget):
         for knob, (value, way) in self.knobs.items():
             value.setText(knob_text(state, knob))
             # A measurement that is not to be trusted gives no arrow.
-            mend = cure(error, knob) if error is not None and state.tells(knob) and not state.spoilt else None
+            mend = (
+                cure(error, knob)
+                if error is not None and state.tells(knob) and state.checked and not state.spoilt
+                else None
+            )
             way.setText("" if mend is None else f"{mend.sign} {mend.way}")
         if self.total.isEnabled() == old:  # each change costs a look at the style sheet
             self.total.setEnabled(not old)

@@ -246,12 +246,17 @@ def sweep_from(
         places += 1
         result = measure_local(seen, settings, before)
         yield _measured_so_far(result, seen[0], slips, sweep, places)
-        if isinstance(result, Measurement) and (controls.take(PolarButton.ENOUGH) or (enough and enough(result))):
+        if isinstance(result, Measurement) and _ends(result, controls, enough):
             break
     if isinstance(result, NoAxis):
         raise NotMeasuredError(result.sentence)
     went = sum(step if way is path.direction else -step for way, step in steps[: places - 1])
     return Measured(result, path, (*slips[:1], *result.findings), went)
+
+
+def _ends(found: Measurement, controls: PolarControls, enough: Callable[[Measurement], bool] | None) -> bool:
+    """Whether no more frames are wanted: two alone are enough only where an earlier sweep agrees."""
+    return (found.checked and controls.take(PolarButton.ENOUGH)) or bool(enough and enough(found))
 
 
 def _turned(
@@ -280,7 +285,11 @@ def _hand_turns(path: SweepPath, frames: int) -> list[tuple[Direction, float]]:
 
 def _far(found: Measurement) -> bool:
     """Whether bolts are to be turned before more frames are of any use."""
-    return not found.spoilt and found.error.total_arcsec > FAR_SIGMAS * found.error.with_flexure.uncertainty_arcsec
+    return (
+        found.checked
+        and not found.spoilt
+        and found.error.total_arcsec > FAR_SIGMAS * found.error.with_flexure.uncertainty_arcsec
+    )
 
 
 def optics_of(attitude: LocalAttitude, frames: int = 1) -> Optics:

@@ -35,6 +35,7 @@ from kochab.workflows.polar.sources import (
     PolarNight,
     SolvedFile,
     doubts_of,
+    given_doubts,
     last_night,
     remember_night,
     sightings_of,
@@ -330,6 +331,8 @@ def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[s
     if isinstance(result, NoAxis):
         return FilesAxis(result, named)
     doubts = doubts_of(files, result.error, site, told.site is not None, known)
+    if sightings:
+        doubts += given_doubts(files, result.error, site, told.utc_offset_h)
     result = replace(result, findings=(*result.findings, *doubts))
     return FilesAxis(result, named, last_night(site, told.profile, result.time_utc))
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kochab.core import config_folder, tr, tr_noop
+from kochab.core import config_folder, number, tr, tr_noop
 from kochab.core.attitude import wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
@@ -24,7 +24,7 @@ from kochab.core.text_input import TextError, read_json, read_text
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.hints import NO_ZONE, aware_utc
 from kochab.polar.error import PolarError, angle_in_words
-from kochab.polar.horizon import Horizon
+from kochab.polar.horizon import Horizon, sun_altitude_deg
 from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
@@ -120,6 +120,70 @@ def doubts_of(
         text = f"{says} {costs.format(angle=angle_in_words(astray))}"
         doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
     return doubts
+
+
+LATEST_ZONE_H = 3.6  # of a zone from the Sun's own time: Kashgar and Pyongyang's summers are nearer
+DEGREE = 1.0
+UP_DEG = -1.0  # below, the brightest stars begin to show
+
+BY_DAY = tr_noop(
+    "The Sun would be up there at the time of {frame} ({high:.0f}° high). Check the site, its signs, the time and the"
+    " time zone."
+)
+OTHER_SITE = tr_noop(
+    "The frames say another site ({theirs}) than was given ({given}). The axis would be {angle} elsewhere: find out"
+    " which is right."
+)
+OTHER_ZONE = tr_noop(
+    "A clock {offset:+g} h from UTC does not fit the longitude, {longitude:+.0f}°. Check the signs of both (east is"
+    " positive)."
+)
+TRUSTED = tr_noop(
+    "Nothing in the frames tells whether site and clock are right. A degree of longitude wrong would move the axis by"
+    " {degree}, an hour by {hour}: check both."
+)
+
+
+def given_doubts(
+    files: Sequence[SolvedFile], error: PolarError, site: Site, utc_offset_h: float | None
+) -> list[PolarFinding]:
+    """What contradicts the site and the clock that somebody gave, and what it would cost if they were wrong.
+
+    The sky looks the same from everywhere at some time: a wrong longitude or clock turns the axis about the pole, and
+    nothing in the frames shows it but the Sun, their own headers and the time zone.
+    """
+    found = []
+    times = [file.time_utc for file in files if file.time_utc is not None]
+    high_deg, frame = max((sun_altitude_deg(site, f.time_utc), f.path) for f in files if f.time_utc is not None)
+    if high_deg > UP_DEG:
+        text = tr(BY_DAY, frame=Path(frame).name, high=high_deg)
+        found.append(PolarFinding(PolarFindingKind.SITE_OR_TIME, text, spoils=True))
+    theirs = next((file.site for file in files if file.site is not None), None)
+    if theirs is not None and (angle := _apart_arcsec(error, site, theirs)):
+        said = [f"{number(s.latitude_deg, '.2f')}°, {number(s.longitude_deg, '.2f')}°" for s in (theirs, site)]
+        text = tr(OTHER_SITE, theirs=said[0], given=said[1], angle=angle_in_words(angle))
+        found.append(PolarFinding(PolarFindingKind.SITE_OR_TIME, text, spoils=True))
+    zone_h = utc_offset_h or 0.0
+    if zone_h and abs(wrapped(15.0 * zone_h - site.longitude_deg)) > 15.0 * LATEST_ZONE_H:
+        text = tr(OTHER_ZONE, offset=zone_h, longitude=site.longitude_deg)
+        found.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=True))
+    hour_deg = 3600.0 * SIDEREAL_DEG_S
+    hour = max(astray_arcsec(error, site, sky) for sky in (-hour_deg, hour_deg))
+    degree = max(astray_arcsec(error, site, sky) for sky in (-DEGREE, DEGREE))
+    if times and (degree or (hour and utc_offset_h is not None)):
+        text = tr(TRUSTED, degree=angle_in_words(degree), hour=angle_in_words(hour))
+        found.append(PolarFinding(PolarFindingKind.ON_TRUST, text))
+    return found
+
+
+def _apart_arcsec(error: PolarError, site: Site, other: Site) -> float:
+    """How far the axis would be elsewhere at the other site, 0 within its ellipse or at about the same site."""
+    south = abs(other.latitude_deg - site.latitude_deg)
+    east = wrapped(other.longitude_deg - site.longitude_deg)
+    if max(south, abs(east)) < SAME_SITE_DEG:
+        return 0.0
+    # refraction apart, a site further south sees the same axis as far from its pole; across the equator another pole
+    return 3600.0 * south if site.latitude_deg * other.latitude_deg < 0.0 else astray_arcsec(error, site, east)
 
 
 def clock_doubts(ahead_s: float, mount: str, error: PolarError, site: Site) -> list[PolarFinding]:

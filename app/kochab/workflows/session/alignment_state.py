@@ -53,8 +53,13 @@ class AlignmentState:
 
     @property
     def bolt_error(self) -> PolarError | None:
-        """The error that bolts may be turned by: none of a spoilt measurement."""
-        return None if self.spoilt else self.known_error
+        """The error that bolts may be turned by: none of a spoilt measurement, nor of two frames."""
+        return self.known_error if self.checked and not self.spoilt else None
+
+    @property
+    def checked(self) -> bool:
+        """Whether the frames could have shown that something moved."""
+        return all(finding.kind is not PolarFindingKind.UNCHECKED for finding in self.findings)
 
     @property
     def spoilt(self) -> bool:
