@@ -25,6 +25,7 @@ from kochab.polar.error import (
     PolarError,
     altitude_in_words,
     azimuth_in_words,
+    finer_in_words,
     good_enough,
     split_in_words,
     total_in_words,
@@ -318,7 +319,7 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
         f"of the ±  {split_in_words(error)}",
     ]
     if error.below_uncertainty and not m.spoilt:
-        lines.append("stop      the error is within its uncertainty")
+        lines.append(f"stop      {finer_in_words(error)}")
     if imaging and not m.spoilt:
         lines.append(f"enough?   {good_enough(error, imaging)}")
     if not m.checked and not m.spoilt:

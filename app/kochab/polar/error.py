@@ -181,22 +181,19 @@ class Imaging:
 
 
 def good_enough(error: PolarError, imaging: Imaging) -> str:
-    """What the error does to such frames, and when to stop: below a pixel."""
+    """How small an error is enough for such frames: it moves no star by more than a pixel."""
     trail, rotation = (error.total_arcsec * each for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
-    alone, guided = (angle_in_words(MOST_PX / each) for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
-    does = tr(
-        "{exposure:g} s at {focal:g} mm: up to {trail:.1f} px of trail, guided {rotation:.1f} px in the corners.",
-        exposure=imaging.exposure_s,
-        focal=imaging.focal_mm,
-        trail=trail,
-        rotation=rotation,
-    )
-    advice = tr("Go on: stop at {guided} if you guide, at {alone} if not.", guided=guided, alone=alone)
+    alone, guided = (_limit_in_words(MOST_PX / each) for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
     if trail <= MOST_PX:
-        advice = tr("Good enough: stop.")
-    elif rotation <= MOST_PX:
-        advice = tr("Good enough if you guide; if not, stop at {alone}.", alone=alone)
-    return f"{does} {advice}"
+        return tr("Good enough: stop.")
+    if rotation <= MOST_PX:
+        return tr("Good enough if you guide. Unguided: {alone}.", alone=alone)
+    return tr("Guided: {guided} is enough. Unguided: {alone}.", guided=guided, alone=alone)
+
+
+def _limit_in_words(arcsec: float) -> str:
+    """What is enough, from ten arcminutes on in whole ones."""
+    return f"{int(arcsec / 60.0)}′" if 600.0 <= arcsec < 5400.0 else angle_in_words(arcsec)
 
 
 # -- Polar errors and bolt turns in words that hold from every side of the mount ---------------
@@ -251,6 +248,14 @@ def angle_in_words(arcsec: float) -> str:
     if size < 99.5:  # more would be written as 100″
         return f"{size:.0f}″"
     return f"{number(size / 60.0, '.1f')}′" if size < 5400.0 else f"{number(size / 3600.0, '.2f')}°"
+
+
+FINER = tr_noop("Finer than one sweep can tell (±{sigma}). Tighten, then check.")
+
+
+def finer_in_words(error: PolarError) -> str:
+    """That the error is within its uncertainty, and what to do then."""
+    return tr(FINER, sigma=angle_in_words(error.with_flexure.sigma_total_arcsec))
 
 
 def total_in_words(error: PolarError) -> str:

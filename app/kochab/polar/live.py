@@ -19,7 +19,7 @@ from kochab.attitude import small_rotation
 from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.polar.error import PolarError, angle_in_words
+from kochab.polar.error import PolarError, angle_in_words, finer_in_words
 from kochab.polar.horizon import tracking_rad_s
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
 from kochab.polar.rotations import ARCSEC, about, alt_az, cross_matrix, rotation_vector, tangents, wrapped_rad
@@ -233,7 +233,7 @@ class LivePhase:
                 ),
             )
         if error.below_uncertainty:
-            yield PolarFinding(PolarFindingKind.DONE, tr("Stop: the error is within its uncertainty."))
+            yield PolarFinding(PolarFindingKind.DONE, finer_in_words(error))
 
 
 def _beyond(measurement: Measurement) -> Floats:
