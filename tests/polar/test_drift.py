@@ -143,16 +143,23 @@ def test_a_dither_is_no_drift_and_lost_stars_are_left_out(tmp_path):
     assert jumped.error.azimuth_arcsec == pytest.approx(plain.error.azimuth_arcsec, rel=0.03)
 
 
-def guided_log(drift_arcsec_min, seeing_px, pulse=1.0, minutes=30.0, seed=3):
+def guided_log(drift_arcsec_min, seeing_px, pulse=1.0, minutes=30.0, seed=3, dithered=False):
     """A log whose guider answers what it measures; a pulse moves Dec ``pulse`` times as far as calibrated."""
-    rng, scale, moved, star, rows = np.random.default_rng(seed), 1.5, 0.0, [], []
-    for t in np.arange(1, minutes * 20 + 1) * 3.0:
-        seen = (drift_arcsec_min * t / 60.0 + moved) / scale + rng.normal(0.0, seeing_px)
+    rng, scale, moved, star, rows, lock, locks = np.random.default_rng(seed), 1.5, 0.0, [], [], 0.0, []
+    for k, t in enumerate(np.arange(1, minutes * 20 + 1) * 3.0, 1):
+        if dithered and k % 100 == 0:
+            lock += rng.uniform(-4.0, 4.0)
+            locks.append(k)
+        seen = (drift_arcsec_min * t / 60.0 + moved) / scale + rng.normal(0.0, seeing_px) - lock
         ms = round(min(abs(0.8 * seen) / 4.0 * 1000.0, 2500.0)) if abs(seen) > 0.15 else 0
         star.append((0.0, seen * scale))
         rows.append(f"0,,{ms},{'S' if seen > 0 else 'N'}")
         moved -= np.sign(seen) * ms / 1000.0 * 4.0 * scale * pulse
-    return log_text(star, rows=rows)
+    lines = log_text(star, rows=rows).splitlines()
+    for k in reversed(locks):
+        at = next(n for n, line in enumerate(lines) if line.startswith(f"{k},"))
+        lines.insert(at, "INFO: DITHER by 1.000, 2.000, new lock pos = 101.0, 102.0")
+    return "\n".join(lines)
 
 
 @pytest.mark.parametrize("seeing_px", [0.02, 0.08, 0.15, 0.25])
@@ -172,6 +179,29 @@ def test_a_degree_of_pulses_at_high_declination_is_undone_as_a_turn(tmp_path, nu
     where = MeasureSettings(Site(night.latitude_deg, night.longitude_deg, night.height_m))
     found = measure_drift(guide_log(path, where), where)
     assert not found.spoilt
+    assert found.error.with_flexure.distance2(guide_logs.axis_enu(night)) <= CHI2_95
+
+
+@pytest.mark.parametrize(("dithers", "off", "sure"), [(True, 0.1, 0.12), (False, 0.4, 2.0)])
+def test_a_calibration_a_third_wrong_is_read_from_dithers_and_doubted_without(tmp_path, dithers, off, sure):
+    """Pulses that move Dec 1.45 times as far as PHD2 believes, 2 arcsec a minute of drift."""
+    site = Site(47.0, 8.0)
+    truth = drift_of(tmp_path, log_text(falling(2.0, 60.0)), site).error.azimuth_arcsec
+    found = drift_of(tmp_path, guided_log(2.0, 0.08, pulse=1.45, minutes=60.0, dithered=dithers), site)
+    sigma = found.error.with_flexure.knob_sigma_arcsec(Knob.AZIMUTH)
+    assert abs(found.error.azimuth_arcsec / truth - 1.0) < off
+    assert abs(found.error.azimuth_arcsec - truth) < 1.6 * sigma
+    assert sigma < sure * abs(truth)
+
+
+def test_a_mount_that_nobody_synced_reports_another_hour_angle(tmp_path):
+    """One degree of hour angle turns an error of one degree about the pole by an arcminute."""
+    night = replace(guide_logs.evenings(200, 1)[1], pointing_deg=(1.0, 1.0))
+    night = replace(night, azimuth_error_deg=0.8, altitude_error_deg=-0.8)
+    path = tmp_path / "PHD2_GuideLog.txt"
+    guide_logs.write_log(night, path)
+    where = MeasureSettings(Site(night.latitude_deg, night.longitude_deg, night.height_m))
+    found = measure_drift(guide_log(path, where), where)
     assert found.error.with_flexure.distance2(guide_logs.axis_enu(night)) <= CHI2_95
 
 

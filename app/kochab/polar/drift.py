@@ -29,6 +29,7 @@ FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from
 CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each way, while altitude hardly changes
 RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
 PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share (one sigma)
+POINTING_RAD = np.radians(0.5)  # one sigma of where a mount that nobody synced says that a guide star stands
 LEAK = 0.05  # of a guide star's way in RA that passes for Dec: PHD2's two angles are that far from square
 LEAST_S, LONG_S, BLOCKS = 60.0, 600.0, 12
 TOLD_ARCSEC = 120.0
@@ -58,8 +59,8 @@ class Stretch:
     then says nothing. ``sign_known``: whether north is known from south; ``pier`` is the side of it, for a flip turns
     that round. Of a guide star ``pulses_rad`` (N,) is how far pulses had moved Dec by then, towards the elevated pole,
     ``ra_rad`` (N,) how far the star stood from its place in RA, and ``steps`` (N,) counts the dithers; its roll means
-    nothing. Stretches of one ``calibration`` share the error of their pulses. A ``knock`` before or after it means that
-    the axis no longer stands where it did.
+    nothing. Stretches of one ``calibration`` share the error of their pulses, to ``pulse_share`` (one sigma). A
+    ``knock`` before or after it means that the axis no longer stands where it did.
     """
 
     attitudes: tuple[LocalAttitude, ...]
@@ -70,6 +71,7 @@ class Stretch:
     ra_rad: Floats = field(default_factory=lambda: np.zeros(0))
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     calibration: str = ""
+    pulse_share: float = PULSES
     pier: str = ""
     knock: Knock | None = None
 
@@ -323,6 +325,9 @@ def _solved(stretches: Sequence[Stretch], pole: Floats, base: Floats, wider: flo
     pulses = _of_pulses(stretches, parts, np.linalg.solve(normal, matrix.T)[:2] / np.sqrt(wider))
     left = aim - matrix @ answer
     axis = _unit(base + answer[:2] @ across)
+    if any(len(s.pulses_rad) for s in stretches):  # a star elsewhere in hour angle turns the error about the pole
+        turned = np.array([[0.0, -1.0], [1.0, 0.0]]) @ across @ (axis - pole) * POINTING_RAD
+        pulses = pulses + np.outer(turned, turned)
     found = _Solved(axis, pole, noise + pulses, covariance + pulses)
     return found, wider * _restless(left, parts, len(answer))
 
@@ -336,9 +341,9 @@ def _of_pulses(stretches: Sequence[Stretch], parts: Sequence["_Rows"], gain: Flo
     by_calibration: dict[str, Floats] = {}
     ends = np.cumsum([len(p.aim) for p in parts])
     for stretch, part, end in zip(stretches, parts, ends, strict=True):
-        moved = gain[:, end - len(part.aim) : end] @ part.pushed
+        moved = gain[:, end - len(part.aim) : end] @ part.pushed * stretch.pulse_share
         by_calibration[stretch.calibration] = by_calibration.get(stretch.calibration, np.zeros(2)) + moved
-    return np.asarray(sum(np.outer(m, m) for m in by_calibration.values()) * PULSES**2)
+    return np.asarray(sum(np.outer(m, m) for m in by_calibration.values()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

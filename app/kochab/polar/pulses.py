@@ -1,10 +1,13 @@
-"""How far a guider's pulses moved Dec, from the star's own path where that proves it.
+"""How far a guider's pulses moved Dec, from the star's own path where dithers prove it.
 
 A guider answers the noise of its last frame, and its pulses move the star in the frames after. Frame by frame the sum
-of the pulses *before* is therefore free of the frame's own noise, and least squares of the star's path on it are the
+of the pulses *before* is therefore free of the frame's own news, and least squares of the star's path on it are the
 likelihood of the whole loop, whatever the guider's rule: no bias towards nothing, as means over half a minute have it.
-That holds while the noise of frames is white; where what is left over is not, nothing is claimed. Gears swallow what
-turns them back: the axis follows the motor as behind backlash (a play operator, Krasnosel'skii and Pokrovskii 1989).
+That needs the noise to be what it is taken for, white or shared by neighbours (an autoregression of first order).
+Where nothing but noise moved the guider, noise of another kind passes for an answer (noise of which a frame shares 0.3
+with the next, taken for white, told 0.7 of the scale), so only dithers, whose pulses no noise asked for, prove one.
+Gears swallow what turns them back: the axis follows the motor as behind backlash (a play operator, Krasnosel'skii and
+Pokrovskii 1989).
 """
 
 from dataclasses import dataclass
@@ -14,16 +17,16 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 
-SURE, FLOOR = 0.1, 0.03  # a scale is proven when known to this share; what is left out is worth that much
+SURE, FLOOR = 0.1, 0.05  # a scale is told when known to this share; what is left out is worth that much
 LEAST_FRAMES = 60
-PLAYS, STARTS, ROUNDS = 24, (0.0, 0.5, 1.0), 4  # sizes of backlash, where it stands at first, refinements
-OUTLIER, BLOCKS, UNEVEN = 4.0, 12, 2.5
-CORRELATED = 0.08
+SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # of a frame's noise that the next has as well
+PLAYS, STARTS, ROUNDS = 24, (0.0, 0.5, 1.0), 3  # sizes of backlash, where it stands at first, closer looks
+OUTLIER, BLOCKS, UNEVEN, CORRELATED = 4.0, 12, 2.5, 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseResponse:
-    """What pulses did: ``scale`` times what the calibration says, one ``sigma`` of it; ``proven`` or not.
+    """What pulses did: ``scale`` times what the calibration says, one ``sigma`` of it.
 
     ``moved`` (N,) is how far they had moved Dec before each frame, were the calibration right: what gears swallowed
     is left out.
@@ -32,7 +35,6 @@ class PulseResponse:
     moved: Floats
     scale: float
     sigma: float
-    proven: bool
 
 
 class _Fit(NamedTuple):
@@ -43,83 +45,113 @@ class _Fit(NamedTuple):
     squares: Floats
 
 
+class _Paths(NamedTuple):
+    """Where the axis would be (N, K) behind K sizes of backlash that begin at K places in it."""
+
+    play: Floats
+    start: Floats
+    path: Floats
+
+
 def pulse_response(time_s: Floats, star: Floats, pushed: Floats, level: Floats) -> PulseResponse | None:
-    """What the star's path (N,) shows of the pulses' effect; None where there is too little of it.
+    """What the star's path (N,) shows of the pulses' effect; None where it shows too little, or noise of another kind.
 
     ``pushed`` (N,) is what all pulses before a frame should have moved the star by, in its unit; ``level`` (N,) counts
     the places that it was given. Drift is a polynomial of the time, cubic in the first hour.
     """
-    if len(star) < LEAST_FRAMES or np.ptp(pushed) == 0.0:
+    if np.ptp(pushed) == 0.0:
         return None
     kept = np.ones(len(star), dtype=bool)
     for _ in range(2):  # the second time without outliers
-        smooth = _Smooth(time_s[kept], level[kept])
-        moved, scale, sigma, left = _best(smooth, star, pushed, kept)
-        noise = float(np.sqrt(left @ left / smooth.freedom))
-        rest = np.zeros(len(star))
-        rest[kept] = left
-        kept &= np.abs(rest) < OUTLIER * noise
-        if smooth.freedom < LEAST_FRAMES // 2:
+        if kept.sum() - len(np.unique(level)) < LEAST_FRAMES:
             return None
-    return PulseResponse(moved, scale, float(np.hypot(sigma, FLOOR)), sigma < SURE and _white(left))
+        response, left = _response(time_s, star, pushed, level, kept)
+        sound = kept & (np.abs(left) < OUTLIER * np.sqrt(left @ left / kept.sum()))
+        if (sound == kept).all():
+            break
+        kept = sound
+    return response if response.sigma < SURE and _white(left[left != 0.0]) else None
+
+
+def _response(
+    time_s: Floats, star: Floats, pushed: Floats, level: Floats, kept: Floats
+) -> tuple[PulseResponse, Floats]:
+    """The likeliest backlash and share of noise, the scale with one sigma over all, and what is left (N,)."""
+    plays = np.append(0.0, np.geomspace(0.003, 1.0, PLAYS)) * np.ptp(pushed)
+    tried = _paths(pushed, plays, np.array(STARTS))
+    smooths = [_Smooth(time_s[kept], level[kept], share) for share in SHARES]
+    fits = [smooth.fit(star[kept], tried.path[kept]) for smooth in smooths]
+    chosen = int(np.argmin([fit.squares.min() for fit in fits]))
+    smooth, found = smooths[chosen], [fits[chosen]]
+    gap = STARTS[1] - STARTS[0]
+    for _ in range(ROUNDS):  # each looks closer about the best of the one before
+        best = int(np.argmin(found[-1].squares))
+        beside = np.unique(tried.play)
+        at = int(np.searchsorted(beside, tried.play[best]))
+        plays = np.linspace(beside[max(at - 1, 0)], beside[min(at + 1, len(beside) - 1)], 7)
+        gap /= 2.0
+        tried = _paths(pushed, plays, np.clip(tried.start[best] + gap * np.array([-1.0, 0.0, 1.0]), 0.0, 1.0))
+        found.append(smooth.fit(star[kept], tried.path[kept]))
+    fits[chosen] = _Fit(*(np.concatenate(each) for each in zip(*found, strict=True)))
+    variance = float(fits[chosen].squares.min()) / smooth.freedom
+    # A share of the noise and the scale can stand for one another: what all shares say counts, as likely as each is.
+    scales, variances = (np.array(each) for each in zip(*(_mean(fit, variance) for fit in fits), strict=True))
+    weights = _weights(np.array([fit.squares.min() for fit in fits]), variance)
+    mean = float(weights @ scales)
+    sigma = float(np.sqrt(weights @ (variances + np.square(scales - mean))))
+    best = int(np.argmin(found[-1].squares))
+    left = np.zeros(len(star))
+    news = smooth.rest(np.stack([star[kept], tried.path[kept, best]], axis=-1))
+    left[np.flatnonzero(kept)[smooth.follows]] = news[:, 0] - news[:, 1] * found[-1].scale[best]
+    return PulseResponse(tried.path[:, best], mean, float(np.hypot(sigma, FLOOR))), left
+
+
+def _mean(fit: _Fit, variance: float) -> tuple[float, float]:
+    """The scale over all backlashes, and its variance."""
+    weights = _weights(fit.squares, variance)
+    mean = float(weights @ fit.scale)
+    return mean, float(weights @ (fit.spread * variance + np.square(fit.scale - mean)))
+
+
+def _weights(squares: Floats, variance: float) -> Floats:
+    weights = np.exp(-0.5 * (squares - squares.min()) / variance)
+    return np.asarray(weights / weights.sum())
 
 
 class _Smooth:
-    """Takes from columns (N, ...) what a smooth drift and the levels explain."""
+    """Takes from columns (N, ...) what a smooth drift, the levels and the frame before foretell."""
 
-    def __init__(self, time_s: Floats, level: Floats) -> None:
-        hours = np.ptp(time_s) / 3600.0
-        _, self._of, self._count = np.unique(level, return_inverse=True, return_counts=True)
+    def __init__(self, time_s: Floats, level: Floats, share: float) -> None:
+        self._share, self.follows = share, np.append(False, np.diff(level) == 0.0)
+        _, self._of, self._count = np.unique(level[self.follows], return_inverse=True, return_counts=True)
         at = 2.0 * (time_s - time_s.min()) / np.ptp(time_s) - 1.0
-        powers = np.polynomial.legendre.legvander(at, 3 + int(hours))[:, 1:]
-        self._basis, _ = np.linalg.qr(self._without_means(powers))
-        self.freedom = len(time_s) - len(self._count) - powers.shape[1] - 3
+        powers = np.polynomial.legendre.legvander(at, 3 + int(np.ptp(time_s) / 3600.0))[:, 1:]
+        self._basis, _ = np.linalg.qr(self._news(powers))
+        self.freedom = max(len(self._basis) - len(self._count) - powers.shape[1] - 3, 1)
 
-    def _without_means(self, columns: Floats) -> Floats:
+    def _news(self, columns: Floats) -> Floats:
+        """Without what rows (N, K) share with the row before, and without the mean of each level."""
+        news = (columns[1:] - self._share * columns[:-1])[self.follows[1:]]
         sums = np.zeros((len(self._count), columns.shape[1]))
-        np.add.at(sums, self._of, columns)
-        return np.asarray(columns - (sums / self._count[:, None])[self._of])
+        np.add.at(sums, self._of, news)
+        return np.asarray(news - (sums / self._count[:, None])[self._of])
 
     def rest(self, columns: Floats) -> Floats:
-        """What is left of columns (N, K)."""
-        left = self._without_means(columns)
+        """What is left of columns (N, K), of the rows that follow another."""
+        left = self._news(columns)
         return np.asarray(left - self._basis @ (self._basis.T @ left))
 
-
-def _best(smooth: _Smooth, star: Floats, pushed: Floats, kept: Floats) -> tuple[Floats, float, float, Floats]:
-    """The path behind the likeliest backlash, its scale with one sigma over all of them, and what is left of the star.
-
-    Each round looks closer about the best of the one before.
-    """
-    aim = smooth.rest(star[kept, None])[:, 0]
-    plays, starts = np.append(0.0, np.geomspace(0.003, 1.0, PLAYS)) * np.ptp(pushed), np.array(STARTS)
-    fits: list[_Fit] = []
-    for _ in range(ROUNDS):
-        each, start = np.repeat(plays, len(starts)), np.tile(starts, len(plays))
-        paths = behind_play(pushed, each, start)
-        fit = _fit(smooth.rest(paths[kept]), aim)
-        fits.append(fit)
-        best = int(np.argmin(fit.squares))
-        at = int(np.flatnonzero(plays == each[best])[0])
-        lower, upper = plays[max(at - 1, 0)], plays[min(at + 1, len(plays) - 1)]
-        gap = (starts[1] - starts[0]) / 2.0
-        plays, starts = np.linspace(lower, upper, 7), np.clip(start[best] + gap * np.array([-1.0, 0.0, 1.0]), 0.0, 1.0)
-        if upper == 0.0 or np.ptp(starts) == 0.0:
-            break
-    scales, spreads, squares = (np.concatenate(each) for each in zip(*fits, strict=True))
-    variance = float(squares.min()) / smooth.freedom
-    weights = np.exp(-0.5 * (squares - squares.min()) / variance)
-    weights /= weights.sum()
-    mean = float(weights @ scales)
-    sigma = float(np.sqrt(weights @ (spreads * variance + np.square(scales - mean))))
-    left = aim - smooth.rest(paths[kept][:, best : best + 1])[:, 0] * fit.scale[best]
-    return paths[:, best], mean, sigma, left
+    def fit(self, star: Floats, paths: Floats) -> _Fit:
+        """The star's path (N,) as each of K paths (N, K) explains it."""
+        aim, rest = self.rest(star[:, None])[:, 0], self.rest(paths)
+        size = np.maximum(np.einsum("nk,nk->k", rest, rest), 1e-12)
+        along = aim @ rest
+        return _Fit(along / size, 1.0 / size, aim @ aim - along**2 / size)
 
 
-def _fit(paths: Floats, aim: Floats) -> _Fit:
-    size = np.maximum(np.einsum("nk,nk->k", paths, paths), 1e-12)
-    along = aim @ paths
-    return _Fit(along / size, 1.0 / size, aim @ aim - along**2 / size)
+def _paths(motor: Floats, plays: Floats, starts: Floats) -> _Paths:
+    play, start = np.repeat(plays, len(starts)), np.tile(starts, len(plays))
+    return _Paths(play, start, behind_play(motor, play, start))
 
 
 def behind_play(motor: Floats, play: Floats, start: Floats) -> Floats:
@@ -142,4 +174,5 @@ def _white(left: Floats) -> bool:
     shared = float(left[1:] @ left[:-1]) / len(left) / noise
     each = len(left) // BLOCKS
     means = left[: each * BLOCKS].reshape(BLOCKS, each).mean(axis=1)
-    return abs(shared) < CORRELATED + 2.0 / np.sqrt(len(left)) and each * float(means @ means) / noise < UNEVEN * BLOCKS
+    uneven = each * float(means @ means) / noise / BLOCKS
+    return abs(shared) < CORRELATED + 2.0 / np.sqrt(len(left)) and uneven < UNEVEN

@@ -2,8 +2,8 @@
 
 The format is github.com/OpenPHDGuiding/phd2/wiki/PHD2GuideLog, its ``mount.cpp`` says what the signs mean. KStars and
 ASIAIR write alike. A star's distance in Dec and the pulses up to then make the mount's own drift. How far a pulse moves
-is what PHD2's calibration says, to a fifth: it is never fitted to the star's distances, for a guider answers their
-very noise.
+is what PHD2's calibration says, to a fifth: it is never fitted to means of the star's distances, for a guider answers
+their very noise. Dithers prove it frame by frame; without them what the frames say against it widens the doubt.
 """
 
 import re
@@ -18,9 +18,10 @@ from kochab.core.arrays import Floats
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.text_input import TextError, read_text
-from kochab.polar.drift import Stretch, upright
+from kochab.polar.drift import PULSES, Stretch, upright
 from kochab.polar.horizon import northern, observed_at, pole_direction
 from kochab.polar.measure import MeasureSettings
+from kochab.polar.pulses import pulse_response
 from kochab.polar.rotations import ARCSEC
 from kochab.polar.sighting import LocalAttitude
 
@@ -29,6 +30,7 @@ LEAST_ARCSEC = 0.1  # no mean over a bin is better than that
 OTHER_LOCK = ("INFO: DITHER", "INFO: SET LOCK POSITION", "INFO: Guiding parameter change, MountGuidingEnabled")
 SIGNS = {"+": 1, "?": 0, "-": -1}
 FOUND = (0, 1)  # PHD2's Star::FindResult: a star, a saturated star; others are none that can be believed
+DITHERS = 3  # places that the star was given on purpose, from which on pulses prove how far they move
 JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse explains: another star, or a kick
 
 
@@ -163,6 +165,11 @@ def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Str
     # y_rate is in px/s and pulses in ms; a frame shows those before it and not its own.
     pushed = -np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate)  # px, as dec counts
     level = _levels(time, dec, pushed, dither)
+    share, response = PULSES, pulse_response(time, dec, pushed, level)
+    if response is not None and len(np.unique(dither)) >= DITHERS:
+        pushed, share = response.moved * response.scale, response.sigma / abs(response.scale)
+    elif response is not None:
+        share = max(PULSES, abs(response.scale - 1.0))
     # No bin spans a dither or a jump.
     _, bin_of = np.unique(np.stack([level, np.floor(time / BIN_S)]), axis=1, return_inverse=True)
     bins = [bin_of.ravel() == n for n in range(int(bin_of.max()) + 1)]
@@ -185,7 +192,15 @@ def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Str
     steps = np.array([level[b][0] for b in bins])
     held, known = bool(west.any()), bool(section.parity[1])
     return Stretch(
-        attitudes, False, held, known, moved, lag * np.cos(declination), steps, f"{section.y_rate:.3f}", section.pier
+        attitudes,
+        ra_held=held,
+        sign_known=known,
+        pier=section.pier,
+        pulses_rad=moved,
+        pulse_share=share,
+        calibration=f"{section.y_rate:.3f}",
+        ra_rad=lag * np.cos(declination),
+        steps=steps,
     )
 
 
