@@ -86,7 +86,12 @@ class AtTheCommandLine(Astronomer):
             self.board.lose_stops(1)
         self._do("stop", lambda: self._run("stop"))
 
+    def _do(self, what, order):
+        self._begin_session()  # each command is one
+        return super()._do(what, order)
+
     def _slews(self, what, order, target):
+        self._begin_session()
         if self.random.random() < 0.25:
             self.board.lose_stops(1)
         super()._slews(what, order, target)
@@ -97,7 +102,6 @@ class AtTheCommandLine(Astronomer):
 
     def _run(self, action, *words):
         """One command, to its end; a failure is raised as what it printed."""
-        self.session_since = self.board.clock.unix()
         site = f"--site={SITE.latitude_deg},{SITE.longitude_deg}"
         # It is at the wheel that a person says where a motor board's home is.
         home = ["--home=now"] if self.kind == "skywatcher" and self._at_home() else []

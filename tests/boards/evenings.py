@@ -71,6 +71,7 @@ class Astronomer:
         self.evening = Evening(kind, seed)
         self.guard = None
         self.session_since = 0.0  # a program that begins later cannot know of a cut before
+        self.lost_before = False
 
     # -- the evening ---------------------------------------------------------------------------------
 
@@ -142,10 +143,11 @@ class Astronomer:
 
     def _connect(self):
         pier = self.random.choice((Pier.FLIPS, Pier.FLIPS, Pier.CROSSES, Pier.STAYS))
-        self.session_since = self.board.clock.unix()
+        self._begin_session()
         home = Home.NOW if self._at_home() else None  # no word of it that is not true
         selection = MountSelection(self.board.port, self.board.driver, home=home)
         self.guard = guarded(selection, SITE, clock=self.board.clock, limits=limits_at(pier))
+        self._look()  # as the window and every command do at once
 
     def _at_home(self):
         with self.board.lock:
@@ -347,10 +349,18 @@ class Astronomer:
                 self._against("false", f"{order_.false_by_deg:.0f} deg by {what}")
         return told
 
+    def _begin_session(self):
+        self.session_since, self.lost_before = self.board.clock.unix(), False
+        self._unknowable()
+
     def _unknowable(self):
         """Whether the board is wrong by a cut before this session, with a clock and a site that are right."""
-        cut_now = any(unix >= self.session_since for unix, _ in self.board.cuts)
-        return self.board.false_by_deg() > FALSE_DEG and not cut_now and abs(self.board.clock_error_s) < 600.0
+        lost = self.board.false_by_deg() > FALSE_DEG
+        if not lost or abs(self.board.clock_error_s) > 600.0:
+            self.lost_before = False
+        elif not any(unix >= self.session_since for unix, _ in self.board.cuts):
+            self.lost_before = True
+        return self.lost_before  # and a cut at a false home shows nothing new
 
     def _tube(self):
         with self.board.lock:
