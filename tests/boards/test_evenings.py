@@ -6,7 +6,7 @@ import pytest
 
 from kochab.core.errors import KochabError
 from tests.boards import BOARDS, served
-from tests.boards.evenings import Astronomer, Hangs
+from tests.boards.evenings import Astronomer, Hangs, spend
 from tests.boards.sky import sidereal_deg
 
 
@@ -112,3 +112,13 @@ def test_the_sun_a_hang_and_a_traceback_are_seen(astronomer, monkeypatch):
     with pytest.raises(Hangs):
         astronomer._do("hang", lambda: time.sleep(5.0))
     assert seen(astronomer) == {"sun", "fault", "hang"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("onstep", 6), ("onstepx", 3), ("am5", 1), ("ioptron", 4), ("nexstar", 6), ("skywatcher", 3)]
+)
+def test_a_short_evening_with_power_cuts_holds(kind, seed, monkeypatch):
+    """All but the last slewed from a false home before the guard watched for restarts."""
+    monkeypatch.setenv("KOCHAB_CONFIG", "")  # whatever it sets itself is put back
+    evening = spend(kind, seed, orders=5)
+    assert not evening.violations, "\n".join(evening.diary)
