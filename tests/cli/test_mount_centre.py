@@ -207,7 +207,7 @@ def test_disagree_names_no_cause_for_a_mount_that_is_only_lost(tmp_path, capsys)
         code, told = run(capsys, "disagree", *line(practice), "--frames", *files)
         assert code == 0
         assert told["cause"] is None
-        assert "no single cause" in told["sentence"]
+        assert "not told by one sighting" in told["sentence"]
         assert told["offset_arcsec"] == pytest.approx(5400.0, rel=0.02)
         ra, dec = practice.rig.truth().of_date_deg
         practice.rig.mount.sync((ra + 15.041) % 360.0, dec)
@@ -216,6 +216,34 @@ def test_disagree_names_no_cause_for_a_mount_that_is_only_lost(tmp_path, capsys)
         assert "arcmin" in out or "deg" in out
         code, told = run(capsys, "disagree", *line(practice)[:4], "--frames", *files, "--epoch", "date")
         assert told["suspects"][0]["name"] == "summer time"
+
+
+def test_disagree_judges_the_sightings_of_tonight_that_a_file_keeps(tmp_path, capsys) -> None:
+    """Off in both axes by the same angles everywhere, which one sighting cannot tell; last year's counts no more."""
+    kept = tmp_path / "tonight.json"
+    with practising(lost_deg=0.0) as practice:
+        ra, dec = practice.rig.truth().of_date_deg
+        practice.rig.mount.sync((ra + 2.0) % 360.0, dec - 1.5)
+        told = []
+        for number in range(2):
+            (tmp_path / str(number)).mkdir()
+            files = frames(practice, tmp_path / str(number))
+            told.append(run(capsys, "disagree", *line(practice), "--frames", *files, "--sightings", str(kept))[1])
+            here = practice.rig.mount.believed_deg()
+            practice.rig.mount.goto(here[0] - 30.0, here[1] + 5.0)
+            while practice.rig.mount.slewing:
+                time.sleep(0.05)
+        assert [one["sightings"] for one in told] == [1, 2]
+        assert [one["cause"] for one in told] == [None, "not aligned"]
+        old = json.loads(kept.read_text())
+        for row in old["sightings"]:
+            row["time_utc"] = "2020-01-01T00:00:00+00:00"
+        kept.write_text(json.dumps(old))
+        files = frames(practice, tmp_path)
+        assert (
+            run(capsys, "disagree", *line(practice), "--frames", *files, "--sightings", str(kept))[1]["sightings"] == 1
+        )
+        assert len(json.loads(kept.read_text())["sightings"]) == 3
 
 
 @pytest.mark.parametrize(

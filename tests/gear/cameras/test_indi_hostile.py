@@ -13,6 +13,8 @@ from astropy.io import fits
 from kochab.core.capture import CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError
 from kochab.gear.cameras import open_camera
+from kochab.gear.servers.address import net_address
+from kochab.gear.servers.indi_link import IndiLink
 
 pytest.importorskip("indipyclient")
 
@@ -72,6 +74,35 @@ def test_a_picture_without_an_end_is_given_up(monkeypatch) -> None:
         exposed(address)
     with server(CAMERA + BLOB, b"QUJD" * 16384) as address, pytest.raises(LineLostError):
         exposed(address)
+
+
+@pytest.mark.parametrize("told", ["<defTextVector ", ""])
+def test_a_vector_without_an_end_is_given_up_long_before_a_picture_is(told, monkeypatch) -> None:
+    monkeypatch.setattr("kochab.gear.servers.indi_link.VECTOR_BYTES", 200_000)
+    with (
+        server(CAMERA + told + "x" * 1_000_000, b"") as address,
+        closing(IndiLink(net_address(address, 7624))) as link,
+        pytest.raises(LineLostError, match="sends an endless answer"),
+    ):
+        link.wait(lambda: False, 60.0)
+
+
+def test_devices_without_an_end_are_given_up(monkeypatch) -> None:
+    monkeypatch.setattr("kochab.gear.servers.indi_link.MOST_VECTORS", 50)
+    told = "".join(CAMERA.replace('"C"', f'"C{k}"') for k in range(60))
+    with (
+        server(told, b"") as address,
+        closing(IndiLink(net_address(address, 7624))) as link,
+        pytest.raises(LineLostError, match="sends an endless answer"),
+    ):
+        link.wait(lambda: False, 60.0)
+
+
+@pytest.mark.parametrize("name", ["C" * 65, "C&#x202e;"])
+def test_a_device_whose_name_is_none_of_indi_s_is_not_offered(name) -> None:
+    told = CAMERA + CAMERA.replace('"C"', f'"{name}"')
+    with server(told, b"") as address, closing(IndiLink(net_address(address, 7624))) as link:
+        assert link.named(2, "D") == ["C"]
 
 
 @pytest.mark.parametrize("value", ["x", "--1"])

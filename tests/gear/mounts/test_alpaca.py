@@ -1,5 +1,6 @@
 """Mounts behind an Alpaca server that is written from ASCOM's reference, and checked by ASCOM's own client."""
 
+import http.client
 import json
 import socket
 import threading
@@ -16,6 +17,8 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.coordinates import reported_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.probe import find_served, probe
+from kochab.gear.servers.address import net_address
+from kochab.gear.servers.alpaca_link import AlpacaLink
 from tests.gear.mounts.bench import LIMITS, SITE, alpaca, opened, place
 
 from .alpaca_telescope import alpaca_server
@@ -68,6 +71,35 @@ def test_a_goto_turns_tracking_on_and_a_parked_mount_refuses(bench) -> None:
         bench.mount.goto(*place(-25.0, 45.0, bench.clock))
     bench.mount.stop()  # refused too, but nothing moves
     assert bench.mount.state().parked
+
+
+def test_a_name_that_steers_a_terminal_is_printed_with_escapes_and_cut(bench, capsys) -> None:
+    bench.device.fixed["name"] = "\x1b[2Jscope\u202e" + "long" * 25_000
+    (one,) = find_served(bench.port.partition("/")[0])
+    assert one.name.startswith(r"\x1b[2Jscope\u202elong")
+    assert (len(one.name), bench.mount.identify()) == (64, one.name)
+    assert main(["mount", "probe", "--port", bench.port.partition("/")[0]]) == 0
+    out = capsys.readouterr().out
+    assert "\x1b" not in out
+    assert len(out) < 500
+
+
+def test_an_answer_without_an_end_is_left_after_some_kilobytes(bench, monkeypatch) -> None:
+    """909 MB were taken within the time of one question; and what a refusal says is cut."""
+    taken = []
+    read = http.client.HTTPResponse.read1
+    monkeypatch.setattr(http.client.HTTPResponse, "read1", lambda a, n: (taken.append(part := read(a, n)), part)[1])
+    bench.device.fixed["name"] = "x" * 20_000_000
+    with pytest.raises(NoAnswerError, match="sends an endless answer"):
+        bench.mount.identify()
+    with pytest.raises(NoAnswerError, match="sends an endless answer"):
+        AlpacaLink(net_address(bench.port.partition("/")[0], 0), "telescope").devices()
+    assert sum(map(len, taken)) < 2 * 2 * 257_000  # a piece begun is read to its end
+    bench.device.fixed["name"] = "Bench Telescope"
+    monkeypatch.setattr(bench.telescope, "goto", lambda *_: "\x1bno" * 10_000)
+    with pytest.raises(RefusedError) as caught:
+        bench.mount.goto(*place(-25.0, 45.0, bench.clock))
+    assert len(str(caught.value)) < 300
 
 
 def test_a_stop_that_is_refused_while_it_slews_is_told(bench) -> None:

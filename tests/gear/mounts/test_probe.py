@@ -1,6 +1,10 @@
 """The serial doctor names the mount or says what to do, and never sends what could move one."""
 
+import os
 import re
+import threading
+from contextlib import contextmanager, suppress
+from time import monotonic
 
 import pytest
 from serial.tools.list_ports_common import ListPortInfo
@@ -55,6 +59,57 @@ def test_garbage_is_no_mount() -> None:
     with simulated("lx200") as bench:
         bench.faults.chance("garbage", 1.0)
         assert not run(probe_port(bench.port)).found
+
+
+@contextmanager
+def saying(text, pause_s):
+    """A pseudo-terminal on which somebody says the same without end, whatever is asked."""
+    import tty
+
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    over = threading.Event()
+
+    def talk() -> None:
+        while not over.wait(pause_s):
+            with suppress(BlockingIOError):
+                os.write(master, text)
+            with suppress(BlockingIOError):
+                os.read(master, 4096)
+
+    thread = threading.Thread(target=talk)
+    thread.start()
+    try:
+        yield os.ttyname(slave)
+    finally:
+        over.set()
+        thread.join()
+        os.close(master)
+        os.close(slave)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
+@pytest.mark.parametrize("text", [b"=000000\r", b"=020304\r"])
+def test_a_line_that_speaks_unasked_is_no_sky_watcher(text) -> None:
+    with saying(text, 0.005) as port:
+        assert run(probe_port(port)).driver != "skywatcher"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
+def test_a_line_that_trickles_is_left_when_the_time_for_all_questions_is_over(monkeypatch) -> None:
+    """It took 97 s: every question waited for its answer, and before it for silence. Asked are those in time alone."""
+    asked = []
+    ask = probe.Conversation.ask
+    monkeypatch.setattr(
+        probe.Conversation, "ask", lambda talk, *words: (asked.append(monotonic()), ask(talk, *words))[1]
+    )
+    monkeypatch.setattr(probe, "PROBE_S", 2.0)
+    with saying(b"x", 0.1) as port:
+        begun = monotonic()
+        assert not run(probe_port(port)).found
+    assert asked
+    assert max(asked) - begun < 3.0  # the last was begun in time
 
 
 def test_a_port_that_cannot_be_opened_is_its_own_advice() -> None:

@@ -3,6 +3,8 @@
 import argparse
 import sys
 from dataclasses import asdict
+from datetime import timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import NOTHING_SENT, add_camera, add_line_options, guarded_mount, mount_frames
@@ -112,6 +114,7 @@ def _lines(told: Json) -> list[str]:
 
 SHOWN = 5
 LIKELY = 0.01
+TONIGHT = timedelta(hours=12)
 
 
 def add_disagree(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:
@@ -124,11 +127,18 @@ def add_disagree(actions: "argparse._SubParsersAction[Any]", name: str, text: st
     )
     add_line_options(parser, run_disagree)
     add_camera(parser, files=True)
+    parser.add_argument(
+        "--sightings",
+        type=Path,
+        metavar="FILE",
+        help="keep this sighting in FILE and judge all of tonight in it; no sync between",
+    )
 
 
 def run_disagree(args: argparse.Namespace) -> int:
     """Solve, ask the mount, and name the cause."""
     from kochab.solver.disagreement import investigate
+    from kochab.workflows.pointing_model import load_sightings, save_sightings
     from kochab.workflows.recover_mount import sighted
 
     with mount_frames(args) as seeing, guarded_mount(args) as guard:
@@ -136,8 +146,13 @@ def run_disagree(args: argparse.Namespace) -> int:
         if isinstance(solved, NoSolution):
             raise NoAnswerError(f"The frame has no solution, {solved.reason}: {solved.advice}")
         sighting = sighted(guard, solved, seeing.time_utc if args.frames else None, args.site or seeing.site)
-        found = investigate([sighting])
-        told = {**_cause_json(found), **where(args, guard)}
+        seen = [sighting]
+        if args.sightings is not None:
+            kept = load_sightings(args.sightings)
+            seen = [s for s in kept if abs(sighting.time_utc - s.time_utc) < TONIGHT] + seen
+            save_sightings(args.sightings, [*kept, sighting])
+        found = investigate(seen)
+        told = {**_cause_json(found), "sightings": len(seen), **where(args, guard)}
     told["solved_ra_deg"], told["solved_dec_deg"] = solved.ra_dec_deg
     lines = [
         found.sentence,

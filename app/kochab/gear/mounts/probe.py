@@ -9,7 +9,8 @@ import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from time import monotonic
+from typing import Any, TypeVar
 
 from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
@@ -18,11 +19,27 @@ from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis
 from kochab.gear.mounts.drivers.lx200_dialects import DIALECTS, named
 from kochab.gear.mounts.drivers.nexstar import MAKER_SINCE, STARSENSE, VARIANTS
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
-from kochab.gear.mounts.serial_line import UDP, Conversation, SerialLink, exactly, until
+from kochab.gear.mounts.serial_line import QUIET_S, UDP, Conversation, Reader, SerialLink, exactly, until
 
+PROBE_S = 20.0  # for all questions on one port
 PATIENCE_S = 0.8  # an Autostar took 0.63 s to answer after its port was opened
 NO_SITE = tr_noop("It stores no site: give --site LAT,LON.")
+T = TypeVar("T")
 SWITCH_ON = tr_noop("Switch the mount on and check its cable. Use the computer port, not the guide port.")
+
+
+class Probing(Conversation):
+    """A conversation that is over at ``end_s`` (`monotonic`): a line that trickles answers every question late."""
+
+    def __init__(self, link: SerialLink, end_s: float) -> None:
+        super().__init__(link)
+        self._end_s = end_s
+
+    def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T], since: int | None = None) -> T:
+        """One question more, if there is time for it."""
+        if monotonic() > self._end_s:
+            raise NoAnswerError("No mount answered on {port} in time.", port=self.link.port)
+        return super().ask(command, read, parse, since)
 
 
 def ask_nexstar(talk: Conversation) -> Diagnosis:
@@ -47,6 +64,8 @@ def ask_skywatcher(talk: Conversation) -> Diagnosis:
     reader = skywatcher.reader(PATIENCE_S)
     version = talk.ask(skywatcher.command("e", 0), reader, skywatcher.parse_data)
     talk.ask(skywatcher.command("j", 0), reader, skywatcher.parse_position)
+    if talk.link.discard(QUIET_S):  # a board speaks when it is asked
+        raise NoAnswerError("The device on {port} sends without being asked.", port=talk.link.port)
     name = tr("Sky-Watcher motor board, version {version}", version=version[:4])
     return Diagnosis(driver="skywatcher", name=name, advice=tr(NO_SITE))
 
@@ -113,6 +132,7 @@ def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink)
         return (yield from _ask_servers(port))
     network = "://" in port
     # A network has no baud rate, and over UDP only Sky-Watcher's Wi-Fi answers.
+    end_s = monotonic() + PROBE_S
     rounds = ((0, (ask_skywatcher,) if port.startswith(UDP) else ALL),) if network else QUESTIONS
     for baud, questions in rounds:
         try:
@@ -120,7 +140,7 @@ def probe_port(port: str, opener: Callable[[str, int], SerialLink] = SerialLink)
         except PortError as error:
             return Diagnosis(port, advice=str(error))
         try:
-            found = yield from _round(port, baud, questions, Conversation(link))
+            found = yield from _round(port, baud, questions, Probing(link, end_s))
         except DeviceError as error:  # the line broke
             return Diagnosis(port, advice=str(error))
         finally:

@@ -7,7 +7,7 @@ from socket import gaierror
 
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import short_name
-from kochab.core.errors import NoAnswerError, PortError
+from kochab.core.errors import NoAnswerError, PortError, printable
 
 # -- What a person types to name a device on another computer: ``host:port/device`` ------------
 
@@ -89,6 +89,13 @@ def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, wha
 
 
 # -- Values of a server that are not what they should be --------------------------------
+
+WORDS, NAME = 200, 64  # the longest sentence and name of a server that are shown
+
+
+def told_name(text: str, most: int = NAME) -> str:
+    """What a server calls something, as it may be printed: with escapes for what is not seen, and cut."""
+    return short_name(printable(short_name(text, most)), most)
 
 
 @contextmanager

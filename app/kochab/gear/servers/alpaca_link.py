@@ -14,12 +14,13 @@ from time import monotonic
 from typing import Any
 from urllib.parse import urlencode
 
+from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
-from kochab.gear.servers.address import NetAddress, making_sense, unreachable
+from kochab.gear.servers.address import WORDS, NetAddress, making_sense, told_name, unreachable
 
 PORT = 11111
 ANSWER_S = 4.5
-LARGEST_BYTES = 1_500_000_000
+ANSWER_BYTES, LARGEST_BYTES = 256_000, 1_500_000_000  # of an answer, of a picture
 DISCOVERY_PORT = 32227
 QUESTION = b"alpacadiscovery1"
 
@@ -59,21 +60,26 @@ class AlpacaLink:
         found = self._value(self.fetch("/management/v1/configureddevices", ANSWER_S)[0])
         with making_sense():
             return sorted(
-                (int(d["DeviceNumber"]), str(d.get("DeviceName", self._kind)))
+                (int(d["DeviceNumber"]), told_name(str(d.get("DeviceName", self._kind))))
                 for d in found
                 if str(d.get("DeviceType", "")).lower() == self._kind
             )
 
     def fetch(
-        self, path: str, limit_s: float, accept: str = "*/*", query: Mapping[str, object] | None = None
+        self,
+        path: str,
+        limit_s: float,
+        accept: str = "*/*",
+        query: Mapping[str, object] | None = None,
+        picture: bool = False,
     ) -> tuple[bytes, str]:
-        """The bytes of an answer and their content type.
+        """The bytes of an answer, a large one only where it is a ``picture``, and their content type.
 
         Raises `PortError` when nobody listens, `LineLostError` when somebody did before and has gone, `NoAnswerError`
         when the answer is none that Alpaca knows.
         """
         asked = urlencode({**(query or {}), **self._ids()})
-        return self._ask("GET", f"{path}?{asked}", limit_s, None, {"Accept": accept})
+        return self._ask("GET", f"{path}?{asked}", limit_s, None, {"Accept": accept}, picture)
 
     def close(self) -> None:
         """Let the connection go."""
@@ -83,45 +89,50 @@ class AlpacaLink:
         return {"ClientID": "6521", "ClientTransactionID": str(next(self._transaction))}
 
     def _ask(
-        self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str]
+        self, method: str, path: str, limit_s: float, body: str | None, headers: dict[str, str], picture: bool = False
     ) -> tuple[bytes, str]:
         # One deadline for the call and its second try: a server that trickles must not get the limit twice.
         self._http.deadline_s = monotonic() + limit_s
         kept = self._http.sock is not None
         try:
             try:
-                return self._once(method, path, body, headers)
+                return self._once(method, path, body, headers, picture)
             except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError):
                 if not kept:
                     raise
                 # a server may close a connection that was idle: that is no loss yet
                 self._http.close()
-                return self._once(method, path, body, headers)
+                return self._once(method, path, body, headers, picture)
         except (OSError, http.client.HTTPException) as error:
             self._http.close()
             raise self._gone(error) from None
 
-    def _once(self, method: str, path: str, body: str | None, headers: dict[str, str]) -> tuple[bytes, str]:
+    def _once(
+        self, method: str, path: str, body: str | None, headers: dict[str, str], picture: bool
+    ) -> tuple[bytes, str]:
         self._http.request(method, path, body, headers)
         answer = self._http.getresponse()
-        data = self._read(answer)
+        data = self._read(answer, picture)
         self._answered = True
         if answer.status != 200:
-            text = " ".join(data.decode("utf-8", "replace").split())[:200] or answer.reason
+            text = " ".join(data.decode("utf-8", "replace").split())[:WORDS] or told_name(answer.reason)
             raise NoAnswerError(
                 "{server} does not support this request: {text}.", server=self._address.server, text=text
             )
         return data, answer.headers.get("Content-Type") or ""
 
-    def _read(self, answer: http.client.HTTPResponse) -> bytes:
+    def _read(self, answer: http.client.HTTPResponse, picture: bool) -> bytes:
         """The whole body, unless it is too large."""
-        parts, size = [], 0
-        while part := answer.read1(1 << 20):
+        parts, size, most_bytes = [], 0, LARGEST_BYTES if picture else ANSWER_BYTES
+        while part := answer.read1(min(most_bytes + 1, 1 << 20)):
             parts.append(part)
             size += len(part)
-            if size > LARGEST_BYTES:
+            if size > most_bytes:
                 self._http.close()
-                raise NoAnswerError("{server} sent too much data for an image.", server=self._address.server)
+                text = tr_noop("{server} sends an endless answer.")
+                if picture:
+                    text = tr_noop("{server} sent too much data for an image.")
+                raise NoAnswerError(text, server=self._address.server)
         # Bytes of Content-Length that never came.
         missing = answer.length
         answer.close()  # else the connection takes no further request
@@ -151,7 +162,7 @@ def raise_refusal(number: int, message: str, kind: str = "camera") -> None:
     """Raise what an Alpaca error number of a device of this ``kind`` means; 0 is none."""
     if number == 0:
         return
-    text = " ".join(message.split()).rstrip(".") or f"error {number:#x}"
+    text = told_name(" ".join(message[:WORDS].split()), WORDS).rstrip(".") or f"error {number:#x}"
     if number == NOT_CONNECTED:
         raise LineLostError("The {kind} is no longer connected to its server: {text}.", kind=kind, text=text)
     if number == NOT_IMPLEMENTED:

@@ -16,12 +16,13 @@ from typing import Any, TypeVar
 
 from kochab.core import tr, tr_noop
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
-from kochab.gear.servers.address import NetAddress, unreachable
+from kochab.gear.servers.address import WORDS, NetAddress, told_name, unreachable
 
 T = TypeVar("T")
 CONNECT_S = 5.0
 CALL_S = 4.5
-LARGEST_BYTES = 1_600_000_000  # of a message, in which three bytes are written as four
+LARGEST_BYTES = 1_600_000_000  # of a picture's message, in which three bytes are written as four
+VECTOR_BYTES, MOST_VECTORS = 4_000_000, 20_000  # of any other message; of all that a server may define
 PORT = 7624
 TELL_S = 5.0  # how long a server may take to tell what it has
 MORE_S = 0.5  # how long after its first device it may take to tell of another
@@ -49,6 +50,7 @@ class IndiLink:
         self._wanted = ""
         self._heard: dict[tuple[str, str], deque[tuple[float, str]]] = defaultdict(lambda: deque(maxlen=50))
         self.defined_s = 0.0  # when the server last told of something new, on `monotonic`
+        self._defined: set[tuple[str, str]] = set()
         self._lost: str | None = None
         self._made = False
         self.message = ""
@@ -203,8 +205,10 @@ class IndiLink:
                 # The client takes the end of the stream for silence and would wait for ever.
                 while not self._stop:
                     if self._reader is not None and not isinstance(self._reader, _Measured):
-                        self._reader = _Measured(self._reader)
+                        self._reader = _Measured(self._reader, lambda: bool(link._wanted))
                     if self._reader is not None and self._reader.at_eof():
+                        if isinstance(self._reader, _Measured) and self._reader.endless:
+                            link._endless()
                         link._lose()
                         self.shutdown()
                     await asyncio.sleep(0.05)
@@ -222,6 +226,11 @@ class IndiLink:
             self._lost = self._lost or tr(DISCONNECTED, server=self._address.server)
             self._news.notify_all()
 
+    def _endless(self) -> None:
+        """Leave a server that defines or sends without end."""
+        self._lost = self._lost or tr("{server} sends an endless answer.", server=self._address.server)
+        self._client.shutdown()
+
     def _hear(self, event: Any) -> None:
         kind = event.eventtype
         if kind == "ConnectionLost":
@@ -230,6 +239,9 @@ class IndiLink:
             self._made = self._made or kind == "ConnectionMade"
             if kind == "Define":
                 self.defined_s = monotonic()
+                self._defined.add((event.devicename, event.vectorname))
+                if len(self._defined) > MOST_VECTORS:
+                    self._endless()
             elif kind == "Set":
                 self._heard[event.devicename, event.vectorname].append((monotonic(), str(event.state or "")))
             if kind == "SetBLOB" and f"{event.devicename}\n{event.vectorname}" == self._wanted:
@@ -237,16 +249,21 @@ class IndiLink:
                     if data:
                         self._blob = bytes(data), str(event.sizeformat[name][1])
             elif kind == "Message" and "[ERROR]" in str(event.message):
-                self.message = " ".join(str(event.message).replace("[ERROR]", "").split())
+                self.message = told_name(" ".join(str(event.message)[:WORDS].replace("[ERROR]", "").split()), WORDS)
             self._news.notify_all()
 
 
 class _Measured:
     """A stream that ends when what it brings never becomes a whole message."""
 
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
+    def __init__(self, stream: Any, pictures: Callable[[], bool]) -> None:
+        self._stream, self._pictures = stream, pictures
         self.unheard_bytes = 0
+
+    @property
+    def endless(self) -> bool:
+        """Whether it is longer than any message is, or any picture where one is wanted."""
+        return self.unheard_bytes > (LARGEST_BYTES if self._pictures() else VECTOR_BYTES)
 
     async def read(self, most: int) -> bytes:
         """The next piece."""
@@ -256,7 +273,7 @@ class _Measured:
 
     def at_eof(self) -> bool:
         """Whether nothing more comes, or nothing that can be used."""
-        return bool(self._stream.at_eof()) or self.unheard_bytes > LARGEST_BYTES
+        return bool(self._stream.at_eof()) or self.endless
 
 
 def _knock(address: NetAddress) -> None:
@@ -270,6 +287,8 @@ def _knock(address: NetAddress) -> None:
 def _is_of(device: Any, interface: int) -> bool:
     info = device.get("DRIVER_INFO")
     told = info.get("DRIVER_INTERFACE", "") if info is not None and device.enable else ""
+    if told_name(str(device.devicename)) != device.devicename:  # INDI's names have 64 letters that are seen
+        return False
     return str(told).strip().isdigit() and bool(int(told) & interface)
 
 

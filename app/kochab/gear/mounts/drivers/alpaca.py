@@ -11,7 +11,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
-from kochab.gear.servers.address import chosen, making_sense, net_address
+from kochab.gear.servers.address import chosen, making_sense, net_address, told_name
 from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
 
 T = TypeVar("T")
@@ -104,7 +104,7 @@ class AlpacaMount(ServerMount):
 
     def identify(self) -> str:
         """Its name on the server."""
-        return str(self._get("name", "Alpaca telescope"))
+        return told_name(str(self._get("name", "Alpaca telescope")))
 
     @making_sense()
     def position(self) -> Pointing:
