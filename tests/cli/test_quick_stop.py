@@ -16,6 +16,8 @@ from kochab.gear import quick_stop
 from kochab.gear.mounts import DRIVERS, SERVERS
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.profiles import EquipmentProfile, save_profile
+from kochab.gear.session import MountSelection, guarded
+from tests.boards import BOARDS, served
 from tests.gear.mounts.bench import COUNTERS, SITE, alpaca, indi, place, simulated, still
 from tests.gear.mounts.indi_server import indi_server
 from tests.gear.mounts.test_conformance import wait_for
@@ -93,6 +95,63 @@ def test_port_driver_and_baud_come_from_the_profile_and_what_is_typed_goes_befor
 def test_without_a_port_and_a_driver_it_is_left_to_the_command(arguments, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
     quick_stop.send_first_stop(["mount", "stop", *arguments])
+
+
+def bytes_of(read, count):
+    got = b""
+    while len(got) < count:
+        got += read()
+    return got
+
+
+def test_without_a_driver_every_stop_goes_out_that_harms_no_other_make(terminal, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    master, port = terminal
+    quick_stop.send_first_stop(["mount", "stop", "--port", port])
+    sent = b"".join(stop for _, stop in quick_stop.HARMLESS)
+    assert bytes_of(lambda: os.read(master, 64), len(sent)) == sent
+    for driver, (baud, stop) in quick_stop.STOPS.items():
+        assert stop in dict(quick_stop.HARMLESS)[baud], driver
+
+
+@pytest.mark.parametrize("kind", BOARDS)
+def test_the_harmless_stops_begin_nothing_on_any_board_and_end_what_runs(kind) -> None:
+    """Whatever else they are to it, in one piece as on a network without baud rates."""
+    with served(kind) as board:
+        board.align(-40.0, 40.0)
+        with board.lock:
+            board.move(0, 1.0)
+            board.receive(quick_stop.HARMLESS[1 if kind == "ioptron" else 0][1])
+            assert [order.kind for order in board.orders] == ["move"]
+        wait_for(lambda: not board.moving)
+        with board.lock:
+            for _, stop in quick_stop.HARMLESS[: 2 if kind != "nexstar" else 1]:
+                board.receive(stop)
+            assert [order.kind for order in board.orders] == ["move"]
+        assert not board.moving
+
+
+def test_the_mount_that_was_used_last_is_stopped_first(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    with served("ioptron", tcp=True) as board:
+        guarded(MountSelection(board.port, "ioptron"), board.site).close()
+        with board.lock:
+            board.transcript.clear()
+        for typed in ([], ["--port", board.port]):
+            quick_stop.send_first_stop(["mount", "stop", *typed])
+        heard = lambda: b"".join(data for _, mark, data in board.transcript if mark == ">")  # noqa: E731 (a thunk)
+        wait_for(lambda: heard() == 2 * quick_stop.STOPS["ioptron"][1])
+
+
+def test_what_was_used_last_may_be_damaged(terminal, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    master, port = terminal
+    quick_stop.last_used_path().parent.mkdir(parents=True)
+    for text in ("", "[]", '{"port": 3, "driver": []}', "\xff"):
+        quick_stop.last_used_path().write_text(text, "latin-1")
+        quick_stop.send_first_stop(["mount", "stop", "--port", port])
+        sent = b"".join(stop for _, stop in quick_stop.HARMLESS)
+        assert bytes_of(lambda: os.read(master, 64), len(sent)) == sent, text
 
 
 def test_a_damaged_profile_is_left_to_the_command(tmp_path, monkeypatch) -> None:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from kochab.core import config_folder
-from kochab.core.errors import UsageError
+from kochab.core.errors import KochabError, UsageError
 
 STOPS = {
     "lx200": (9600, b"#:Q#"),
@@ -39,10 +39,22 @@ SERVER_STOPS = {
 }
 """Driver of a server -> the bytes of Stop, in which DEVICE stands for the name or the number of the mount."""
 NETWORK_S, TIMES = 0.5, 3
+HARMLESS = (
+    (9600, STOPS["synscan"][1] + STOPS["celestronaux"][1] + STOPS["skywatcher"][1] + STOPS["lx200"][1]),
+    (115200, STOPS["skywatcher"][1] + STOPS["ioptron"][1]),
+)
+"""Baud rate -> the Stops that may go to a mount that nobody knows: none of them begins a motion on another make.
+
+A NexStar takes single letters for commands, and ``R`` in an iOptron's ``:qR#`` for a goto: that goes out where no
+NexStar listens. Its own Stop goes first, so that nothing before it is taken for the arguments of a command.
+"""
 
 
 def send_first_stop(arguments: Sequence[str]) -> None:
-    """Send Stop to the port and the driver that are named, or that the profile names; otherwise nothing is done."""
+    """Send Stop to the port and the driver that are named, or that the profile names, or that were used last.
+
+    A port whose mount nobody names gets all the Stops that harm no other make; without any port nothing is done.
+    """
     given = dict.fromkeys(("port", "driver", "baud", "profile"), "")
     for word, after in zip(arguments, [*arguments[1:], ""], strict=True):
         name, equals, value = word.removeprefix("--").partition("=")
@@ -54,16 +66,35 @@ def send_first_stop(arguments: Sequence[str]) -> None:
 
             kept = read_json(profile_path(given["profile"]))
             given |= {name: value or str(kept.get(name) or "") for name, value in given.items()}
-        baud, stop = STOPS.get(given["driver"], (0, b""))
+        if not given["driver"] or not given["port"]:
+            last = last_used()
+            if given["port"] in ("", last["port"]) and given["driver"] in ("", last["driver"]):
+                given |= {name: given[name] or value for name, value in last.items()}
+        if given["port"] and not given["driver"] and "udp://" not in given["port"]:
+            _send_all(given["port"], given["baud"])
+            return
+        baud, stop = STOPS.get(given["driver"] or "skywatcher", (0, b""))  # only that make has udp://
         if given["driver"] in SERVER_PORTS or given["port"].startswith("udp://"):
             _send_over_network(given["driver"], given["port"], stop)
         elif stop and given["port"]:
-            import serial
+            _send(given["port"], int(given["baud"] or baud), stop)
 
-            # pyserial knows the address as socket://.
-            port = given["port"].replace("tcp://", "socket://", 1)
-            with serial.serial_for_url(port, baudrate=int(given["baud"] or baud), write_timeout=1.0) as line:
-                line.write(stop)
+
+def _send(port: str, baud: int, stop: bytes) -> None:
+    """Over a serial line or TCP."""
+    import serial
+
+    # pyserial knows the address as socket://.
+    with serial.serial_for_url(port.replace("tcp://", "socket://", 1), baudrate=baud, write_timeout=1.0) as line:
+        line.write(stop)
+
+
+def _send_all(port: str, baud: str) -> None:
+    """Every harmless Stop at its baud rate, or at the one that is given; TCP has none, and a NexStar may be there."""
+    rates = HARMLESS[:1] if "://" in port else HARMLESS
+    for usual, stop in rates:
+        if not baud or int(baud) == usual:
+            _send(port, usual, stop)
 
 
 def _send_over_network(driver: str, address: str, stop: bytes) -> None:
@@ -88,6 +119,24 @@ def _send_over_network(driver: str, address: str, stop: bytes) -> None:
         connection.sendall(SERVER_STOPS[driver].replace("DEVICE", name).encode())
         while connection.recv(4096) and driver == "alpaca":  # by an answer the server has read it
             pass
+
+
+# -- The mount that was used last: its port, its driver and its baud rate ------------------------
+
+
+def last_used_path() -> Path:
+    """The file that names it."""
+    return config_folder() / "mounts" / "last.json"
+
+
+def last_used() -> dict[str, str]:
+    """Its port, driver and baud rate, each empty where it is not known."""
+    from kochab.core.text_input import read_json
+
+    kept = None
+    with suppress(OSError, ValueError, KochabError):
+        kept = read_json(last_used_path())
+    return {name: str((kept if isinstance(kept, dict) else {}).get(name) or "") for name in ("port", "driver", "baud")}
 
 
 # -- Where a profile lies, for those who must not import all that it knows ----------------------

@@ -1,6 +1,8 @@
 """The mount and the camera of one evening, for the window and the command line: chosen, found, opened."""
 
+import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from enum import StrEnum
@@ -14,6 +16,7 @@ from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
+from kochab.frames.atomic_file import write_atomically
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
 from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis, MountSettings, open_mount
@@ -22,6 +25,7 @@ from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_port
 from kochab.gear.mounts.serial_line import PORTS
+from kochab.gear.quick_stop import last_used_path
 
 DRIVER_DEFAULT = tr_noop("default")
 EPOCHS = {DRIVER_DEFAULT: None, str(Epoch.DATE): Epoch.DATE, str(Epoch.J2000): Epoch.J2000}
@@ -115,9 +119,18 @@ def guarded(
     again = partial(open_mount, selection.driver, selection.port, selection.baud, stop_first=True, **settings)
     # Home was confirmed for this moment, not for when a lost line is found again.
     mount = again() if stop_first else again(stop_first=False, home=selection.home)
+    _remember(selection)
     # With a clock of its own it is a practice night, on which nothing is kept.
     syncs = NightSyncs.of_line(now, kept, selection.port or selection.driver) if clock is None else None
     return Guard(mount, site, limits or Limits(), clock=now, reopen=again, syncs=syncs)
+
+
+def _remember(selection: MountSelection) -> None:
+    """For `kochab mount stop`, which has no time to look for the mount."""
+    kept = {"port": selection.port, "driver": selection.driver, "baud": selection.baud}
+    with suppress(OSError):  # it is found by its questions then
+        last_used_path().parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(last_used_path(), json.dumps(kept))
 
 
 def complete(selection: MountSelection) -> Task[MountSelection]:
