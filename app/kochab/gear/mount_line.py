@@ -132,7 +132,7 @@ class MountLine:
             if opened is not None:
                 if self._stopper is not None:
                     self._stopper.join(STOP_S)
-                opened.close()
+                self._part(opened)
             self._afterwards()
 
     def _see_stopped(self, guard: Guard) -> None:
@@ -145,6 +145,18 @@ class MountLine:
             self._tell(events.StopFailed(str(error)))
         else:
             self._tell(events.StandsStill())
+
+    def _part(self, guard: Guard) -> None:
+        """The end of the session: whatever moves is stopped and seen to stand, and what was seen is told."""
+        moved = guard.emergency.moving or guard.emergency.unfinished or guard.emergency.unconfirmed
+        try:
+            guard.see_stopped()
+        except DeviceError as error:
+            self._tell(events.StopFailed(str(error)))
+        else:
+            if moved:
+                self._tell(events.StandsStill())
+        guard.close()
 
     def _next(self, guard: Guard) -> Task[None]:
         try:

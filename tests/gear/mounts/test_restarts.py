@@ -1,12 +1,15 @@
 """The supply of a mount fails while its port stays open: boards that share nothing with the drivers."""
 
 import threading
+from functools import partial
 
 import pytest
 
 from kochab.core.errors import DeviceError
 from kochab.core.mount import Ability
 from kochab.core.progress import run
+from kochab.gear.mount_events import StandsStill, StopFailed
+from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
@@ -89,3 +92,64 @@ def test_rest_is_not_done_by_a_mount_whose_power_failed_on_the_way(action, board
     assert guard.policy.until_sync or "did not answer" in ended
     assert "switched off and on" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
     assert not board.false_slews()
+
+
+# -- The end of a session ----------------------------------------------------------------------
+
+
+def goes(board, guard):
+    """A slew that nobody waits for, under way."""
+    guard.goto(*place(board, -10.0, 40.0))
+    while not board.moving:
+        guard.state()
+
+
+def stands(board):
+    """It has been seen to stand: its motors do not run."""
+    return not board.moving
+
+
+def test_a_session_that_ends_in_a_slew_repeats_a_stop_that_was_lost(board, guard) -> None:
+    goes(board, guard)
+    board.lose_stops(1 if board.driver != "ioptron" else 3)  # its Stop is three commands
+    guard.close()
+    assert stands(board)
+
+
+def test_a_disconnection_tells_what_it_saw(board, guard) -> None:
+    told = []
+    line = MountLine(lambda: guard, told.append)
+    task = line.run()
+    while next(task).stage != "listening":
+        pass
+    goes(board, guard)
+    board.lose_stops(1 if board.driver != "ioptron" else 3)
+    line.stop()
+    task.close()
+    assert isinstance(told[-1], StandsStill)
+    assert stands(board)
+
+
+def test_a_disconnection_from_a_mount_that_ignores_every_stop_says_so_in_capitals(board, guard) -> None:
+    told = []
+    line = MountLine(lambda: guard, told.append)
+    task = line.run()
+    while next(task).stage != "listening":
+        pass
+    goes(board, guard)
+    board.tube.axes[0].top_deg_s = 0.5  # long under way
+    board.lose_stops(99)
+    line.stop()
+    task.close()
+    assert isinstance(told[-1], StopFailed)
+    assert "CUT ITS POWER" in told[-1].sentence
+
+
+def test_a_line_that_broke_in_a_slew_is_opened_again_to_stop_it(board) -> None:
+    reopen = partial(open_mount, board.driver, board.port, site=board.site, clock=board.clock, stop_first=True)
+    with Guard(reopen(), board.site, Limits(crosses_meridian=True), clock=board.clock, reopen=reopen) as guard:
+        goes(board, guard)
+        guard.mount.talk.link.close()
+        guard.stop_on_new_line()
+        assert stands(board)
+        assert guard.policy.until_sync == ""

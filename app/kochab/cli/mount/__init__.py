@@ -1,6 +1,7 @@
 """``kochab mount ACTION``: the actions, and the mount and the frames that they share."""
 
 import argparse
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.options import CAMERA, MOUNT, SEARCH, add_options, capture_settings, options_of
 from kochab.cli.output import reporting_failures, with_progress
+from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.mount import Home
 from kochab.gear.actions import ACTIONS, TRACK
@@ -83,7 +85,33 @@ SWITCHES = {
 FALSE = ("no_site", "allow_flip", "trust_mount")
 
 
-def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> "Guard":
+@contextmanager
+def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> Iterator["Guard"]:
+    """The mount of ``--port`` and ``--driver``, until what moves has been stopped and seen to stand.
+
+    A line that breaks in a motion is opened again to stop it; meanwhile nobody knows whether the mount moves.
+    """
+    from kochab.core.errors import LineLostError
+
+    with _opened(args, stop_first) as guard:
+        try:
+            yield guard
+        except LineLostError as error:
+            if not (guard.emergency.moving or guard.emergency.unfinished):
+                raise
+            from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE
+
+            print(f"{error} {tr(MAY_STILL_MOVE)} {tr(OPENS_AGAIN)}", file=sys.stderr, flush=True)
+            guard.stop_on_new_line()
+            restarted = f" {guard.policy.until_sync}" if guard.policy.until_sync else ""
+            raise LineLostError(f"{error} {tr(STANDS_AGAIN)}{restarted}") from error
+
+
+OPENS_AGAIN = tr_noop("Kochab opens the line again to stop it.")
+STANDS_AGAIN = tr_noop("The line is back, and Kochab has stopped the mount: it stands.")
+
+
+def _opened(args: argparse.Namespace, stop_first: bool) -> "Guard":
     """The mount of ``--port`` and ``--driver``, either of which may be left to be found."""
     from kochab.gear.mounts.motion_plan import Limits
     from kochab.gear.session import EPOCH_NAMES, MountSelection, complete, guarded

@@ -11,20 +11,20 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from math import inf
-from time import sleep
+from time import monotonic, sleep
 from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
 from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg, wrapped
-from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError, StoppedError
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
 from kochab.core.progress import Task
 from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
-from kochab.gear.mounts.emergency_stop import EmergencyStop
+from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
 from kochab.gear.mounts.motion_plan import Degrees, Limits, Plan, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.night_syncs import NightSyncs
@@ -35,6 +35,7 @@ UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
 DOUBTFUL_SYNC = tr_noop(
     "The mount moved while it was synced, and whether it took the sync is not known: take a new frame. Nothing slews."
 )
+PATIENCE_S, RETRY_S = 20.0, 1.0  # to open a broken line again, and between two tries
 FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
 
 T = TypeVar("T")
@@ -485,11 +486,40 @@ class Guard:
         self.clock_and_site.reconnected()
         self.emergency.reconnect(self._reopen)
 
+    def see_stopped(self) -> None:
+        """Before the session ends: stop what moves, and see that it stands.
+
+        Raises `LineLostError` when no Stop went out, and `NotStoppedError` when the mount moves on, or does not answer.
+        """
+        if self.emergency.moving or self.emergency.unfinished:
+            self.stop()
+        if self.emergency.unconfirmed:
+            self.emergency.confirm()
+
+    def stop_on_new_line(self, patience_s: float = PATIENCE_S) -> None:
+        """The line broke in a motion: open it again, send Stop and see that the mount stands.
+
+        Raises `NotStoppedError` when that could not be done in ``patience_s``, or the mount moves on.
+        """
+        end = monotonic() + patience_s
+        self.emergency.unfinished = True
+        while True:
+            try:
+                self.reconnect()
+                self.emergency.confirm()
+                self.position()  # it may show that the mount was switched off and on
+                return
+            except NotStoppedError:
+                raise
+            except DeviceError as error:
+                if monotonic() > end:
+                    raise NotStoppedError("{may} {error}", may=tr(MAY_STILL_MOVE), error=error) from error
+            self.emergency.wait(RETRY_S)
+
     def close(self) -> None:
-        """Stop what moves and give the port back; never raises."""
-        if self.emergency.moving:
-            with suppress(DeviceError):
-                self.stop()
+        """Stop what moves, see that it stands, and give the port back; never raises, see :meth:`see_stopped`."""
+        with suppress(DeviceError):
+            self.see_stopped()
         self._finalizer.detach()
         self.mount.close()
 
@@ -500,10 +530,14 @@ class Guard:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if self.emergency.unconfirmed and not isinstance(error, LineLostError):  # a lost line answers nothing
-                self.emergency.confirm()
+            if not isinstance(error, LineLostError):  # a lost line answers nothing
+                self.see_stopped()
+            elif self.emergency.moving:
+                with suppress(DeviceError):
+                    self.stop()
         finally:
-            self.close()
+            self._finalizer.detach()
+            self.mount.close()
 
     # -- sending --------------------------------------------------------------------------------
 
