@@ -14,11 +14,12 @@ from kochab.core.progress import Progress, run
 from kochab.core.solution import NoSolution, Reason
 from kochab.gear.adjusters import AdjusterAxis
 from kochab.lab.bench.polar_rig import ALIGN, RigSky, follow, make_rig
+from kochab.polar.bolts import Base
 from kochab.polar.horizon import Refraction
 from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, measure_local
 from kochab.polar.plan import Optics, best_path, sweep_path
 from kochab.polar.sighting import Sighting, to_local
-from kochab.polar.tutor import Base, BoltTutor, TutorStep
+from kochab.polar.tutor import BoltTutor, TutorStep
 from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
@@ -658,9 +659,11 @@ def test_flexure_hides_from_one_sweep_and_shows_in_a_second(flexure):
 class HourAhead(RigSky):
     """Its frames' clock is an hour fast."""
 
+    hours = 1.0
+
     def look(self):
         seen = RigSky.look(self)
-        return replace(seen, time_utc=seen.time_utc + timedelta(hours=1))
+        return replace(seen, time_utc=seen.time_utc + timedelta(hours=self.hours))
 
 
 def witnesses(sky, bolts=BoltTutor):
@@ -684,12 +687,23 @@ def witnesses(sky, bolts=BoltTutor):
 
 @pytest.mark.parametrize("latitude", [-35.0, 50.0])
 def test_a_bolts_own_move_tells_a_clock_that_is_an_hour_wrong(latitude):
-    right = rig(seed=4, latitude=latitude, dec=np.sign(latitude) * 50.0)
+    right = rig(seed=8, latitude=latitude, dec=np.sign(latitude) * 50.0)
     wrong = HourAhead(**{field.name: getattr(right, field.name) for field in fields(RigSky)})
     (told,) = witnesses(wrong)
     assert "off the vertical" in told or "off the horizontal" in told
     hours = float(told.split("wrong by ")[1].split(" h")[0])
     assert hours == pytest.approx(1.0, abs=0.4)
+
+
+def test_bolts_that_move_each_others_axis_end_the_alignment_before_anything_is_far():
+    """Six hours: what is above the pole seems to be beside it. 14 arcmin became 3 degrees."""
+    right = rig(seed=8, latitude=50.0, dec=50.0)
+    sky = HourAhead(**{field.name: getattr(right, field.name) for field in fields(RigSky)})
+    sky.hours = 6.0
+    before = sky.true_total_arcsec()
+    with pytest.raises(RefusedError, match="Each bolt moves the other axis"):
+        follow(sky)
+    assert sky.true_total_arcsec() < before
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,8 +1,9 @@
-"""The bolt tutor: which bolt, which way, how far; it learns each bolt from one test nudge.
+"""The bolt tutor: which bolt, which way, how far; it learns each bolt from test nudges.
 
 :meth:`BoltTutor.advise` takes a settled error and returns what to do next; it is called again when the axis has moved
-and settled, or when the person confirms. One bolt at a time, the larger error first; a bolt is never asked to go the
-whole way before it has been seen to go without backlash, so that it need not come back.
+and settled, or when the person confirms. One bolt at a time, the larger error first. A bolt that is not proved yet
+(:mod:`kochab.polar.bolts`) is never given more than the size of a test, and one is never asked to go the whole way
+before it has been seen to go without backlash, so that it need not come back.
 """
 
 from dataclasses import dataclass, replace
@@ -11,45 +12,43 @@ from enum import StrEnum
 import numpy as np
 
 from kochab.core import tr, tr_noop
-from kochab.polar.error import FINEST_DEG, Knob, PolarError, angle_in_words, rotation_in_words, sayable, turns_in_words
-
-# -- What carries the mount, and how its two adjustments are asked for --------------------------
-
-
-class Base(StrEnum):
-    """What carries the mount; the texts are on the screen."""
-
-    BOLTS = tr_noop("Tripod or pier with bolts")
-    WEDGE = tr_noop("Wedge")
-    HEAD = tr_noop("Tripod head, by hand")
-    PLATFORM = tr_noop("Equatorial platform")
-
+from kochab.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, SEEN, TELLING_TURNS, Base, Bolt
+from kochab.polar.error import (
+    FINER,
+    FINEST_DEG,
+    Knob,
+    PolarError,
+    angle_in_words,
+    rotation_in_words,
+    sayable,
+    turns_in_words,
+)
 
 TEXTS: dict[tuple[Base, Knob], tuple[str, ...]] = {
     (Base.BOLTS, Knob.ALTITUDE): (
-        tr_noop("Turn the altitude bolt {turns} {way}. {left} to go."),
-        tr_noop("Turn the altitude bolt {turns} {way} (backlash included). {left} to go."),
-        tr_noop("Test: turn the altitude bolt {turns} {way}, then let go."),
+        tr_noop("Altitude bolt: {turns} {way}, then wait."),
+        tr_noop("Altitude bolt: {turns} {way} (backlash included), then wait."),
+        tr_noop("Altitude: a touch {way}."),
     ),
     (Base.BOLTS, Knob.AZIMUTH): (
-        tr_noop("Turn the left azimuth bolt {turns} {way}. {left} to go."),
-        tr_noop("Turn the left azimuth bolt {turns} {way} (backlash included). {left} to go."),
-        tr_noop("Test: turn the left azimuth bolt {turns} {way}, then let go."),
+        tr_noop("Left azimuth bolt: {turns} {way}, then wait."),
+        tr_noop("Left azimuth bolt: {turns} {way} (backlash included), then wait."),
+        tr_noop("Left azimuth bolt: a touch {way}."),
     ),
     (Base.WEDGE, Knob.ALTITUDE): (
-        tr_noop("Turn the wedge’s altitude screw {turns} {way}. {left} to go."),
-        tr_noop("Turn the wedge’s altitude screw {turns} {way} (backlash included). {left} to go."),
-        tr_noop("Test: turn the wedge’s altitude screw {turns} {way}, then let go."),
+        tr_noop("Wedge’s altitude screw: {turns} {way}, then wait."),
+        tr_noop("Wedge’s altitude screw: {turns} {way} (backlash included), then wait."),
+        tr_noop("Wedge’s altitude screw: a touch {way}."),
     ),
     (Base.WEDGE, Knob.AZIMUTH): (
-        tr_noop("Turn the wedge’s azimuth screw {turns} {way}. {left} to go."),
-        tr_noop("Turn the wedge’s azimuth screw {turns} {way} (backlash included). {left} to go."),
-        tr_noop("Test: turn the wedge’s azimuth screw {turns} {way}, then let go."),
+        tr_noop("Wedge’s azimuth screw: {turns} {way}, then wait."),
+        tr_noop("Wedge’s azimuth screw: {turns} {way} (backlash included), then wait."),
+        tr_noop("Wedge’s azimuth screw: a touch {way}."),
     ),
     (Base.PLATFORM, Knob.ALTITUDE): (
-        tr_noop("Turn the foot on the pole’s side {turns} {way}. {left} to go."),
-        tr_noop("Turn the foot on the pole’s side {turns} {way} (backlash included). {left} to go."),
-        tr_noop("Test: turn the foot on the pole’s side {turns} {way}, then let go."),
+        tr_noop("Foot on the pole’s side: {turns} {way}, then wait."),
+        tr_noop("Foot on the pole’s side: {turns} {way} (backlash included), then wait."),
+        tr_noop("Foot on the pole’s side: a touch {way}."),
     ),
     (Base.PLATFORM, Knob.AZIMUTH): (
         tr_noop("Swing the platform {way}, seen from above, and watch the number: {left} to go."),
@@ -59,121 +58,37 @@ TEXTS: dict[tuple[Base, Knob], tuple[str, ...]] = {
         tr_noop("Pan the head {way}, seen from above, and watch the number: {left} to go. Then lock it."),
     ),
 }
-"""To go on, to go back through its backlash and to test it, of what has a thread; one text of what a hand moves."""
-WHOLE_TURN_ARCSEC, HAND_ARCSEC = 1_296_000.0, 240.0  # of what has no thread; and a goal that a hand reaches without one
+"""To turn, to go back through its backlash, and to nudge what has a thread; one text of what a hand moves."""
 
-# -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
-
-SEEN, WORTH = 4.0, 15.0  # a change of so many sigmas is real; one of so many corrects what was known
-SHARE_OF_BACKLASH = 0.8  # it is better to stop short and go on than to come back through the backlash again
-
-MOST_BACKLASH_TURNS = 0.5
-
-TELLING_TURNS = 10.0 / 360.0  # a hand is a degree off in any turn: less than this says little about the thread
-
-
-@dataclass(frozen=True, slots=True)
-class Bolt:
-    """A bolt and what is known of it; clockwise, looking at its head, is positive.
-
-    ``arcsec_a_turn`` is what a full clockwise turn adds to its own error, None before the first
-    test; ``sure`` once it was seen without backlash. ``backlash_turns`` are lost at a reversal.
-    ``direction`` is the sign of the last turn that was seen to move the axis, 0 before the first;
-    ``taken_turns`` is how much of the backlash has been taken up the other way since. What a hand moves without a
-    thread goes by whole turns of its own, up and clockwise from above.
-    """
-
-    knob: Knob
-    name: str
-    arcsec_a_turn: float | None = None
-    sure: bool = False
-    backlash_turns: float = 0.0
-    direction: int = 0
-    taken_turns: float = 0.0
-    base: Base = Base.BOLTS
-
-    @property
-    def by_hand(self) -> bool:
-        """Whether a hand moves it, and no thread."""
-        return len(TEXTS[self.base, self.knob]) == 1
-
-    def needed(self, error_arcsec: float) -> float:
-        """Turns that would bring its error to zero; most of its backlash included when it reverses."""
-        if self.arcsec_a_turn is None:
-            raise ValueError(f"The {self.name} has not been tested.")
-        turns = -error_arcsec / self.arcsec_a_turn
-        sign = 1.0 if turns > 0 else -1.0
-        if self.direction != -sign:
-            return turns
-        return turns + sign * max(0.0, SHARE_OF_BACKLASH * self.backlash_turns - self.taken_turns)
-
-    def learned(self, turns: float, change_arcsec: float, sigma_arcsec: float) -> "Bolt":
-        """What is known after ``turns`` changed its error by ``change_arcsec`` (one sigma)."""
-        sign = 1 if turns > 0 else -1
-        reverses = self.direction != sign
-        taken = abs(turns) + self.taken_turns * reverses
-        if abs(change_arcsec) < SEEN * sigma_arcsec:
-            # Still in its backlash, if it reversed; else the turn was too small to be seen.
-            lost = max(self.backlash_turns, min(taken, MOST_BACKLASH_TURNS)) if reverses else self.backlash_turns
-            return replace(self, backlash_turns=lost, taken_turns=taken * reverses)
-        after = replace(self, direction=sign, taken_turns=0.0)
-        gain, own = self.arcsec_a_turn, change_arcsec / turns
-        if gain is not None and abs(turns) < TELLING_TURNS:
-            return self._nudged(after, taken - change_arcsec / gain * sign, gain * own > 0)
-        if gain is None or gain * own < 0:
-            return replace(after, arcsec_a_turn=own, sure=not reverses)
-        if not self.sure:
-            # Backlash only ever makes a turn look smaller: of two readings the larger is right.
-            return replace(after, arcsec_a_turn=max(gain, own, key=abs), sure=not reverses)
-        if reverses:
-            lost = taken - change_arcsec / gain * sign
-            return replace(after, backlash_turns=float(min(max(lost, 0.0), MOST_BACKLASH_TURNS)))
-        if abs(change_arcsec) > WORTH * sigma_arcsec:
-            return replace(after, arcsec_a_turn=(own + gain) / 2.0)
-        return after
-
-    def _nudged(self, after: "Bolt", lost_turns: float, as_asked: bool) -> "Bolt":
-        """What a very small turn teaches: that its backlash is taken up, and how long that took."""
-        if not as_asked:
-            return self
-        if not self.sure or self.direction == after.direction:
-            return after
-        return replace(after, backlash_turns=float(np.clip(lost_turns, 0.0, MOST_BACKLASH_TURNS)))
-
-
-ALTITUDE_BOLT = Bolt(Knob.ALTITUDE, "altitude bolt")
-AZIMUTH_BOLT = Bolt(Knob.AZIMUTH, "left azimuth bolt")
-
-
-Pitches = tuple[float | None, float | None]
-"""What a clockwise turn of the altitude and of the left azimuth bolt adds, arcsec; None if unknown."""
-
-
-def bolts_of(base: Base, known: Pitches = (None, None)) -> tuple[Bolt, Bolt]:
-    """Both of a base; ``known`` is what a turn of each did another night."""
-    altitude, azimuth = (replace(bolt, base=base) for bolt in (ALTITUDE_BOLT, AZIMUTH_BOLT))
-    return _with_pitch(altitude, known[0]), _with_pitch(azimuth, known[1])
-
-
-def _with_pitch(bolt: Bolt, known: float | None) -> Bolt:
-    if bolt.by_hand:
-        return replace(bolt, arcsec_a_turn=WHOLE_TURN_ARCSEC, sure=True)
-    return replace(bolt, arcsec_a_turn=known or None)
-
-
-TEST_TURNS = (0.25, 0.125)
+TEST_TURNS, LEAST_TEST_TURNS = (0.25, 0.125), 1.0 / 24.0
 SMALL_ERROR_ARCSEC = 900.0  # for such an error the smaller test is enough
-CAUTIOUS, CONFIDENT = 0.6, 0.9  # of the way: before a bolt was seen without backlash, and after
+CAUTIOUS, CONFIDENT = 0.6, 0.9  # of the way: before a bolt is proved, and after
+WHOLE_WAY = 10.0
 NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
 ENOUGH = 1.45  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
-MOST_TURNS, MOST_UNSEEN = 6.0, 1.0  # at a time; and of a bolt known from another night before it was seen to move
+MOST_TURNS = 6.0  # at a time
+MOST_REVERSALS = 4  # of one bolt, before the other one has its turn
+TOO_FAR = 2  # times that a proved bolt went clearly past the pole: the hand is rough
+ROUGH = 2.5  # goals, which such a hand can reach
 
+# -- What a bolt's own move says: that it was the other bolt, or that the clock is wrong ---------
 
-TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 10.0, 4.0, 120.0
-"""A bolt that moves the axis so far beside its own direction, for certain and in so large a move, is a witness."""
+STRAY, STRAY_ARCSEC = 2.0, 60.0
+"""What moved the axis so many times farther across a bolt's own direction as along it, and so far, was the other."""
+TURNED_BACK = 0.3  # of what strayed: nearer than this to where it was
+STUBBORN = 3  # turns in a row that move the other axis, before the other bolt has its turn
+STRAYED = {
+    Knob.ALTITUDE: tr_noop("That moved azimuth, not altitude ({moved}). Turn it back, or take it from here."),
+    Knob.AZIMUTH: tr_noop("That moved altitude, not azimuth ({moved}). Turn it back, or take it from here."),
+}
+CROSSED = tr_noop("Each bolt moves the other axis. Check the clock and time zone, and which bolt is which.")
+
+TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 12.0, 4.0, 120.0
+"""A proved bolt that surely moves the axis so far beside its own direction, in so large a move, may accuse."""
+SAME_TWIST_DEG = 3.0  # both bolts that do so alike accuse
 TWISTED = {
     Knob.ALTITUDE: tr_noop(
         "The altitude adjustment moved the axis {angle:.0f}° off the vertical. A clock or time zone wrong by"
@@ -196,13 +111,60 @@ class TutorStep(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Instruction:
-    """One thing to do: ``turns`` of ``knob``'s bolt, clockwise positive, or of what has none; ``words`` say it."""
+    """One thing to do: ``turns`` of ``knob``'s bolt, clockwise positive, or of what has none; ``words`` say it.
+
+    ``text`` is the same with places for the error's amounts, which change while the bolt turns; ``stray`` tells that
+    the turn before moved the other axis.
+    """
 
     step: TutorStep
     words: str
     knob: Knob | None = None
     turns: float = 0.0
     by_hand: bool = False
+    stray: bool = False
+    text: str = ""
+
+    def said(self, error: PolarError) -> str:
+        """The words with the amounts of this error: those that stand on the screen beside them."""
+        return (self.text or self.words).format(
+            altitude=angle_in_words(error.altitude_arcsec),
+            azimuth=angle_in_words(error.azimuth_arcsec),
+            total=angle_in_words(error.total_arcsec),
+            sigma=angle_in_words(error.with_flexure.sigma_total_arcsec),
+        )
+
+
+LEFT = {Knob.ALTITUDE: "{altitude}", Knob.AZIMUTH: "{azimuth}"}
+"""The place of a knob's amount in an instruction's text."""
+
+
+class Moved:
+    """How far the axis went between two errors: along a knob's own direction and beside it, arcsec on the sky."""
+
+    def __init__(self, knob: Knob, before: PolarError, now: PolarError, noise_arcsec: tuple[float, float]) -> None:
+        altitude = now.altitude_arcsec - before.altitude_arcsec
+        azimuth = now.azimuth_on_sky_arcsec - before.azimuth_on_sky_arcsec
+        # Turned from azimuth to altitude, which a wrong hour does alike to both bolts' moves.
+        self.along, self.beside = (altitude, -azimuth) if knob is Knob.ALTITUDE else (azimuth, altitude)
+        self.noise = float(np.sqrt(2.0) * max(noise_arcsec))
+        self.size = float(np.hypot(self.along, self.beside))
+
+    @property
+    def stray(self) -> bool:
+        """Whether it was the other axis that moved."""
+        across = abs(self.beside)
+        return across > max(SEEN * self.noise, STRAY_ARCSEC) and across > STRAY * abs(self.along)
+
+    @property
+    def twist_deg(self) -> float:
+        """By how much the move stands off the knob's own direction, in (-90, 90]."""
+        return float(np.degrees(np.arctan2(self.beside * np.sign(self.along), abs(self.along))))
+
+    @property
+    def twist_sigma_deg(self) -> float:
+        """One sigma of the same."""
+        return float(np.degrees(self.noise / max(self.size, 1e-9)))
 
 
 class BoltTutor:
@@ -215,6 +177,13 @@ class BoltTutor:
         self._pending: Instruction | None = None
         self._before: PolarError | None = None
         self._last: tuple[Knob | None, float] = (None, 0.0)
+        self._reversals = dict.fromkeys(Knob, 0)  # since the last measurement
+        self._too_far = 0
+        # What the turns of a bolt that was never seen to move its own axis moved the other by, arcsec a turn.
+        self._strays: dict[Knob, tuple[float, ...]] = dict.fromkeys(Knob, ())
+        self._astray = 0.0  # arcsec on the sky that the last one moved it by
+        self._note = ""  # what is to be said of that
+        self._twists = dict.fromkeys(Knob, 0.0)  # by how much each bolt's last clear move stood off, degrees
         self.witness = ""  # what a bolt's own move says against clock and zone
 
     def advise(
@@ -226,11 +195,17 @@ class BoltTutor:
         one-sigma errors of a change along altitude and azimuth on the sky; the error's own sigmas when not known,
         which hold much that two readings share.
         """
+        self._note = ""
         self._learn(error, turned, noise_arcsec or error.sigma_arcsec)
         instruction = self._next(error)
+        if self._note and instruction.knob is not None:
+            instruction = replace(instruction, words=f"{self._note} {instruction.words}", stray=True)
+        instruction = replace(instruction, text=instruction.words, words=instruction.said(error))
         self._pending, self._before = instruction, error
         if instruction.knob is not None:
-            self.moves += not self._goes_on(instruction)
+            goes_on = self._goes_on(instruction)
+            self.moves += not goes_on
+            self._reversals[instruction.knob] += instruction.knob is self._last[0] and not goes_on
             self._last = (instruction.knob, float(np.sign(instruction.turns)))
         return instruction
 
@@ -241,15 +216,26 @@ class BoltTutor:
     def measured_again(self) -> None:
         """A new measurement stands in for the last reading: nothing is to be learned from it."""
         self._pending = self._before = None
+        self._reversals = dict.fromkeys(Knob, 0)
 
     def tolerance_arcsec(self, error: PolarError, knob: Knob) -> float:
         """How far off this knob may stay, on the sky: a share of the goal, or one sigma."""
-        return float(max(self.goal_arcsec / np.sqrt(2.0), error.sigma_arcsec[knob is Knob.AZIMUTH]))
+        return float(max(self._goal_arcsec / np.sqrt(2.0), error.sigma_arcsec[knob is Knob.AZIMUTH]))
+
+    @property
+    def rough(self) -> bool:
+        """Whether the hand goes too far again and again."""
+        return self._too_far >= TOO_FAR or sum(self._reversals.values()) >= MOST_REVERSALS
+
+    @property
+    def _goal_arcsec(self) -> float:
+        """The goal, or what a rough hand can reach."""
+        return self.goal_arcsec * (ROUGH if self.rough else 1.0)
 
     def _limit(self, error: PolarError, knob: Knob) -> float:
         """The tolerance, wider for a bolt that would have to come back or is too coarse."""
         bolt, tolerance = self.bolts[knob], self.tolerance_arcsec(error, knob)
-        if bolt.arcsec_a_turn is None or not bolt.direction:
+        if bolt.arcsec_a_turn is None or not bolt.direction or self.rough:
             return tolerance
         sign = float(np.sign(-error.knob_arcsec(knob) / bolt.arcsec_a_turn))
         back = sign == -bolt.direction and self._last != (knob, sign)  # else it is on its way
@@ -260,54 +246,92 @@ class BoltTutor:
         done, before = self._pending, self._before
         if done is None or done.knob is None or before is None or done.by_hand:
             return  # a hand moves both at once, and what it moves has no thread
-        change = error.knob_arcsec(done.knob) - before.knob_arcsec(done.knob)
-        self.witness = self._twist(done.knob, before, error, noise_arcsec) or self.witness
+        turns = done.turns if turned is None else turned
+        if not turns:
+            return
+        knob, moved = done.knob, Moved(done.knob, before, error, noise_arcsec)
+        if moved.stray:
+            self._went_astray(knob, turns, moved, before, error)
+            return
+        bolt = self.bolts[knob]
         # The knob turns raw azimuth: on-sky noise is larger by 1 / cos(altitude) there.
-        noise = noise_arcsec[done.knob is Knob.AZIMUTH] / _sky_share(error, done.knob)
-        if turns := done.turns if turned is None else turned:
-            self.bolts[done.knob] = self.bolts[done.knob].learned(turns, change, float(np.sqrt(2.0) * noise))
+        noise = float(np.sqrt(2.0) * noise_arcsec[knob is Knob.AZIMUTH] / _sky_share(error, knob))
+        now = error.knob_arcsec(knob)
+        past = now * before.knob_arcsec(knob) < 0.0 and abs(now) * _sky_share(error, knob) > NEAR * self.goal_arcsec
+        self._too_far += bolt.proved and past
+        change = now - before.knob_arcsec(knob)
+        if abs(turns) >= TELLING_TURNS:
+            self._watch_clock(knob, moved)
+        if abs(change) >= SEEN * noise:
+            self._strays[knob], self._astray = (), 0.0
+        self.bolts[knob] = bolt.learned(turns, change, noise)
 
-    @staticmethod
-    def _twist(knob: Knob, before: PolarError, now: PolarError, noise_arcsec: tuple[float, float]) -> str:
-        """What is said when a bolt moved the axis in another direction than its own; empty when it did not.
+    def _went_astray(self, knob: Knob, turns: float, moved: Moved, before: PolarError, now: PolarError) -> None:
+        """The other axis moved: that is no test of this bolt, and it is said unless it only came back."""
+        other = _other(knob)
+        change = now.knob_arcsec(other) - before.knob_arcsec(other)
+        self.bolts[other] = self.bolts[other].moved_by_mistake(change)
+        if abs(self._astray + moved.beside) < TURNED_BACK * abs(moved.beside):
+            self._astray = 0.0
+            return
+        if not self.bolts[knob].readings:
+            alike = tuple(one for one in self._strays[knob] if one * moved.beside * turns > 0.0)
+            self._strays[knob] = (*alike, moved.beside / turns)
+        self._astray = moved.beside
+        self._note = tr(STRAYED[knob], moved=f"{'+' if change > 0.0 else '−'}{angle_in_words(change)}")
 
-        At a wrong hour the sky is taken for turned about the pole, and so is every move of the axis.
+    def _watch_clock(self, knob: Knob, moved: Moved) -> None:
+        """Accuse clock and zone when a proved bolt stands off its own direction as the other one does.
+
+        At a wrong hour the sky is taken for turned about the pole, and so is every move of the axis, by either bolt;
+        one that drags the other axis along does so alone.
         """
-        moved = (now.altitude_arcsec - before.altitude_arcsec, now.azimuth_on_sky_arcsec - before.azimuth_on_sky_arcsec)
-        along, beside = moved if knob is Knob.ALTITUDE else moved[::-1]
-        size = float(np.hypot(along, beside))
-        angle = float(np.degrees(np.arctan2(abs(beside), abs(along))))
-        sure = TWIST_SIGMAS * np.degrees(np.sqrt(2.0) * max(noise_arcsec) / max(size, 1e-9))
-        if size < TWIST_ARCSEC or angle - sure < TWIST_DEG:
-            return ""
-        return tr(TWISTED[knob], angle=angle, hours=angle / 15.0)
+        size, sigmas = abs(moved.twist_deg), TWIST_SIGMAS * moved.twist_sigma_deg
+        if moved.size < TWIST_ARCSEC or size - sigmas < TWIST_DEG <= size + sigmas:
+            return  # it may stand off or not
+        self._twists[knob] = moved.twist_deg if size >= TWIST_DEG else 0.0
+        own, other = self._twists[knob], self._twists[_other(knob)]
+        if own and other and self.bolts[knob].proved and abs(own - other) < SAME_TWIST_DEG + sigmas:
+            angle = abs(own + other) / 2.0
+            self.witness = tr(TWISTED[knob], angle=angle, hours=angle / 15.0)
 
     def _next(self, error: PolarError) -> Instruction:
+        if all(self._stubborn(knob) for knob in Knob):
+            return Instruction(TutorStep.STOP, tr(CROSSED), stray=True)
         off = {knob: abs(error.knob_arcsec(knob)) * _sky_share(error, knob) for knob in Knob}
         open_ = [k for k in Knob if off[k] > self._limit(error, k)]
-        if not open_ or error.total_arcsec <= self.goal_arcsec:
-            return _stop(error, self.goal_arcsec)
+        if not open_ or error.total_arcsec <= self._goal_arcsec:
+            return _stop(error, self._goal_arcsec)
         chosen = self._chosen(open_, off, error)
-        if not self._goes_on(chosen) and error.total_arcsec <= ENOUGH * self.goal_arcsec:
-            return _stop(error, self.goal_arcsec)
+        if not self._goes_on(chosen) and error.total_arcsec <= max(ENOUGH * self.goal_arcsec, self._goal_arcsec):
+            return _stop(error, self._goal_arcsec)
         last = self._last[0]
         if last is None or last in open_:
             return chosen
         text = (
-            tr("Altitude is good ({angle}). Now azimuth. {words}")
+            tr("Altitude is good ({angle}). Now azimuth. {words}", angle=LEFT[last], words=chosen.words)
             if last is Knob.ALTITUDE
-            else tr("Azimuth is good ({angle}). Now altitude. {words}")
+            else tr("Azimuth is good ({angle}). Now altitude. {words}", angle=LEFT[last], words=chosen.words)
         )
-        return replace(chosen, words=text.format(angle=angle_in_words(error.knob_arcsec(last)), words=chosen.words))
+        return replace(chosen, words=text)
 
     def _chosen(self, open_: list[Knob], off: dict[Knob, float], error: PolarError) -> Instruction:
         """The bolt at hand first, then the larger error, and last one that went a little too far.
 
-        To come back is a new move, and the other bolt may yet drag it home or leave the total good.
+        To come back is a new move, and the other bolt may yet drag it home or leave the total good. A bolt that went
+        to and fro too often leaves the other its turn.
         """
-        order = sorted(open_, key=lambda knob: (knob is not self._last[0], -off[knob]))
-        offers = [self._instruction(knob, off[knob], error) for knob in order]
-        return min(offers, key=lambda one: self._only_comes_back(one, off, error))
+
+        def rank(offer: Instruction) -> tuple[int, bool, bool, float]:
+            assert offer.knob is not None
+            worn = self._reversals[offer.knob] // MOST_REVERSALS + self._stubborn(offer.knob)
+            at_hand = offer.knob is self._last[0]
+            return worn, self._only_comes_back(offer, off, error), not at_hand, -off[offer.knob]
+
+        return min((self._instruction(knob, off[knob], error) for knob in open_), key=rank)
+
+    def _stubborn(self, knob: Knob) -> bool:
+        return len(self._strays[knob]) >= STUBBORN
 
     def _only_comes_back(self, offer: Instruction, off: dict[Knob, float], error: PolarError) -> bool:
         assert offer.knob is not None
@@ -317,6 +341,14 @@ class BoltTutor:
     def _goes_on(self, offer: Instruction) -> bool:
         return self._last == (offer.knob, float(np.sign(offer.turns)))
 
+    def _home_turns(self, knob: Knob, most: float, error: PolarError) -> float:
+        """A test that takes the other axis nearer to the pole, if that is what this bolt moves; 0: it is not."""
+        if not self._strays[knob]:
+            return 0.0
+        across = error.altitude_arcsec if knob is Knob.AZIMUTH else -error.azimuth_on_sky_arcsec
+        turns = -across / self._strays[knob][-1]
+        return float(np.copysign(np.clip(abs(turns), LEAST_TEST_TURNS, most), turns))
+
     def _instruction(self, knob: Knob, off_arcsec: float, error: PolarError) -> Instruction:
         bolt, value = self.bolts[knob], error.knob_arcsec(knob)
         texts = TEXTS[bolt.base, knob]
@@ -324,23 +356,29 @@ class BoltTutor:
             turns = bolt.needed(value)
             tilt = tr("up") if turns > 0.0 else tr("down")
             way = tilt if knob is Knob.ALTITUDE else rotation_in_words(turns)
-            words = tr(texts[0], way=way, left=angle_in_words(value))
-            return Instruction(TutorStep.TURN, words, knob, turns, by_hand=True)
+            text = tr(texts[0], way=way, left=LEFT[knob])
+            return Instruction(TutorStep.TURN, text, knob, turns, by_hand=True)
+        test = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC]
         if bolt.arcsec_a_turn is None:
-            turns = TEST_TURNS[off_arcsec < SMALL_ERROR_ARCSEC] * (bolt.direction or 1)
-            words = tr(texts[2], turns=turns_in_words(turns), way=rotation_in_words(turns))
-            return Instruction(TutorStep.TEST, words, knob, turns)
-        near = abs(value) < NEAR * self.tolerance_arcsec(error, knob)
-        share = (1.0 if near else CONFIDENT) if bolt.sure else CAUTIOUS
+            turns = sayable(self._home_turns(knob, test, error)) or test * (bolt.direction or 1)
+            text = tr(texts[0], turns=turns_in_words(turns), way=rotation_in_words(turns))
+            return Instruction(TutorStep.TEST, text, knob, turns)
+        near = self.rough or off_arcsec < WHOLE_WAY * self.tolerance_arcsec(error, knob)
+        share = 1.0 if near else CONFIDENT
         wanted = bolt.needed(value) * share
         finest = FINEST_DEG / 360.0
-        most = MOST_TURNS if bolt.direction else MOST_UNSEEN
+        most = MOST_TURNS if bolt.proved else test
         turns = sayable(float(np.clip(wanted, -most, most)))
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
         reverses = bolt.direction == -np.sign(turns) and bolt.backlash_turns >= finest
-        told = {"turns": turns_in_words(turns), "way": rotation_in_words(turns), "left": angle_in_words(value)}
-        return Instruction(TutorStep.TURN, tr(texts[int(reverses)], **told), knob, turns)
+        text = texts[2 if abs(turns) < TELLING_TURNS else int(reverses)]
+        words = tr(text, turns=turns_in_words(turns), way=rotation_in_words(turns))
+        return Instruction(TutorStep.TURN, words, knob, turns)
+
+
+def _other(knob: Knob) -> Knob:
+    return Knob.ALTITUDE if knob is Knob.AZIMUTH else Knob.AZIMUTH
 
 
 def _sky_share(error: PolarError, knob: Knob) -> float:
@@ -351,10 +389,8 @@ def _sky_share(error: PolarError, knob: Knob) -> float:
 
 
 def _stop(error: PolarError, goal_arcsec: float) -> Instruction:
-    total, sigma = error.total_arcsec, error.uncertainty_arcsec
-    if error.below_uncertainty and total > goal_arcsec:
-        text = tr("Stop: the error is within its uncertainty ({sigma}). Tighten everything, then measure again.")
+    if error.below_uncertainty and error.total_arcsec > goal_arcsec:
+        text = tr(FINER, sigma="{sigma}")
     else:
-        text = tr("Stop: {total} ± {sigma} from the pole. Tighten everything, then measure again.")
-    words = text.format(total=angle_in_words(total), sigma=angle_in_words(sigma))
-    return Instruction(TutorStep.STOP, words)
+        text = tr("{total} ± {sigma} from the pole. Tighten, then check.", total="{total}", sigma="{sigma}")
+    return Instruction(TutorStep.STOP, text)

@@ -73,7 +73,7 @@ def test_on_it_serves_the_numbers_and_says_so_everywhere(qtbot, view):
     assert status == 200
     assert told["altitude_error_arcsec"] == pytest.approx(-725.0, abs=0.01)
     assert "raise" in told["altitude"]
-    assert "altitude bolt" in told["words"]
+    assert "Altitude bolt" in told["words"]
 
 
 def test_it_is_read_only(qtbot, view):

@@ -11,9 +11,10 @@ from kochab.core.progress import Progress, Task
 from kochab.gear.actions import BUSY, POLAR, action
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import Practice
+from kochab.polar.bolts import WHOLE_TURN_ARCSEC
 from kochab.polar.error import Knob
 from kochab.polar.report import History
-from kochab.polar.tutor import WHOLE_TURN_ARCSEC, Instruction
+from kochab.polar.tutor import Instruction
 from kochab.window.job import Job
 from kochab.window.mount.connection import PRACTISE_LATER, MountTask
 from kochab.window.shell.views import Services

@@ -16,9 +16,9 @@ from kochab.gear.cameras import SOURCES
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection
+from kochab.polar.bolts import Base
 from kochab.polar.error import Imaging
 from kochab.polar.horizon import Pole, name_of
-from kochab.polar.tutor import Base
 from kochab.window.cameras import CameraBox
 from kochab.window.polar.alignment_run import NO_MOUNT
 from kochab.window.shell.dialogs import ask_frames

@@ -144,7 +144,10 @@ class SoundCues:
         cue = self.cue_of(before, now)
         if cue is not None:
             self._cues.play(cue)
-        if now.words != before.words and (now.hand_needed or now.stop or now.stage == "done"):
+        # Their amounts change with every frame: what is asked is said once.
+        asked = now.instruction is not before.instruction or now.turn_instruction is not before.turn_instruction
+        new = asked or (now.instruction is None and now.words != before.words)
+        if new and (now.hand_needed or now.stop or now.stage == "done"):
             self._cues.say(speech_text(now.words))
 
     def cue_of(self, before: AlignmentState, now: AlignmentState) -> Cue | None:

@@ -75,6 +75,10 @@ UNSEEN = {
     Knob.ALTITUDE: tr_noop("The altitude motor does not move the axis. Is it coupled, and the other bolts loose?"),
     Knob.AZIMUTH: tr_noop("The azimuth motor does not move the axis. Is it coupled, and the other bolts loose?"),
 }
+CROSSED = {
+    Knob.ALTITUDE: tr_noop("The altitude motor moves azimuth. Swap its cables, or check the clock and time zone."),
+    Knob.AZIMUTH: tr_noop("The azimuth motor moves altitude. Swap its cables, or check the clock and time zone."),
+}
 # A board has units of its own: a turn to the tutor is 4 of them at first, and grows until the axis is seen to move.
 FIRST_UNITS, GROWTH, MOST_UNITS = 4.0, 8.0, 500_000.0  # of a board, for what the tutor calls a turn
 
@@ -88,6 +92,7 @@ class MotorisedBolts:
     def __init__(self, motors: Motors, tutor: BoltTutor) -> None:
         self._motors, self._tutor = motors, tutor
         self._units: dict[Knob, float] = {}
+        self._crossed: Knob | None = None
 
     def shown(self, asked: Instruction, error: PolarError) -> Instruction:
         """The instruction as it is told to somebody who has nothing to turn."""
@@ -102,7 +107,10 @@ class MotorisedBolts:
         if knob is None:
             return
         units = self._units.get(knob)
-        if asked.step is TutorStep.TEST and units is not None:
+        if asked.stray and self._crossed is knob:
+            raise RefusedError(CROSSED[knob])
+        self._crossed = knob if asked.stray else None
+        if asked.step is TutorStep.TEST and units is not None and not asked.stray:
             units *= GROWTH
             self._tutor.forget(knob)  # what it learned was of smaller units
             if units > MOST_UNITS:
@@ -204,6 +212,8 @@ def adjust(
         if instruction is not before:
             history.instruction(found.time_utc, steady.error, guide.shown(steady.error).words)
         yield _update(live, steady, guide, measurement)
+        if instruction.step is TutorStep.STOP and instruction.stray:
+            raise RefusedError(instruction.words)
         if instruction.step is TutorStep.STOP and steady.settled and steady.frames >= SURE_FRAMES:
             return Adjusted(AdjustingEnd.THERE, guide.turn_requested, steady, guide.live)
         spoilt = {f.kind for f in live.findings} & set(SPOILT)
@@ -220,8 +230,11 @@ def _moved(measured: PolarError, steady: SteadyError) -> bool:
 def _update(
     live: LiveError | None, steady: SteadyError | None, guide: AdjustmentGuide, start: Measurement, unsolved: str = ""
 ) -> PolarUpdate:
-    asked = guide.shown(start.error if steady is None else steady.error)
-    words, found = unsolved or asked.words, () if live is None else live.findings
+    error = start.error if steady is None else steady.error
+    asked = guide.shown(error)
+    words, found = unsolved or asked.said(error), () if live is None else live.findings
+    if asked.step is TutorStep.STOP:  # which says the same
+        found = tuple(finding for finding in found if finding.kind is not PolarFindingKind.DONE)
     if live is not None and guide.tutor.witness:
         found = (*found, PolarFinding(PolarFindingKind.CLOCK, guide.tutor.witness))
     shown = (start, live, steady, asked, found)
@@ -326,6 +339,9 @@ def align(
             continue
         adjusted = yield from adjust(source, measured.measurement, tutor, controls, history, bolts)
         quiet = adjusted.end is AdjustingEnd.THERE and not adjusted.turned
+        if quiet and tutor.rough:  # it is as near as this hand goes: more rounds would find the same
+            yield _done(measured, good, tutor.moves)
+            return Alignment(measured.measurement, good, rounds, tutor.moves, history)
         before = measured.measurement if quiet else None  # no bolt was turned: both count
         live = adjusted.live if adjusted.end is AdjustingEnd.THERE else None
 

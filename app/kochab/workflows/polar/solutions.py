@@ -23,11 +23,11 @@ from kochab.frames.fits import parse_cards
 from kochab.frames.hints import NO_ZONE, aware_utc, hint_from_keywords
 from kochab.frames.samples import MAX_SIDE_PX
 from kochab.frames.wcs import wcs_of
+from kochab.polar.bolts import Pitches
 from kochab.polar.drift import Drift, Stretch, either, measure_drift, stretches_of, tracked
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.rotations import ARCSEC, best_rotation
-from kochab.polar.tutor import Pitches
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.guide_logs import guide_log, is_guide_log
 from kochab.workflows.polar.sources import (

@@ -23,12 +23,12 @@ from kochab.core.solution import NoSolution, Solution
 from kochab.core.text_input import TextError, read_json, read_text
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.hints import NO_ZONE, aware_utc
+from kochab.polar.bolts import Pitches
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import Horizon, sun_altitude_deg
 from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
-from kochab.polar.tutor import Pitches
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.solve_frame import solve_file, solve_open_frame

@@ -179,7 +179,7 @@ def _measuring(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
 def _adjusting(state: AlignmentState, step: PolarUpdate) -> AlignmentState:
     return replace(
         state,
-        words=step.instruction.words if step.instruction is not None else state.words,
+        words=step.detail if step.solved else state.words,
         detail="" if step.solved else step.detail,
         instruction=step.instruction,
         turn_instruction=None,
