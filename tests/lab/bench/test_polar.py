@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import angle_between
-from kochab.lab.bench import polar, polar_frames, polar_guided, polar_moved, polar_rig
+from kochab.lab.bench import polar, polar_faults, polar_frames, polar_guided, polar_moved, polar_rig
 from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.rotations import ARCSEC
@@ -91,6 +91,9 @@ def test_it_runs_and_reports(monkeypatch):
     monkeypatch.setattr(polar_frames, "QUICK", 1)
     monkeypatch.setattr(polar_moved, "QUICK", 1)
     monkeypatch.setattr(polar_guided, "QUICK", 1)
+    monkeypatch.setattr(polar_faults, "QUICK", 1)
+    drawn = ("healthy, 3 frames", "kick, 3 frames", "clock an hour wrong")
+    monkeypatch.setattr(polar_faults, "KINDS", {kind: polar_faults.KINDS[kind] for kind in drawn})
     monkeypatch.setattr(polar_frames, "FIELDS_DEG", (8.0, 15.0))
     said = []
     result = bench.run(True, said.append)
@@ -101,10 +104,11 @@ def test_it_runs_and_reports(monkeypatch):
     assert {"rendered: 8 deg", "rendered: 15 deg"} < rendered
     moved = {f"gives way: {fault}" for fault in polar_moved.FAULTS}
     guided = {f"guide log: {kind}" for kind in polar_guided.KINDS}
-    assert kinds - rendered - moved - guided == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
-    assert moved | guided < kinds
-    assert len(result.goals) == 25
-    assert len(said) == 8
+    evenings = {f"evening: {kind}" for kind in drawn}
+    assert kinds - rendered - moved - guided - evenings == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
+    assert moved | guided | evenings < kinds
+    assert len(result.goals) == 28
+    assert len(said) == 9
 
 
 def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():

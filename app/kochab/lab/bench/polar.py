@@ -13,6 +13,7 @@ camera rolled at will, bolts with backlash and threads of unknown pitch and sens
   noise, and the one with what was not seen.
 * ``gives way``: see :mod:`kochab.lab.bench.polar_moved`.
 * ``guide log``: see :mod:`kochab.lab.bench.polar_guided`.
+* ``evening``: see :mod:`kochab.lab.bench.polar_faults`.
 * ``rendered``: see :mod:`kochab.lab.bench.polar_frames`; the others make up attitudes.
 
 The worn mounts have
@@ -37,6 +38,7 @@ import numpy as np
 
 from kochab.core.progress import run as run_task
 from kochab.lab.bench import BenchResult, Goal, Report, Row, column, summary, timed
+from kochab.lab.bench.polar_faults import fault_rows
 from kochab.lab.bench.polar_frames import frames_rows
 from kochab.lab.bench.polar_guided import guided_rows
 from kochab.lab.bench.polar_moved import moved_rows
@@ -151,8 +153,9 @@ def run(quick: bool, report: Report) -> BenchResult:
     frames, of_frames = frames_rows(quick, report)
     moved, of_moved = moved_rows(quick, report)
     guided, of_guided = guided_rows(quick, report)
-    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *guided, *frames]
-    met = [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_guided, *of_frames]
+    faults, of_faults = fault_rows(quick, report)
+    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *guided, *faults, *frames]
+    met = [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_guided, *of_faults, *of_frames]
     return BenchResult("polar", rows, met)
 
 

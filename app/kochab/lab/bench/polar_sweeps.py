@@ -80,7 +80,7 @@ def sun_altitude_deg(place: Place, when: dt.datetime) -> float:
 
 
 def refracted_pole(place: Place) -> Floats:
-    """E, N, U of the refracted pole above the horizon by Bennett's formula (1982): an arcsecond from 20 deg on."""
+    """E, N, U of the refracted pole above the horizon by Bennett's formula (1982): 2 arcsec from 20 deg on."""
     altitude_deg = abs(place.latitude_deg)
     air = place.pressure_hpa / 1010 * 283 / (273 + place.temperature_c)
     for _ in range(3):  # Bennett's formula takes the apparent altitude
