@@ -383,6 +383,17 @@ def test_a_header_that_no_camera_gives_is_refused(tmp_path, name, value):
         solved_before(tmp_path / "a.wcs")
 
 
+def test_a_colour_images_third_axis_is_no_obstacle(tmp_path):
+    one = solution(10.0)
+    cards = wcs_text(one).splitlines()
+    cards[cards.index(next(c for c in cards if c.startswith("WCSAXES")))] = f"{'WCSAXES':8}= {3:>20}"
+    third = {"CTYPE3": "'RGB     '", "CRVAL3": 1.0, "CRPIX3": 1.0, "CDELT3": 1.0}
+    cards[5:5] = [f"{name:8}= {value:>20}" for name, value in third.items()]
+    (tmp_path / "a.wcs").write_text("\n".join(card.ljust(79) for card in cards))
+    (file,) = solved_before(tmp_path / "a.wcs")
+    assert apart_px(one, file.result) < 0.05
+
+
 def test_a_map_that_no_camera_has_is_refused(tmp_path):
     """SIP of the third order that pulls the corners out by a frame's width."""
     cards = wcs_text(solution(10.0)).splitlines()

@@ -98,7 +98,7 @@ def wcs_of(values: Mapping[str, Any]) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            wcs = WCS(Header([*told.items()]))
+            wcs = WCS(Header([*told.items()]), naxis=2)  # a colour image may count its colours
             return wcs if wcs.has_celestial else None
     except (LookupError, TypeError, AttributeError, ArithmeticError) as error:  # of cards that lack others
         raise ValueError(str(error)) from None
