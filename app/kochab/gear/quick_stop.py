@@ -41,12 +41,12 @@ SERVER_STOPS = {
 NETWORK_S, TIMES = 0.5, 3
 HARMLESS = (
     (9600, STOPS["synscan"][1] + STOPS["celestronaux"][1] + STOPS["skywatcher"][1] + STOPS["lx200"][1]),
-    (115200, STOPS["skywatcher"][1] + STOPS["ioptron"][1]),
+    (115200, STOPS["skywatcher"][1] + STOPS["lx200"][1]),
 )
 """Baud rate -> the Stops that may go to a mount that nobody knows: none of them begins a motion on another make.
 
-A NexStar takes single letters for commands, and ``R`` in an iOptron's ``:qR#`` for a goto: that goes out where no
-NexStar listens. Its own Stop goes first, so that nothing before it is taken for the arguments of a command.
+A NexStar takes single letters for commands, and ``R`` in an iOptron's ``:qR#`` for a goto: of that make only the slews
+are ended, by ``:Q#``, until it is known. A NexStar's Stop goes first, as no command's arguments are awaited then.
 """
 
 
