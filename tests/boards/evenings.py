@@ -263,7 +263,8 @@ class Astronomer:
             self._disconnect()
             return
         self._set_clock()
-        if self._do("look", self._look) is True and self.board.false_by_deg() < FALSE_DEG:
+        seen = self._do("look", self._look) is True and self.board.false_by_deg() < FALSE_DEG
+        if seen and abs(self.board.clock_error_s) < 600.0:  # at the pole every clock looks right
             self.guard.clock_and_site.trust()
             self._note("trusted")
 
