@@ -98,7 +98,7 @@ def test_the_field_bounds_the_answer(tmp_path, capsys) -> None:
     assert main(["-f", str(path), "-fov", "0.3", "-wcs", "-update"]) == 1
     told = ini_of(tmp_path / "a.ini")
     assert told["PLTSOLVD"] == "F"
-    assert "not the field of view given" in told["ERROR"]
+    assert "field of view differs" in told["ERROR"]
     assert "at RA 84.1145, Dec -2.2987 deg and 27.14 arcsec/px; -fov means 1.08." in told["ERROR"]
     assert "CRVAL1" not in told
     assert not (tmp_path / "a.wcs").exists()

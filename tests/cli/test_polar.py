@@ -257,7 +257,7 @@ def test_one_frame_elsewhere_is_no_second_sweep_and_nothing_is_promised(bent, ca
     _, first, second = bent
     code, out, _ = polar(capsys, *first, second[1])
     assert code == 1
-    assert out.startswith("Spoilt, don't turn a bolt. ")
+    assert out.startswith("Unusable: don't adjust. ")
     assert "raise the axis" not in out
     assert "lower the axis" not in out
     assert "of 2 sweeps" not in out
@@ -311,7 +311,7 @@ def test_a_wrong_site_is_doubted(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files, "--site", "-30,8")
     assert code == 1
-    assert re.match("Spoilt, don't turn a bolt. .*(below the horizon|from the pole)", out)
+    assert re.match("Unusable: don't adjust. .*(below the horizon|from the pole)", out)
     code, out, _ = polar(capsys, *files, "--site", "-30,8", "--json")
     told = json.loads(out)
     assert (code, told["spoilt"]) == (1, True)

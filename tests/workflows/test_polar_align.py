@@ -373,7 +373,7 @@ def test_no_bolt_is_turned_by_a_spoilt_measurement(monkeypatch):
     told = [u for u in updates if isinstance(u, PolarUpdate)]
     assert all(u.instruction is None for u in told)
     assert (ended.good, ended.moves, ended.rounds) == (False, 0, module.MOST_ROUNDS)
-    assert told[-1].detail.startswith("Spoilt, don't turn a bolt. Something slipped.")
+    assert told[-1].detail.startswith("Unusable: don't adjust. Something slipped.")
     assert sum("Don't turn a bolt: measuring again." in u.detail for u in told) == module.MOST_ROUNDS - 1
 
 

@@ -192,7 +192,7 @@ def live_line(update: LiveUpdate) -> str:
 def replay_line(replayed: Replayed) -> str:
     """One line a frame: the same or not."""
     name = replayed.line["frame_file"]
-    said = "same answer" if replayed.agrees else "ANOTHER ANSWER"
+    said = "same solution" if replayed.agrees else "DIFFERENT SOLUTION"
     apart = replayed.apart_arcsec
     where = "" if apart is None else f", {apart:.3f} arcsec apart"
     return f"{name}  {said}{where}" + ("" if replayed.intact else "; THE FILE WAS CHANGED")

@@ -84,7 +84,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         nargs="*",
         metavar="FRAME",
         help="two frames or more, any order; solved ones too: .wcs, .json, solutions.jsonl; or a guide log;"
-        " none: what was measured last at the site",
+        " without files: the last measurement at this site",
     )
     add_options(parser, "--site", help="degrees, east positive, metres (default: from the frames)")
     add_options(parser, "--profile", "--json")
@@ -105,9 +105,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument("--pressure", **valued("HPA", pressure, between(0.0, 1100.0, "hPa")))
     celsius = "air temperature, degrees Celsius (default: %(default)g)"
     parser.add_argument("--temperature", **valued("C", celsius, between(-90.0, 60.0, "deg C"), default=10.0))
-    ahead = "how far the frames' clock is ahead of UTC (default: 0, or the zone in EXIF); 0 says that it was UTC"
+    ahead = "UTC offset of the frame times, hours (default: 0, or the zone in EXIF)"
     parser.add_argument("--utc-offset", **valued("HOURS", ahead, between(-14.0, 14.0, "h")))
-    guided = "whether a guider held frames of one place (default: as their drift in RA and Dec looks)"
+    guided = "whether a guider held frames of one place (default: judged from the drift)"
     parser.add_argument("--guided", choices=["yes", "no"], help=guided)
     sign = (
         "north pulses of the guide log move the mount north (+) or south (-), where the log doesn't say it, as ASIAIR's"
@@ -248,7 +248,7 @@ def drift_as_text(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | N
     """A card for people: what to know of it first, bolts only where the drift tells them."""
     error = drift.error
     spoils = " ".join(finding.text for finding in drift.findings if finding.spoils)
-    lines = [f"Spoilt, don't turn a bolt. {spoils}"] if spoils else []
+    lines = [f"Unusable: don't adjust. {spoils}"] if spoils else []
     lines += [f"Note: {finding.text}" for finding in drift.findings if not finding.spoils]
     head = f"{drift.words} from the {name_of(drift.settings.pole, drift.settings.site)}"
     lines.append(head[0].upper() + head[1:])
@@ -329,7 +329,7 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
     notes = [*(finding.text for finding in m.findings if not finding.spoils), *doubts]
     if m.spoilt:
         lines = [
-            "Spoilt, don't turn a bolt. " + " ".join(finding.text for finding in m.findings if finding.spoils),
+            "Unusable: don't adjust. " + " ".join(finding.text for finding in m.findings if finding.spoils),
             *lines,
         ]
     return "\n  ".join(lines + [f"note      {note}" for note in notes])

@@ -51,7 +51,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "--layers",
         default="",
         metavar="NAMES",
-        help="what --annotate draws beside the usual, by commas, and what not: altaz,ecliptic,no-grid",
+        help="extra layers for --annotate, comma-separated; no-NAME hides one: altaz,ecliptic,no-grid",
     )
     told = "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
     parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=told)

@@ -193,7 +193,7 @@ class Reason(StrEnum):
     DISTORTION_TOO_STRONG = tr_noop("distortion too strong")
     TIMED_OUT = tr_noop("timed out")
     OUTSIDE_RADIUS = tr_noop("outside the search radius")
-    ANOTHER_FIELD = tr_noop("not the field of view given")
+    ANOTHER_FIELD = tr_noop("field of view differs")
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,7 +147,7 @@ class Drift:
     def better(self) -> str:
         """What would make the axis better known; empty when it is good."""
         if self.minutes_more is None:
-            return tr("Track another place in the sky: this one won't tell it in hours.")
+            return tr("Track another place in the sky: here it would take hours.")
         more = tr("Track {minutes:.0f} min more on this place for an uncertainty of 30″.", minutes=self.minutes_more)
         return more if self.minutes_more else ""
 
@@ -474,14 +474,16 @@ KNOCKED = tr_noop(
     " before or after that alone."
 )
 OTHER_AXIS = tr_noop("Part {part} of {parts} shows another axis. Was a bolt turned, or the mount guided?")
-GUIDED = tr_noop("Guided frames hold their place: only the rotation of the field counts. Not guided? Say so.")
+GUIDED = tr_noop(
+    "Guided frames hold their place: only the rotation of the field counts. If you did not guide, set Guided to no."
+)
 LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
 UNSEEN = {
     Knob.ALTITUDE: tr_noop(
         "The drift can't tell altitude yet (±{sigma}). A place in the east or the west, 6 h from the meridian tells it"
         " sooner."
     ),
-    Knob.AZIMUTH: tr_noop("The drift can't tell azimuth yet (±{sigma}). A place near the meridian tells it sooner."),
+    Knob.AZIMUTH: tr_noop("Azimuth not measured yet (±{sigma}); a field near the meridian is faster."),
 }
 
 

@@ -125,9 +125,7 @@ def _one_night(sweeps: Sequence[Sequence[LocalAttitude]]) -> Iterator[PolarFindi
                 small = min(
                     (one, other), key=lambda frame: frame.camera.width * frame.camera.height if frame.camera else 0
                 )
-                text = tr(
-                    "{frame} is cropped, the others are larger. Use frames that are all whole.", frame=_name(small)
-                )
+                text = tr("{frame} is cropped, the others are larger. Use full frames only.", frame=_name(small))
                 yield PolarFinding(PolarFindingKind.CROPPED, text, spoils=True)
                 return
             text = tr("{one} and {other} are of different cameras or focal lengths. Use frames of one.", **names)

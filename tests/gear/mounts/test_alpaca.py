@@ -90,9 +90,9 @@ def test_an_answer_without_an_end_is_left_after_some_kilobytes(bench, monkeypatc
     read = http.client.HTTPResponse.read1
     monkeypatch.setattr(http.client.HTTPResponse, "read1", lambda a, n: (taken.append(part := read(a, n)), part)[1])
     bench.device.fixed["name"] = "x" * 20_000_000
-    with pytest.raises(NoAnswerError, match="sends an endless answer"):
+    with pytest.raises(NoAnswerError, match="never ends its reply"):
         bench.mount.identify()
-    with pytest.raises(NoAnswerError, match="sends an endless answer"):
+    with pytest.raises(NoAnswerError, match="never ends its reply"):
         AlpacaLink(net_address(bench.port.partition("/")[0], 0), "telescope").devices()
     assert sum(map(len, taken)) < 2 * 2 * 257_000  # a piece begun is read to its end
     bench.device.fixed["name"] = "Bench Telescope"

@@ -73,7 +73,7 @@ def test_a_target_is_read_back_to_a_tenth_of_a_degree(dec, held) -> None:
         if held:
             m.goto(*TARGET)
         else:
-            with pytest.raises(RefusedError, match="another target than it is sent"):
+            with pytest.raises(RefusedError, match="different target than Kochab sent"):
                 m.goto(*TARGET)
 
 

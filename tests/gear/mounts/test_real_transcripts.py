@@ -202,7 +202,7 @@ def test_a_mount_that_takes_another_target_without_the_space_gets_it_with_the_sp
         m.goto(*TARGET)
     with (
         transcript(Lx200, [*start, *SENT, *wrong, *spaced, *wrong]) as m,
-        pytest.raises(RefusedError, match="another target"),
+        pytest.raises(RefusedError, match="different target"),
     ):
         m.goto(*TARGET)
     with transcript(Lx200, [*start, *SENT, (b":Gr#", b""), (b":MS#", b"0"), *SENT, (b":MS#", b"0")]) as m:

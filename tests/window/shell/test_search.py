@@ -84,7 +84,7 @@ def test_dropped_elements_are_kept_and_their_bodies_looked_for(qtbot, opened, tm
     commands.open_all([REPOSITORY / "tests" / "sky" / "iridium-2025-01-05.tle"])
     qtbot.waitUntil(lambda: asked != [])
     assert [len(table.names) for table in asked] == [30]
-    assert window.status.currentMessage() == "The bodies of iridium-2025-01-05.tle are named in dated images."
+    assert window.status.currentMessage() == "Objects from iridium-2025-01-05.tle now appear in dated images."
     (tmp_path / "iridium-2025-01-05.tle").write_text("nothing")
     commands.open_all([tmp_path / "iridium-2025-01-05.tle"])
     qtbot.waitUntil(lambda: window.status.currentMessage().startswith("Can't read iridium-2025-01-05.tle: "))

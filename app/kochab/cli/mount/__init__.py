@@ -78,7 +78,7 @@ SWITCHES = {
     "yes": "carry it out (default: preview only)",
     "no-site": "allow it without a site, so without a horizon limit",
     "allow-flip": "allow a meridian flip",
-    "trust-mount": "the mount is right where its clock or site differs from this computer's",
+    "trust-mount": "use the mount's clock and site where they differ from this computer's",
 }
 
 

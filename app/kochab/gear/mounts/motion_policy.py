@@ -363,7 +363,7 @@ def sync_evidence(plan: Plan) -> Findings:
 def own_way(plan: Plan) -> Findings:
     """Warn that the mount goes its own way. Refuse to park below the horizon, or by a lost position."""
     low, limit = plan.park_altitude_deg, plan.limits.lowest_altitude_deg
-    yield warn("The mount goes its own way there, which Kochab cannot check before: watch the telescope.")
+    yield warn("Kochab can't check the mount's path in advance: watch the telescope.")
     if plan.action != "park":
         return
     if plan.doubt:  # a wrong clock alone leads no mount astray on its way to rest

@@ -182,7 +182,7 @@ class SerialLink:
         """Bytes up to and with ``terminator``; ``limit`` bytes without it are no answer."""
         got = self._read(timeout_s, lambda got: got.endswith(terminator) or len(got) >= limit)
         if not got.endswith(terminator):
-            raise NoAnswerError("The device on {port} sends an endless answer: {got!r}.", port=self.port, got=got[:24])
+            raise NoAnswerError("The device on {port} never ends its reply: {got!r}.", port=self.port, got=got[:24])
         return got
 
     def discard(self, quiet_s: float = 0.0) -> bytes:

@@ -129,7 +129,7 @@ class AlpacaLink:
             size += len(part)
             if size > most_bytes:
                 self._http.close()
-                text = tr_noop("{server} sends an endless answer.")
+                text = tr_noop("{server} never ends its reply.")
                 if picture:
                     text = tr_noop("{server} sent too much data for an image.")
                 raise NoAnswerError(text, server=self._address.server)

@@ -228,7 +228,7 @@ class IndiLink:
 
     def _endless(self) -> None:
         """Leave a server that defines or sends without end."""
-        self._lost = self._lost or tr("{server} sends an endless answer.", server=self._address.server)
+        self._lost = self._lost or tr("{server} never ends its reply.", server=self._address.server)
         self._client.shutdown()
 
     def _hear(self, event: Any) -> None:

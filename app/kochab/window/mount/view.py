@@ -63,7 +63,7 @@ SETTLES = {
     "set clock": (tr_noop("Set clock"), tr_noop("Set the mount’s clock to this computer’s")),
     "set site": (tr_noop("Set site"), tr_noop("Set the mount’s site to yours")),
 }
-TRUST_TIP = tr_noop("Slew and sync all the same; the limits are kept by this computer’s clock and your site")
+TRUST_TIP = tr_noop("Slew and sync anyway. Limits use this computer’s clock and your site.")
 ALIGNING = tr_noop("Polar alignment (F4) is using the mount")
 
 

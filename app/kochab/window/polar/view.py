@@ -37,7 +37,7 @@ REPLIES = {
     PolarButton.TURNED: tr_noop("Waiting for a new frame."),
     PolarButton.REMEASURE: tr_noop("Measuring again after this frame."),
     PolarButton.ENOUGH: "",
-    PolarButton.BACK: tr_noop("One more frame follows where RA began, to see what crept."),
+    PolarButton.BACK: tr_noop("Kochab returns RA to the start and takes one more frame to check for creep."),
     PolarButton.SECOND_SWEEP: tr_noop("A second sweep at another declination follows, to measure flexure."),
 }
 REFRESH_MS = 250

@@ -319,7 +319,7 @@ class Atlas(QDialog):
         self.sought = text_field(tr("Find"), tr(EXAMPLE), tr("A star, an object, a planet or coordinates"))
         self.told = label("", "muted", wrap=True)
         self.dated = label("", "muted", wrap=True)
-        self.framing = switch(tr("&Framing"), tr("What one frame, or a mosaic, holds around the middle of the chart"))
+        self.framing = switch(tr("&Framing"), tr("Show your field or a mosaic at the chart centre"))
         self.wide = number_field(tr("Width"), 0.01, 90.0, 1.5, 2, "°")
         self.high = number_field(tr("Height"), 0.01, 90.0, 1.0, 2, "°")
         self.turn = number_field(

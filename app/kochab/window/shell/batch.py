@@ -88,7 +88,7 @@ class Batch(QObject):
             self._next()
 
     def cancel(self) -> None:
-        """Stop; what is solved stays."""
+        """Stop; keeps solved images."""
         if self._job is not None:
             self._job.abandon()
         self._job, self.at = None, None

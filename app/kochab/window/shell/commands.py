@@ -287,7 +287,7 @@ class Commands(QObject):
 
     def _keep(self, path: Path) -> None:
         job = self.session.jobs.run(save_task(lambda: keep_elements(path), path), "elements")
-        job.succeeded.connect(lambda p: self._say(tr("The bodies of {name} are named in dated images.", name=p.name)))
+        job.succeeded.connect(lambda p: self._say(tr("Objects from {name} now appear in dated images.", name=p.name)))
         job.succeeded.connect(lambda _: self.presenter.look_for_bodies())
         job.failed.connect(self._say)
 

@@ -55,7 +55,7 @@ class FilmStrip(QFrame):
         self.bar = ProgressBar(tr("Progress of the files"))
         self.bar.setFixedWidth(110)
         self.solve = button(tr("Solve the rest"), batch.start, "small", tr("Solve the files that have no result yet"))
-        self.cancel = button(tr("Cancel"), batch.cancel, "small", tr("Stop; what is solved stays"))
+        self.cancel = button(tr("Cancel"), batch.cancel, "small", tr("Stop; keeps solved images"))
         self.failed = switch(tr("Failed only"), tr("Show only files without a solution"))
         self.order = choice_box(tr("Order of the files"), {tr(title): order for title, order in ORDERS.items()})
         tip = tr("All results in a table, to save as CSV")

@@ -69,7 +69,7 @@ SPECS = (
     Spec("figures", tr_noop("Constellation &lines"), "L", tr_noop("The figures of the constellations"), True),
     Spec("boundaries", tr_noop("Constellation &boundaries"), "", tr_noop("The IAU's boundaries"), True),
     Spec("ecliptic", tr_noop("E&cliptic"), "", tr_noop("The Sun's path"), True),
-    Spec("galactic", tr_noop("&Galactic equator"), "", tr_noop("The middle of the Milky Way"), True),
+    Spec("galactic", tr_noop("&Galactic equator"), "", tr_noop("Galactic plane"), True),
     Spec(
         "altaz",
         tr_noop("&Alt/Az grid"),

@@ -406,7 +406,7 @@ def _done(measured: Measured, good: bool, moves: int) -> PolarUpdate:
     words = tr("Polar alignment error: {total_in_words}.", total_in_words=total_in_words(error))
     if measured.measurement.spoilt:
         words = tr(
-            "Spoilt, don't turn a bolt. {findings}",
+            "Unusable: don't adjust. {findings}",
             findings=next(f.text for f in measured.measurement.findings if f.spoils),
         )
     elif not good:

@@ -116,7 +116,7 @@ def doubts_of(
             if unknown
             else tr("The frames' clock is taken as UTC ({time}).", time=f"{max(times):%H:%M}")
         )
-        costs = tr("An hour wrong would move the axis by {angle}: give the clock's UTC offset, 0 for UTC.")
+        costs = tr("A one-hour clock error would shift the axis by {angle}: give the clock's UTC offset, 0 for UTC.")
         text = f"{says} {costs.format(angle=angle_in_words(astray))}"
         doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
     return doubts

@@ -435,7 +435,7 @@ def _solved(
 
 def _told(result: Measurement | Drift, wish: AlignmentRequest, notes: str) -> PolarUpdate:
     findings = tuple(sorted(result.findings, key=lambda finding: not finding.spoils))
-    spoilt = tr("Spoilt, don't turn a bolt. {findings}", findings=findings[0].text) if result.spoilt else ""
+    spoilt = tr("Unusable: don't adjust. {findings}", findings=findings[0].text) if result.spoilt else ""
     if isinstance(result, Drift):
         words = tr_n(
             "Polar alignment error: {angle}, from {n} minute of drift.",

@@ -23,7 +23,7 @@ SAME_DEG = 0.1  # a target in low precision is rounded to 0.025 deg
 
 
 NO_PULSE = tr_noop("The {mount} has no guide pulse that Kochab could send.")
-NO_COMMAND = tr_noop("Kochab knows no command to {what} of the {mount}: use its hand control.")
+NO_COMMAND = tr_noop("The {mount} has no command to {what}: use its hand control.")
 NOT_KNOWN = tr_noop("Kochab knows no such command of the {mount}: use its hand control.")
 PARKED = tr_noop("A parked {mount} does not answer: switch it off and on.")
 OTHER_NAME = tr_noop(
@@ -248,7 +248,7 @@ class Lx200(SerialMount):
         if not self.holds_target(ra_deg, dec_deg):
             self.send_target(ra_deg, dec_deg, (True,))
             if not self.holds_target(ra_deg, dec_deg):
-                raise RefusedError("The mount takes another target than it is sent.")
+                raise RefusedError("Mount stored a different target than Kochab sent.")
 
     def send_target(self, ra_deg: float, dec_deg: float, spaces: tuple[bool, ...]) -> None:
         """Both coordinates, in the first form that it accepts."""

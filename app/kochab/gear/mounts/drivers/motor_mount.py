@@ -146,7 +146,7 @@ class MotorMount(SerialMount):
         """Read the motors' parameters; nothing is switched on yet."""
         if self.site is None:
             raise RefusedError("This mount stores no site: give --site LAT,LON.")
-        self._lacks[Ability.PULSE] = tr_noop("This mount is nudged by short gotos, which it ends itself.")
+        self._lacks[Ability.PULSE] = tr_noop("This mount is nudged by short gotos that stop by themselves.")
         for ability in (Ability.SITE, Ability.TIME, Ability.SET_SITE, Ability.SET_CLOCK):
             self._lacks[ability] = tr_noop("This mount stores neither site nor time.")
         tracks = dict.fromkeys((rate.ability for rate in TrackingRate), b"")
