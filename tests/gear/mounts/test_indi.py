@@ -105,6 +105,24 @@ def test_a_sync_is_believed_and_taken_back(server, guard) -> None:
     assert away(guard, (here.ra_deg, here.dec_deg)) < CLOSE_DEG
 
 
+def test_a_mount_that_has_parked_tells_a_place_and_can_be_stopped_and_unparked(guard) -> None:
+    """A sync before lets EQMod's declination count on beyond the pole: 90.9976 there was "no valid position"."""
+    start(guard)
+    here = guard.position()
+    guard.sync(here.ra_deg, here.dec_deg + 1.0, by_hand=True, confirmed=True)
+    run(guard.rest("park"))
+    try:
+        assert abs(guard.position().dec_deg) <= 90.0
+        assert guard.state().parked
+        guard.stop()
+        guard.emergency.confirm()
+    finally:
+        guard.unpark()
+    assert not guard.state().parked
+    start(guard)
+    guard.undo_sync()
+
+
 def test_stop_from_another_thread_ends_a_slew(guard) -> None:
     start(guard)
     target = at(-80.0, 65.0)
