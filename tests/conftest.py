@@ -31,6 +31,14 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "house")
 
 
+@pytest.fixture(autouse=True)
+def _no_mount_is_remembered():
+    """The next test's mount may answer at the same port."""
+    yield
+    for path in Path(_home.name, "config", "kochab", "mounts").glob("*-needs-sync.json"):
+        path.unlink()
+
+
 def pytest_configure() -> None:
     """Let astropy, the truth of many tests, fetch no tables, and use its own however old they are."""
     from astropy.utils import iers

@@ -25,6 +25,7 @@ from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_port
 from kochab.gear.mounts.serial_line import PORTS
+from kochab.gear.mounts.sync_needed import SyncNeeded
 from kochab.gear.quick_stop import last_used_path
 
 DRIVER_DEFAULT = tr_noop("default")
@@ -122,7 +123,8 @@ def guarded(
     _remember(selection)
     # With a clock of its own it is a practice night, on which nothing is kept.
     syncs = NightSyncs.of_line(now, kept, selection.port or selection.driver) if clock is None else None
-    return Guard(mount, site, limits or Limits(), clock=now, reopen=again, syncs=syncs)
+    needed = SyncNeeded.of_line(now, kept, f"{selection.driver} {selection.port}") if clock is None else None
+    return Guard(mount, site, limits or Limits(), clock=now, reopen=again, syncs=syncs, needed=needed)
 
 
 def _remember(selection: MountSelection) -> None:

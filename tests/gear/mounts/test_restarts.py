@@ -13,6 +13,7 @@ from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.gear.mounts.sync_needed import SyncNeeded
 from tests.boards import served
 from tests.boards.sky import sidereal_deg
 
@@ -92,6 +93,27 @@ def test_rest_is_not_done_by_a_mount_whose_power_failed_on_the_way(action, board
     assert guard.policy.until_sync or "did not answer" in ended
     assert "switched off and on" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
     assert not board.false_slews()
+
+
+def test_a_restart_that_one_command_saw_forbids_the_slew_of_the_next(board, tmp_path) -> None:
+    """Every `kochab mount` is a program of its own, and this mount's clock and site give nothing away."""
+
+    def command():
+        mount = open_mount(board.driver, board.port, site=board.site, clock=board.clock)
+        needed = SyncNeeded.of_line(board.clock, tmp_path, f"{board.driver} {board.port}")
+        return Guard(mount, board.site, Limits(crosses_meridian=True), clock=board.clock, needed=needed)
+
+    with command() as first:
+        first.preview_goto(*place(board, -30.0, 50.0))
+        board.cut_power(0.5)
+        for _ in range(3):
+            with pytest.raises(DeviceError):
+                run(first.slew(*place(board, -30.0, 50.0)))
+    with command() as second:
+        assert "Sync first" in said(lambda: second.goto(*place(board, -30.0, 50.0)))
+        assert not board.false_slews()
+        second.clock_and_site.trust()  # what --trust-mount does
+    assert list(tmp_path.iterdir()) == []
 
 
 # -- The end of a session ----------------------------------------------------------------------

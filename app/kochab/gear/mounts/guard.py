@@ -30,6 +30,7 @@ from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 from kochab.gear.mounts.standing import place_of_rest
+from kochab.gear.mounts.sync_needed import SyncNeeded
 
 UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
 DOUBTFUL_SYNC = tr_noop(
@@ -75,13 +76,14 @@ class Guard:
         reopen: Callable[[], Mount] | None = None,
         wait: Callable[[float], None] = sleep,
         syncs: NightSyncs | None = None,
+        needed: SyncNeeded | None = None,
     ) -> None:
         self.clock = clock
         self.syncs = syncs or NightSyncs(clock)
         self._before_sync: Degrees = (0.0, 0.0)  # the night's shift by hand, which undo restores
         self.log = log or MotionLog(clock=clock)
         self.armed = False
-        self.policy = MotionPolicy(site, limits or Limits(), clock)
+        self.policy = MotionPolicy(site, limits or Limits(), clock, needed)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
         self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted)

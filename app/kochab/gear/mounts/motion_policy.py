@@ -38,6 +38,7 @@ from kochab.gear.mounts.motion_plan import (
     turned,
     warn,
 )
+from kochab.gear.mounts.sync_needed import SyncNeeded
 
 Findings = Iterator[RuleFinding]
 AHEAD_S = 60.0  # tracking ends so long before its limit
@@ -390,12 +391,27 @@ SYNC_RULES = (readiness, agreement, sync_step, sync_evidence, horizon, sync_acro
 class MotionPolicy:
     """Plans motions and syncs and checks the rules; positions in the mount's own epoch.
 
-    ``doubt`` is what clock and site of the mount contradict; ``until_sync`` is what forbids a slew before a sync.
+    ``doubt`` is what clock and site of the mount contradict; ``until_sync`` is what forbids a slew before a sync, which
+    ``needed`` keeps for other programs.
     """
 
-    def __init__(self, site: Site | None, limits: Limits, clock: Callable[[], datetime]) -> None:
-        self.site, self.limits, self.clock = site, limits, clock
-        self.doubt = self.until_sync = ""
+    def __init__(
+        self, site: Site | None, limits: Limits, clock: Callable[[], datetime], needed: SyncNeeded | None = None
+    ) -> None:
+        self.site, self.limits, self.clock, self._needed = site, limits, clock, needed
+        self.doubt = ""
+        self._until_sync = "" if needed is None else needed.read()
+
+    @property
+    def until_sync(self) -> str:
+        """Why no slew is allowed before a sync; empty when one is."""
+        return self._until_sync
+
+    @until_sync.setter
+    def until_sync(self, sentence: str) -> None:
+        if self._needed is not None and sentence != self._until_sync:
+            self._needed.keep(sentence)
+        self._until_sync = sentence
 
     def goto(self, here: Pointing, state: MountState, to_deg: Degrees, flip: bool = False) -> tuple[Plan, Preview]:
         """A slew, and its preview by the rules; ``flip``: a person has asked for it."""
