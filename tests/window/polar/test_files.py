@@ -23,6 +23,7 @@ from kochab.polar.horizon import Pole, pole_direction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
 from kochab.polar.tutor import TutorStep
+from kochab.server.phone_page import state_json
 from kochab.simulate.camera_source import SimulatedCamera
 from kochab.simulate.rig import PracticeRig, RigConfig, through
 from kochab.workflows.polar.sources import last_night, remember_night
@@ -111,7 +112,7 @@ def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp
     view.bolts.show_state(view.state, 0.0)
     assert view.bolts.digits() == "–"
     assert view.state.bolt_error is None
-    assert "total_arcsec" not in json.dumps(view.phone.page._numbers), "nor on the phone"
+    assert "total_arcsec" not in json.dumps(state_json(view.state, 0.0)), "nor on the phone"
     # Half an axis is no report, and nothing for another night.
     assert view.history.history is None
     assert "report" not in view.message.text()
