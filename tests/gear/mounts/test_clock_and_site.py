@@ -328,7 +328,7 @@ def test_what_a_simulated_controller_believes_is_asked_and_set_as_its_protocol_s
                 guard.set_clock()
             telescope.aligned = False
         if driver == "astrophysics":
-            with pytest.raises(RefusedError, match="Astro.* has no command to set its clock"):
+            with pytest.raises(RefusedError, match=r"Astro.* has no command to set its clock"):
                 guard.set_clock()
             mount.close()
             return
