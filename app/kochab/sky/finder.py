@@ -25,7 +25,7 @@ from kochab.core.coordinates import parse_place
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Task
-from kochab.sky.apparent import from_apparent, julian_date_tt, julian_years
+from kochab.sky.apparent import JD_UNIX, from_apparent, julian_date_tt, julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue, shipped_folder
 from kochab.sky.landmarks import constellation_at, constellation_names
 from kochab.sky.names import GENITIVES, GREEK, SkyObjects, StarNames, read_objects
@@ -434,7 +434,7 @@ def zenith(time_utc: datetime, site: Site) -> Found:
     """The point overhead, to some arcseconds: UT1 is taken for UTC."""
     import erfa
 
-    jd_utc = 2440587.5 + time_utc.timestamp() / 86400.0
+    jd_utc = JD_UNIX + time_utc.timestamp() / 86400.0
     sidereal_deg = math.degrees(erfa.gst06a(jd_utc, 0.0, julian_date_tt(time_utc), 0.0)) + site.longitude_deg
     overhead = unit_vectors(sidereal_deg % 360.0, site.latitude_deg)
     return Found("Zenith", "place", *radec_deg(from_apparent(overhead[None], time_utc)[0]))

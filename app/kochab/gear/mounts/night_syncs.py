@@ -1,7 +1,6 @@
 """By how much syncs by hand have shifted a mount this night, all together and across programs."""
 
 import json
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from kochab.core.attitude import wrapped
 from kochab.core.text_input import read_json
+from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.gear.mounts.motion_plan import Degrees
 
 OVER_S = 12 * 3600.0  # after its last sync by hand a night is over
@@ -29,7 +29,7 @@ class NightSyncs:
     @classmethod
     def of_line(cls, clock: Callable[[], datetime], folder: Path, line: str) -> "NightSyncs":
         """Of the mount at a port or an address, kept in ``folder``."""
-        return cls(clock, folder / f"{re.sub('[^A-Za-z0-9]+', '-', line)}-syncs.json")
+        return cls(clock, kept_file(folder, line, "syncs"))
 
     @property
     def shift_deg(self) -> Degrees:

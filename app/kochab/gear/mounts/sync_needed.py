@@ -1,13 +1,13 @@
 """Why a mount must not slew before a sync, kept for the next program that drives it."""
 
 import json
-import re
 from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
 from kochab.core.text_input import read_json
+from kochab.gear.mounts.kept_by_line import kept_file
 
 OVER_S = 12 * 3600.0  # by then the mount has been put away, or somebody has aligned it
 
@@ -25,7 +25,7 @@ class SyncNeeded:
     @classmethod
     def of_line(cls, clock: Callable[[], datetime], folder: Path, line: str) -> "SyncNeeded":
         """Of the mount at a port or an address, kept in ``folder``."""
-        return cls(clock, folder / f"{re.sub('[^A-Za-z0-9]+', '-', line)}-needs-sync.json")
+        return cls(clock, kept_file(folder, line, "needs-sync"))
 
     def read(self) -> str:
         """What was kept; empty when that is half a day ago or cannot be read."""

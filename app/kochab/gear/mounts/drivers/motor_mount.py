@@ -5,7 +5,6 @@ stand. So nothing slews until the user or a solved frame has confirmed home.
 """
 
 import json
-import re
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ from kochab.core.mount import (
 from kochab.core.text_input import read_json
 from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
+from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.gear.mounts.serial_line import Command
 
 # -- From encoder angles to hour angle and declination, and back -------------------------------
@@ -219,7 +219,7 @@ class MotorMount(SerialMount):
         """Where the zero of this mount is kept."""
         if self.kept is None:
             return None
-        return self.kept / f"{re.sub('[^A-Za-z0-9]+', '-', self.talk.link.port)}-{self.board_id()}.json"
+        return kept_file(self.kept, self.talk.link.port, str(self.board_id()))
 
     def recall(self) -> KeptZero | None:
         """What the last program saved; None when the file is damaged."""
