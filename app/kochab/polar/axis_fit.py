@@ -356,7 +356,7 @@ class Gradual:
     evidence: float
 
 
-def doubted(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> AxisFit:
+def average_over_fault_models(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> AxisFit:
     """The fit of frames that share no axis, its axis and ellipse those of whatever may have moved."""
     models = [*_gradual(attitudes, fit), *_sudden(suppose(attitudes, towards))]
     mean = np.einsum("k,ki->i", _odds(models), np.stack([g.axis for g in models]))

@@ -14,7 +14,16 @@ from kochab.core.attitude import angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.polar.axis_fit import UNLIKELY, AxisFit, Movement, by_place, doubted, find_movement, fit_axis, unseen_creep
+from kochab.polar.axis_fit import (
+    UNLIKELY,
+    AxisFit,
+    Movement,
+    average_over_fault_models,
+    by_place,
+    find_movement,
+    fit_axis,
+    unseen_creep,
+)
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction, tracking_rad_s
@@ -484,7 +493,7 @@ def _used(
     if movement is not None and movement.explains:
         return movement.fit, np.zeros((2, 2))  # its covariance counts what moved
     if fit.chance < UNLIKELY:
-        return doubted(sweep, fit, towards), np.zeros((2, 2))
+        return average_over_fault_models(sweep, fit, towards), np.zeros((2, 2))
     return fit, unseen_creep(sweep, fit)
 
 
