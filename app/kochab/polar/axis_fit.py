@@ -381,7 +381,7 @@ def _sudden(supposed: Sequence[Supposed]) -> list["Gradual"]:
     return found
 
 
-def unseen_creep(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> Floats:
+def undetected_creep_covariance(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> Floats:
     """Covariance (2, 2), rad^2, that comes on top where frames share an axis but can't show whether it moved."""
     still = Gradual(fit.axis, fit.covariance, -0.5 * fit.chi2 + float(np.log(STILL)))
     return _about(fit, [*_gradual(attitudes, fit), still]) - fit.covariance

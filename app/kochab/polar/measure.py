@@ -22,7 +22,7 @@ from kochab.polar.axis_fit import (
     by_place,
     find_movement,
     fit_axis,
-    unseen_creep,
+    undetected_creep_covariance,
 )
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
@@ -494,7 +494,7 @@ def _used(
         return movement.fit, np.zeros((2, 2))  # its covariance counts what moved
     if fit.chance < UNLIKELY:
         return average_over_fault_models(sweep, fit, towards), np.zeros((2, 2))
-    return fit, unseen_creep(sweep, fit)
+    return fit, undetected_creep_covariance(sweep, fit)
 
 
 def _sweeps(attitudes: Sequence[LocalAttitude]) -> list[list[LocalAttitude]]:

@@ -52,7 +52,7 @@ def test_the_ellipse_holds_what_frames_cannot_show_and_would_not_without_the_pri
     assert sum(bench.measure_moved(fault, seed)["in_95"] for seed in range(12)) >= least
     if fault == "droop 120":
         return
-    monkeypatch.setattr(polar_measure, "unseen_creep", lambda *_: np.zeros((2, 2)))
+    monkeypatch.setattr(polar_measure, "undetected_creep_covariance", lambda *_: np.zeros((2, 2)))
     assert sum(bench.measure_moved(fault, seed)["in_95"] for seed in range(12)) < least
 
 
