@@ -14,7 +14,7 @@ import numpy as np
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
 from kochab.polar.rotations import ARCSEC, about, about_each, rotation_vector, rotation_vectors, tangents
-from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, Supposed, suppose
+from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, MovementFit, fit_with_movement
 from kochab.polar.sighting import LocalAttitude
 
 # -- The axis from two attitudes: the axis of the rotation between them ------------------------
@@ -281,19 +281,19 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
     """The movement that best explains a poor fit of three or more frames; None when none does."""
     if len(attitudes) < 3 or fit.chance > UNLIKELY:
         return None
-    supposed = suppose(attitudes, towards)
-    sudden = _sudden(supposed)
-    best = supposed[int(np.argmax([g.evidence for g in sudden]))]
+    movement_fits = fit_with_movement(attitudes, towards)
+    sudden = _sudden(movement_fits)
+    best = movement_fits[int(np.argmax([g.evidence for g in sudden]))]
     if abs(best.angle_rad) <= max(3.0 * best.sigma_rad.max(), LEAST_ARCSEC * ARCSEC):
         return None
     models = [*sudden, *_gradual(attitudes, fit)]
     among_all, odds = _odds(models)[: len(sudden)], _odds(sudden)
     if among_all.sum() < SUDDEN:
         return None
-    causes = _left_open(supposed, odds, best, len(attitudes))
+    causes = _left_open(movement_fits, odds, best, len(attitudes))
     turned = abs(best.angle_rad) > FARTHEST_RAD and best.cause in ON_THE_MOUNT
-    sure = float(among_all[[s.cause in ON_THE_MOUNT for s in supposed]].sum()) > SURE
-    gaps = [s.after for s, odd in zip(supposed, odds, strict=True) if odd > PLAUSIBLE]
+    sure = float(among_all[[s.cause in ON_THE_MOUNT for s in movement_fits]].sum()) > SURE
+    gaps = [s.after for s, odd in zip(movement_fits, odds, strict=True) if odd > PLAUSIBLE]
     names = [a.label or f"frame {k + 1}" for k, a in enumerate(attitudes)]
     one = best.cause is Cause.FRAME and causes == (Cause.FRAME,)
     return Movement(
@@ -309,16 +309,16 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
     )
 
 
-def _left_open(supposed: Sequence[Supposed], odds: Floats, best: Supposed, frames: int) -> tuple[Cause, ...]:
+def _left_open(movement_fits: Sequence[MovementFit], odds: Floats, best: MovementFit, frames: int) -> tuple[Cause, ...]:
     """The causes that the frames do not rule out; of few frames always those that look alike in them."""
-    share = {c: float(odds[[s.looks_like is c for s in supposed]].sum()) for c in Cause}
+    share = {c: float(odds[[s.looks_like is c for s in movement_fits]].sum()) for c in Cause}
     open_ = {cause for cause in Cause if share[cause] > PLAUSIBLE} | {best.looks_like}
     if frames < ENOUGH_FRAMES and abs(best.angle_rad) < FARTHEST_RAD:
         open_ |= {Cause.DECLINATION, Cause.MOUNT}
     return tuple(cause for cause in Cause if cause in open_)
 
 
-def _knowing(attitudes: Sequence[LocalAttitude], best: Supposed, towards: Floats) -> AxisFit:
+def _knowing(attitudes: Sequence[LocalAttitude], best: MovementFit, towards: Floats) -> AxisFit:
     """The fit with the earlier frames taken to where the later ones stand, and the covariances of all unknowns.
 
     The earlier frames are turned, not the later ones: the live phase goes on with the camera as it stands in the end.
@@ -358,17 +358,17 @@ class Gradual:
 
 def average_over_fault_models(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Floats) -> AxisFit:
     """The fit of frames that share no axis, its axis and ellipse those of whatever may have moved."""
-    models = [*_gradual(attitudes, fit), *_sudden(suppose(attitudes, towards))]
+    models = [*_gradual(attitudes, fit), *_sudden(fit_with_movement(attitudes, towards))]
     mean = np.einsum("k,ki->i", _odds(models), np.stack([g.axis for g in models]))
     moved = replace(fit, axis=mean / np.linalg.norm(mean))
     return _widened(moved, _about(moved, models))
 
 
-def _sudden(supposed: Sequence[Supposed]) -> list["Gradual"]:
+def _sudden(movement_fits: Sequence[MovementFit]) -> list["Gradual"]:
     """Sudden movements among the models, together as common as one that grows."""
-    gaps = len({s.after for s in supposed})
+    gaps = len({s.after for s in movement_fits})
     found = []
-    for s in supposed:  # as common at every size, from about an arcminute to degrees
+    for s in movement_fits:  # as common at every size, from about an arcminute to degrees
         # Occam: the width of the likelihood over that of a prior that falls as one over the size, each of its unknowns
         width = s.sigma_rad / (abs(s.angle_rad) + SMALL_ARCSEC * ARCSEC)
         far = s.cause is Cause.MOUNT and abs(s.angle_rad) > FARTHEST_RAD

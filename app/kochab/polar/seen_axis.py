@@ -39,7 +39,7 @@ LEAST_SIN = 1e-6  # nearer to the boresight than that the axis has no side
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Supposed:
+class MovementFit:
     """The axis if ``cause`` moved once, after frame ``after`` (counted from 0; of a wrong frame, its own number).
 
     ``axis`` (3,), E, N, U, and ``covariance`` (2, 2), rad^2, along (altitude, azimuth on the sky) are those of the last
@@ -80,7 +80,7 @@ class _State:
         return place, np.cos(rho)[:, None] * out - np.sin(rho)[:, None] * up, around
 
 
-def suppose(attitudes: Sequence[LocalAttitude], towards: Floats) -> list[Supposed]:
+def fit_with_movement(attitudes: Sequence[LocalAttitude], towards: Floats) -> list[MovementFit]:
     """The best fit of each cause after each frame but the last, and of each frame between others left out."""
     matrices = np.stack([a.matrix for a in attitudes])
     covariances = np.stack([a.covariance for a in attitudes])
@@ -93,7 +93,7 @@ def suppose(attitudes: Sequence[LocalAttitude], towards: Floats) -> list[Suppose
 
 def _fitted(
     cause: Cause, after: int, early: NDArray[np.bool_], matrices: Floats, covariances: Floats, towards: Floats
-) -> Supposed:
+) -> MovementFit:
     """Gauss-Newton from the side of the gap whose frames turned further."""
     state, which = _start(cause, early, matrices, towards), early.astype(np.intp)
     for _ in range(STEPS):
@@ -197,12 +197,12 @@ def _move(cause: Cause, state: _State, step: Floats) -> None:
 
 def _concluded(
     cause: Cause, after: int, state: _State, which: NDArray[np.intp], matrices: Floats, covariances: Floats
-) -> Supposed:
+) -> MovementFit:
     residual, jacobian = _linear(cause, state, which, matrices, covariances)
     whole: Floats = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64)
     places, outward, around = state.places()
     in_camera = np.stack([outward[0], around[0] * np.sin(state.rho[0])], axis=1)
-    return Supposed(
+    return MovementFit(
         cause,
         after,
         state.axes[0],
