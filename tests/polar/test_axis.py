@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from kochab.core.attitude import angle_between
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.polar.axis_fit import axis_of_two, by_place, chance_of, find_movement, fit_axis
+from kochab.polar.axis_fit import axis_of_two, chance_of, find_movement, fit_axis, merge_frames_of_one_place
 from kochab.polar.rotations import alt_az, rotation_vector, tangents
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
@@ -69,7 +69,7 @@ def test_frames_of_one_place_tell_one_attitude_more_surely(latitude, tracked):
     mount, rng, squares = Mount(latitude), np.random.default_rng(5), []
     for _ in range(300):
         frames, clock = at_one_place(mount, rng, tracked)
-        (one,) = by_place(frames, mount.pole, clock)
+        (one,) = merge_frames_of_one_place(frames, mount.pole, clock)
         true = at_one_place(mount, None, tracked)[0][-1]
         off = rotation_vector(true.matrix.T @ one.matrix)
         squares.append(off @ np.linalg.solve(one.covariance, off))
@@ -82,11 +82,11 @@ def test_frames_that_moved_or_are_of_no_place_stay_as_they_are():
     mount, rng = Mount(), np.random.default_rng(5)
     bumped = Rotation.from_rotvec([120.0 * ARCSEC, 0.0, 0.0]).as_matrix()
     frames, clock = at_one_place(mount, rng, after=(3, bumped))
-    assert by_place(frames, mount.pole, clock) == frames[-1:]
+    assert merge_frames_of_one_place(frames, mount.pole, clock) == frames[-1:]
     apart = mount.see((0, 30, 60), rng)
-    assert by_place(apart, mount.pole, clock) == apart
+    assert merge_frames_of_one_place(apart, mount.pole, clock) == apart
     two = [*frames[:2], *(replace(one, place=1) for one in apart)]
-    assert len(by_place(two, mount.pole, clock)) == 2
+    assert len(merge_frames_of_one_place(two, mount.pole, clock)) == 2
 
 
 angles = st.floats(-180.0, 180.0)

@@ -47,7 +47,7 @@ def chance_of(chi2: float, freedom: float) -> float:
 SHARED = 0.05  # of the variance of a frame, which others of the same stars have as well
 
 
-def by_place(attitudes: Sequence[LocalAttitude], pole: Floats, clock: float) -> list[LocalAttitude]:
+def merge_frames_of_one_place(attitudes: Sequence[LocalAttitude], pole: Floats, clock: float) -> list[LocalAttitude]:
     """Of each place one attitude at its last frame's time, as all its frames tell it.
 
     Between them the mount either tracked, ``clock`` radians a second about ``pole`` (3,), or stood; where neither

@@ -19,9 +19,9 @@ from kochab.polar.axis_fit import (
     AxisFit,
     Movement,
     average_over_fault_models,
-    by_place,
     find_movement,
     fit_axis,
+    merge_frames_of_one_place,
     undetected_creep_covariance,
 )
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
@@ -457,7 +457,7 @@ def measure_local(
     towards = pole_direction(settings.site, settings.pole, settings.refraction)
     attitudes, camera = with_one_camera(attitudes)
     # by_place means attitudes, which have to be of one camera for that.
-    attitudes = by_place(attitudes, towards, tracking_rad_s(settings.site))
+    attitudes = merge_frames_of_one_place(attitudes, towards, tracking_rad_s(settings.site))
     sweeps = _sweeps(attitudes)
     if not sweeps:
         return NoAxis(tr("an axis needs at least two frames of one sweep"), tr("Rotate RA and take another frame."))
