@@ -10,7 +10,7 @@ from kochab.core.mount import Direction
 from kochab.polar.error import CHI2_68, CHI2_95, PolarError
 from kochab.polar.flexure import REST_ARCSEC, TUBE_ARCSEC, UNKNOWN, Droop, SweepResult, combine_sweeps, lever
 from kochab.polar.horizon import Pole, Refraction
-from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local, together
+from kochab.polar.measure import MeasureSettings, PolarFindingKind, combine_measurements, measure_local
 from kochab.polar.plan import Optics, plan_second
 from kochab.polar.rotations import tangents
 from kochab.polar.sighting import LocalAttitude
@@ -139,7 +139,7 @@ def test_two_measurements_keep_what_neither_could_see():
     mount = Mount(40.0, 500.0, 300.0)
     rng = np.random.default_rng(5)
     first, again = (measure_local(mount.see(TURNS, rng), settings(mount)) for _ in range(2))
-    both = together(first, again)
+    both = combine_measurements(first, again)
     assert len(both.results) == 2
     assert both.error.flexure_total_arcsec == pytest.approx(first.error.flexure_total_arcsec, rel=0.02)
 

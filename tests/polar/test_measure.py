@@ -317,16 +317,16 @@ def test_systematics_have_the_expected_size():
 
 
 def test_two_measurements_of_an_axis_at_rest_are_surer_together():
-    from kochab.polar.measure import together
+    from kochab.polar.measure import combine_measurements
 
     first = measured(Mount(40.0, 20.0, 10.0), [0, 30, 60], seed=1)
     again = measured(Mount(40.0, 20.0, 10.0), [0, 30, 60], seed=5)
-    both = together(first, again)
+    both = combine_measurements(first, again)
     assert both.error.uncertainty_arcsec < 0.9 * first.error.uncertainty_arcsec
     low, high = sorted(m.error.altitude_arcsec for m in (first, again))
     assert low < both.error.altitude_arcsec < high
     kicked = measured(Mount(40.0, 220.0, 10.0), [0, 30, 60], seed=5)
-    assert together(first, kicked).error.uncertainty_arcsec > 2 * first.error.uncertainty_arcsec
+    assert combine_measurements(first, kicked).error.uncertainty_arcsec > 2 * first.error.uncertainty_arcsec
 
 
 @pytest.mark.parametrize(

@@ -547,7 +547,7 @@ def _rho_rad(fit: AxisFit) -> float:
     return angle_between(fit.axis, fit.reference[:, 2])
 
 
-def together(first: Measurement, again: Measurement) -> Measurement:
+def combine_measurements(first: Measurement, again: Measurement) -> Measurement:
     """The second of two measurements, with the error of both: the bolts were left alone between.
 
     Findings about the frames are kept from both; those about flexure are made anew.

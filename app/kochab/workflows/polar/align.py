@@ -15,7 +15,7 @@ from kochab.gear.adjusters import AdjusterAxis
 from kochab.polar.error import Knob, PolarError, angle_in_words, split_in_words, total_in_words
 from kochab.polar.flexure import UNKNOWN
 from kochab.polar.live import LiveError, LivePhase, Steady, SteadyError
-from kochab.polar.measure import Measurement, MeasureSettings, PolarFinding, PolarFindingKind, together
+from kochab.polar.measure import Measurement, MeasureSettings, PolarFinding, PolarFindingKind, combine_measurements
 from kochab.polar.report import History
 from kochab.polar.rotations import ARCSEC, tangents
 from kochab.polar.sighting import to_local
@@ -309,7 +309,7 @@ def align(
         if controls.take(PolarButton.BACK):
             measured = yield from back_at_start(source, turner, measured, controls)
         if before is not None:
-            both = together(before, measured.measurement)
+            both = combine_measurements(before, measured.measurement)
             measured = replace(measured, measurement=both, findings=both.findings)
         history.measured(measured.measurement)
         keep(history)

@@ -23,9 +23,9 @@ from kochab.polar.measure import (
     NoAxis,
     PolarFinding,
     PolarFindingKind,
+    combine_measurements,
     measure_local,
     slipping,
-    together,
 )
 from kochab.polar.plan import (
     BACK_DEG,
@@ -414,7 +414,7 @@ def second_sweep(
     begin, _ = yield from _turned(watch, turner, plan.direction, plan.degrees, last)
     again = replace(sweep, frames=frames, backwards=None)
     second = yield from sweep_from(begin, plan.path, watch, turner, again, measurement.before)
-    both = together(measurement, second.measurement)
+    both = combine_measurements(measurement, second.measurement)
     slips = [f for f in second.findings if f.kind is PolarFindingKind.SLIPPING]
     return replace(second, measurement=both, findings=(*slips, *both.findings))
 
