@@ -421,7 +421,7 @@ class Measurement:
         return float(np.degrees(_rho_rad(self.fit)))
 
 
-def astray_arcsec(error: PolarError, site: Site, sky_deg: float) -> float:
+def axis_shift_arcsec(error: PolarError, site: Site, sky_deg: float) -> float:
     """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 within its ellipse."""
     axis = about(pole_direction(site, Pole.TRUE), np.radians(sky_deg)) @ error.axis
     inside = error.with_flexure.distance2(axis) <= CHI2_95

@@ -26,7 +26,7 @@ from kochab.frames.hints import NO_ZONE, aware_utc
 from kochab.polar.bolts import Pitches
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.horizon import Horizon, sun_altitude_deg
-from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, astray_arcsec
+from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, axis_shift_arcsec
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
@@ -100,7 +100,7 @@ def doubts_of(
     doubts = []
     unsigned = "" if site_given else next((file.unsigned for file in files if file.unsigned), "")
     west = replace(site, longitude_deg=-site.longitude_deg)
-    if unsigned and astray_arcsec(error, site, 2.0 * site.longitude_deg) and _up_at(files, west):
+    if unsigned and axis_shift_arcsec(error, site, 2.0 * site.longitude_deg) and _up_at(files, west):
         text = tr(
             "The longitude in the header, {longitude}, has no sign. Say whether it is east or west: give the site.",
             longitude=unsigned,
@@ -108,7 +108,7 @@ def doubts_of(
         doubts.append(PolarFinding(PolarFindingKind.LONGITUDE_SIGN, text, spoils=True))
     hour = 3600.0 * SIDEREAL_DEG_S
     times = [file.time_utc for file in files if file.time_utc is not None]
-    astray = max(astray_arcsec(error, site, sky) for sky in (-hour, hour)) if times and not zone_given else 0.0
+    astray = max(axis_shift_arcsec(error, site, sky) for sky in (-hour, hour)) if times and not zone_given else 0.0
     if astray:
         unknown = any(NO_ZONE in file.warnings for file in files)
         says = (
@@ -168,8 +168,8 @@ def given_doubts(
         text = tr(OTHER_ZONE, offset=zone_h, longitude=site.longitude_deg)
         found.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=True))
     hour_deg = 3600.0 * SIDEREAL_DEG_S
-    hour = max(astray_arcsec(error, site, sky) for sky in (-hour_deg, hour_deg))
-    degree = max(astray_arcsec(error, site, sky) for sky in (-DEGREE, DEGREE))
+    hour = max(axis_shift_arcsec(error, site, sky) for sky in (-hour_deg, hour_deg))
+    degree = max(axis_shift_arcsec(error, site, sky) for sky in (-DEGREE, DEGREE))
     if times and (degree or (hour and utc_offset_h is not None)):
         text = tr(TRUSTED, degree=angle_in_words(degree), hour=angle_in_words(hour))
         found.append(PolarFinding(PolarFindingKind.ON_TRUST, text))
@@ -183,7 +183,7 @@ def _apart_arcsec(error: PolarError, site: Site, other: Site) -> float:
     if max(south, abs(east)) < SAME_SITE_DEG:
         return 0.0
     # refraction apart, a site further south sees the same axis as far from its pole; across the equator another pole
-    return 3600.0 * south if site.latitude_deg * other.latitude_deg < 0.0 else astray_arcsec(error, site, east)
+    return 3600.0 * south if site.latitude_deg * other.latitude_deg < 0.0 else axis_shift_arcsec(error, site, east)
 
 
 def clock_doubts(ahead_s: float, mount: str, error: PolarError, site: Site) -> list[PolarFinding]:
@@ -193,7 +193,7 @@ def clock_doubts(ahead_s: float, mount: str, error: PolarError, site: Site) -> l
     """
     found = [PolarFinding(PolarFindingKind.CLOCK, mount)] if mount else []
     apart_s = abs(ahead_s)
-    astray = astray_arcsec(error, site, ahead_s * SIDEREAL_DEG_S) if CLOCK_S < apart_s < DAYS_S else 0.0
+    astray = axis_shift_arcsec(error, site, ahead_s * SIDEREAL_DEG_S) if CLOCK_S < apart_s < DAYS_S else 0.0
     if astray:
         text = tr("The camera's clock is {size} ahead of this computer's. If it is wrong, the axis is off by {angle}.")
         if ahead_s < 0.0:
