@@ -125,7 +125,7 @@ def test_what_guiding_took_away_is_put_back(tmp_path):
     guided = drift_of(tmp_path, log_text(star, rows=pulses), site)
     free = drift_of(tmp_path, log_text(falling(2.0)), site)
     assert guided.error.azimuth_arcsec == pytest.approx(free.error.azimuth_arcsec, rel=0.05)
-    sigmas = [each.error.with_flexure.knob_sigma_arcsec(Knob.AZIMUTH) for each in (guided, free)]
+    sigmas = [each.error.with_systematics.knob_sigma_arcsec(Knob.AZIMUTH) for each in (guided, free)]
     assert sigmas[0] > 0.19 * abs(free.error.azimuth_arcsec) > sigmas[1]  # a pulse is known to a fifth
 
 
@@ -179,7 +179,7 @@ def test_a_degree_of_pulses_at_high_declination_is_undone_as_a_turn(tmp_path, nu
     where = MeasureSettings(Site(night.latitude_deg, night.longitude_deg, night.height_m))
     found = measure_drift(guide_log(path, where), where)
     assert not found.spoilt
-    assert found.error.with_flexure.distance2(guide_logs.axis_enu(night)) <= CHI2_95
+    assert found.error.with_systematics.distance2(guide_logs.axis_enu(night)) <= CHI2_95
 
 
 @pytest.mark.parametrize(("dithers", "off", "sure"), [(True, 0.1, 0.12), (False, 0.4, 2.0)])
@@ -188,7 +188,7 @@ def test_a_calibration_a_third_wrong_is_read_from_dithers_and_doubted_without(tm
     site = Site(47.0, 8.0)
     truth = drift_of(tmp_path, log_text(falling(2.0, 60.0)), site).error.azimuth_arcsec
     found = drift_of(tmp_path, guided_log(2.0, 0.08, pulse=1.45, minutes=60.0, dithered=dithers), site)
-    sigma = found.error.with_flexure.knob_sigma_arcsec(Knob.AZIMUTH)
+    sigma = found.error.with_systematics.knob_sigma_arcsec(Knob.AZIMUTH)
     assert abs(found.error.azimuth_arcsec / truth - 1.0) < off
     assert abs(found.error.azimuth_arcsec - truth) < 1.6 * sigma
     assert sigma < sure * abs(truth)
@@ -202,7 +202,7 @@ def test_a_mount_that_nobody_synced_reports_another_hour_angle(tmp_path):
     guide_logs.write_log(night, path)
     where = MeasureSettings(Site(night.latitude_deg, night.longitude_deg, night.height_m))
     found = measure_drift(guide_log(path, where), where)
-    assert found.error.with_flexure.distance2(guide_logs.axis_enu(night)) <= CHI2_95
+    assert found.error.with_systematics.distance2(guide_logs.axis_enu(night)) <= CHI2_95
 
 
 def test_what_ra_leaks_into_dec_is_no_drift(tmp_path):
@@ -212,7 +212,7 @@ def test_what_ra_leaks_into_dec_is_no_drift(tmp_path):
     guide_logs.write_log(night, path)
     where = MeasureSettings(Site(night.latitude_deg, night.longitude_deg, night.height_m))
     found = measure_drift(guide_log(path, where), where)
-    assert found.error.with_flexure.distance2(guide_logs.axis_enu(night)) <= CHI2_95
+    assert found.error.with_systematics.distance2(guide_logs.axis_enu(night)) <= CHI2_95
 
 
 def test_runs_of_one_calibration_share_its_error(tmp_path):
@@ -220,7 +220,7 @@ def test_runs_of_one_calibration_share_its_error(tmp_path):
     site, one = Site(47.0, 8.0), guided_log(2.0, 0.05)
     single, three = (drift_of(tmp_path, text, site) for text in (one, "\n".join([one] * 3)))
     other = drift_of(tmp_path, "\n".join([one, one.replace("4.000, parity", "4.001, parity")]), site)
-    sigmas = [d.error.with_flexure.knob_sigma_arcsec(Knob.AZIMUTH) for d in (single, three, other)]
+    sigmas = [d.error.with_systematics.knob_sigma_arcsec(Knob.AZIMUTH) for d in (single, three, other)]
     assert sigmas[1] > 0.9 * sigmas[0]
     assert sigmas[2] < 0.8 * sigmas[0]
 
@@ -359,8 +359,8 @@ def test_the_ellipse_holds_with_everything_that_bends():
     for _ in range(120):
         mount, stretch = nuisance_night(rng)
         found = measure_drift([stretch], settings(mount.site))
-        held += found.error.with_flexure.distance2(mount.axis) <= CHI2_95
-        sure.append(found.error.with_flexure.ellipse_arcsec()[1])
+        held += found.error.with_systematics.distance2(mount.axis) <= CHI2_95
+        sure.append(found.error.with_systematics.ellipse_arcsec()[1])
     assert held >= 112  # of 120: 93 %
     assert np.median(sure) < 100.0  # and not by being so wide that everything is inside
 
@@ -373,9 +373,9 @@ def test_guided_frames_are_never_taken_for_an_aligned_mount():
     found = measure_drift(stretches_of(seen, settings(SITE), guided=None), settings(SITE))
     assert found.stretches[0].held
     assert PolarFindingKind.GUIDED in kinds(found)
-    assert found.error.with_flexure.distance2(axis) <= CHI2_95
+    assert found.error.with_systematics.distance2(axis) <= CHI2_95
     believed = measure_drift(stretches_of(seen, settings(SITE), guided=False), settings(SITE))
-    assert believed.error.with_flexure.distance2(axis) > 2.0 * CHI2_95  # what would have been said
+    assert believed.error.with_systematics.distance2(axis) > 2.0 * CHI2_95  # what would have been said
     dithered = [
         replace(
             s,
@@ -408,7 +408,7 @@ def test_two_places_tell_both_bolts_and_a_bolt_between_them_is_found():
     assert not one.known
     assert both.known
     assert not both.spoilt
-    assert both.error.with_flexure.distance2(mount.axis) <= CHI2_95
+    assert both.error.with_systematics.distance2(mount.axis) <= CHI2_95
     turned = replace(east, d_alt=1500.0)
     moved = Stretch(
         tuple(replace(a, time_utc=a.time_utc + timedelta(hours=1)) for a in turned.see(turns, rng, seconds=30.0))

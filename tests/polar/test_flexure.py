@@ -107,7 +107,7 @@ def test_noise_and_bending_together_are_as_large_as_said(sweeps):
         if sweeps == 2:
             frames = frames + other.see(TURNS, rng, sweep=1)
         found = measure_local(bent(frames, rng.normal(0, TUBE_ARCSEC), rest), settings(mount))
-        distance2 = replace(found.error, creep=np.zeros((2, 2))).with_flexure.distance2(mount.axis)
+        distance2 = replace(found.error, creep=np.zeros((2, 2))).with_systematics.distance2(mount.axis)
         inside68 += distance2 < CHI2_68
         inside95 += distance2 < CHI2_95
     assert 0.6 < inside68 / runs < 0.85
@@ -152,7 +152,7 @@ def test_the_plan_goes_where_the_droop_shifts_the_axis_differently(latitude, rho
     plan = plan_second(found, Optics(), 5)
     assert plan.path.good
     assert plan.degrees >= 20.0
-    assert plan.foreseen_arcsec < found.error.with_flexure.uncertainty_arcsec
+    assert plan.foreseen_arcsec < found.error.with_systematics.uncertainty_arcsec
     out = np.sign(rho - 50.0) < 0
     assert (plan.direction is Direction.SOUTH) == (out == (latitude > 0))
     new = rho + plan.degrees * (1 if out else -1)
@@ -160,7 +160,7 @@ def test_the_plan_goes_where_the_droop_shifts_the_axis_differently(latitude, rho
     # and the boresight that it foresees is the one that is measured there
     other = Mount(latitude, 500.0, 300.0, rho_deg=new, hour_deg=-40.0)
     both = measure_local(list(found.attitudes) + other.see(TURNS, rng, sweep=1), settings(mount))
-    assert 0.5 < both.error.with_flexure.uncertainty_arcsec / plan.foreseen_arcsec < 2.0
+    assert 0.5 < both.error.with_systematics.uncertainty_arcsec / plan.foreseen_arcsec < 2.0
 
 
 def test_no_plan_where_nothing_is_to_be_won():

@@ -233,8 +233,8 @@ def test_flexure_comes_on_top_in_squares():
     error = tilted(0.0, 30.0, 10.0, (500.0, 0.0))
     assert error.flexure_arcsec == pytest.approx((4.0, 3.0))
     assert error.flexure_total_arcsec == pytest.approx(5.0)
-    assert error.with_flexure.sigma_arcsec == pytest.approx((np.hypot(10.0, 4.0), np.hypot(30.0, 3.0)))
-    assert error.with_flexure.flexure_total_arcsec == 0.0
+    assert error.with_systematics.sigma_arcsec == pytest.approx((np.hypot(10.0, 4.0), np.hypot(30.0, 3.0)))
+    assert error.with_systematics.flexure_total_arcsec == 0.0
     assert error.flexure_along_arcsec == pytest.approx(4.0, rel=1e-3)
     assert error.sigma_total_arcsec == pytest.approx(10.0, rel=1e-3)
     assert split_in_words(error) == "10″ measurement, 4″ possible flexure"

@@ -268,7 +268,7 @@ def test_a_second_sweep_shows_flexure_or_frees_from_the_doubt():
     alone = measure_local(first, settings)
     assert kinds(both) == set()
     assert len(both.results) == 2
-    assert both.error.with_flexure.uncertainty_arcsec < alone.error.with_flexure.uncertainty_arcsec
+    assert both.error.with_systematics.uncertainty_arcsec < alone.error.with_systematics.uncertainty_arcsec
     assert both.droop.sigma_arcsec < 0.8 * alone.droop.sigma_arcsec
     assert both.error.total_arcsec == pytest.approx(alone.error.total_arcsec, abs=20)
     flexed = measure_local(first + bent.see([0, 30, 60, 90], rng, sweep=1), settings)

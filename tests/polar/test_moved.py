@@ -21,7 +21,7 @@ def evening(change, seed, frames, **how):
 
 
 def inside(sweep, told):
-    return told.error.with_flexure.distance2(true_axis(sweep, told.error.pole)) <= CHI2_95
+    return told.error.with_systematics.distance2(true_axis(sweep, told.error.pole)) <= CHI2_95
 
 
 def said(told):

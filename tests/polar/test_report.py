@@ -36,7 +36,7 @@ def night():
 def test_the_page_needs_nothing_else_and_tells_the_end(night):
     page = report_html(night)
     last, error = night.entries[-1], measured(15.0, -10.0).error
-    assert last.sigma_total_arcsec == pytest.approx(error.with_flexure.sigma_total_arcsec)
+    assert last.sigma_total_arcsec == pytest.approx(error.with_systematics.sigma_total_arcsec)
     assert np.hypot(last.noise_arcsec, last.flexure_arcsec) == pytest.approx(last.sigma_total_arcsec)
     assert f"&plusmn; {last.sigma_total_arcsec:.0f}″" in page
     assert f"{last.flexure_arcsec:.0f}″ possible flexure" in page

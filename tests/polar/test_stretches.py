@@ -54,7 +54,7 @@ def test_light_frames_with_a_flip_among_them_give_no_axis_far_away(guided):
         flipped = sky.with_flip(sweep, rng, first=4, centred=guided)
         told = axis_told(flipped, rng).result
         assert isinstance(told, Drift), "it is no sweep"
-        assert told.error.with_flexure.distance2(true_axis(flipped, told.error.pole)) <= CHI2_95 or told.spoilt
+        assert told.error.with_systematics.distance2(true_axis(flipped, told.error.pole)) <= CHI2_95 or told.spoilt
 
 
 @pytest.mark.parametrize(("off_deg", "far"), [(8.0, False), (13.0, True)])

@@ -126,7 +126,7 @@ def test_what_a_plan_foresees_is_what_the_sweeps_together_would_say(latitude, rh
     first = [SweepResult(PolarError(axis, pole, s.error.covariance, creep=creep), s.rho_rad) for s in found.results]
     second = SweepResult(PolarError(axis, pole, np.eye(2) * sigma**2 / 2.0, creep=creep), np.radians(new))
     both = combine_sweeps([*first, second], found.before).error
-    assert plan.foreseen_arcsec == pytest.approx(both.with_flexure.uncertainty_arcsec, rel=1e-3)
+    assert plan.foreseen_arcsec == pytest.approx(both.with_systematics.uncertainty_arcsec, rel=1e-3)
     assert plan.shows
     assert both.flexure_total_arcsec < 0.9 * found.error.flexure_total_arcsec
     assert plan.path.good

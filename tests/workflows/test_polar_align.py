@@ -823,4 +823,6 @@ def test_a_hand_turns_there_and_a_step_back_where_bolts_have_to_be_turned_anyway
         assert found.went_deg == pytest.approx(0.0, abs=1e-6)
         assert len({words.split("° ")[1].split(",")[0] for words in hand.words[1:]}) == 1
         assert hand.words[0].split("° ")[1].split(",")[0] not in hand.words[1]
-    assert sky.missed_arcsec(found.measurement.error) < 4.0 * found.measurement.error.with_flexure.uncertainty_arcsec
+    assert (
+        sky.missed_arcsec(found.measurement.error) < 4.0 * found.measurement.error.with_systematics.uncertainty_arcsec
+    )

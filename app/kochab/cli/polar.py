@@ -225,7 +225,7 @@ def _with_option(finding: PolarFinding) -> PolarFinding:
 def drift_as_json(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | None = None) -> Json:
     """The same form for an axis by drift; ``minutes_more`` is null where hours don't help."""
     error = drift.error
-    long, short, angle = error.with_flexure.ellipse_arcsec()
+    long, short, angle = error.with_systematics.ellipse_arcsec()
     return {
         **_error_json(error),
         "at_least_arcsec": drift.at_least_arcsec,
@@ -294,7 +294,7 @@ def _error_json(error: PolarError) -> Json:
         "total_arcsec": error.total_arcsec,
         "sigma_arcsec": list(error.sigma_arcsec),
         "unseen_arcsec": list(error.flexure_arcsec),
-        "sigma_total_arcsec": error.with_flexure.sigma_total_arcsec,
+        "sigma_total_arcsec": error.with_systematics.sigma_total_arcsec,
     }
 
 

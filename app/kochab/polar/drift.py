@@ -102,7 +102,7 @@ class Drift:
 
     def tells(self, knob: Knob) -> bool:
         """Whether this bolt is known: to 2 arcmin, or to half of its error."""
-        sigma = self.error.with_flexure.knob_sigma_arcsec(knob)
+        sigma = self.error.with_systematics.knob_sigma_arcsec(knob)
         return sigma < max(TOLD_ARCSEC, 0.5 * abs(self.error.knob_arcsec(knob)))
 
     @property
@@ -135,7 +135,9 @@ class Drift:
 
     def unknown(self, knob: Knob) -> str:
         """That a bolt is not known, and how far it may be off."""
-        return tr("not known yet (± {angle})", angle=angle_in_words(self.error.with_flexure.knob_sigma_arcsec(knob)))
+        return tr(
+            "not known yet (± {angle})", angle=angle_in_words(self.error.with_systematics.knob_sigma_arcsec(knob))
+        )
 
     @property
     def where(self) -> str:

@@ -32,7 +32,7 @@ class PolarError:
     frames' own errors. Altitude is positive when the axis is too high, azimuth when it stands too
     far clockwise, seen from above. ``flexure`` (2, 2), rad^2, comes on top: what the frames could
     not show, such as a tube that sags; ``creep`` (2, 2), rad^2, is of what may have moved meanwhile without showing.
-    Whatever is shown after a ± is of :attr:`with_flexure`.
+    Whatever is shown after a ± is of :attr:`with_systematics`.
     """
 
     axis: Floats
@@ -102,7 +102,7 @@ class PolarError:
         return float(np.hypot(*self.flexure_arcsec))
 
     @property
-    def with_flexure(self) -> "PolarError":
+    def with_systematics(self) -> "PolarError":
         """The same with flexure and creep added to its covariance."""
         return PolarError(self.axis, self.pole, self.covariance + self.flexure + self.creep)
 
@@ -119,7 +119,7 @@ class PolarError:
     @property
     def flexure_along_arcsec(self) -> float:
         """The share of flexure and creep in ``with_flexure.sigma_total_arcsec``."""
-        both, noise = self.with_flexure.sigma_total_arcsec, self.sigma_total_arcsec
+        both, noise = self.with_systematics.sigma_total_arcsec, self.sigma_total_arcsec
         return float(np.sqrt(max(both**2 - noise**2, 0.0)))
 
     @property
@@ -255,7 +255,7 @@ FINER = tr_noop("Finer than one sweep can tell (±{sigma}). Tighten, then check.
 
 def finer_in_words(error: PolarError) -> str:
     """That the error is within its uncertainty, and what to do then."""
-    return tr(FINER, sigma=angle_in_words(error.with_flexure.sigma_total_arcsec))
+    return tr(FINER, sigma=angle_in_words(error.with_systematics.sigma_total_arcsec))
 
 
 def total_in_words(error: PolarError) -> str:
@@ -294,7 +294,7 @@ def cure(error: PolarError, knob: Knob) -> Cure:
 
 def knob_in_words(error: PolarError, knob: Knob) -> str:
     """The error at a knob, without sign, with one sigma, flexure included."""
-    sigma = error.with_flexure.knob_sigma_arcsec(knob)
+    sigma = error.with_systematics.knob_sigma_arcsec(knob)
     return f"{angle_in_words(error.knob_arcsec(knob))} ± {angle_in_words(sigma)}"
 
 

@@ -424,7 +424,7 @@ class Measurement:
 def axis_shift_arcsec(error: PolarError, site: Site, sky_deg: float) -> float:
     """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 within its ellipse."""
     axis = about(pole_direction(site, Pole.TRUE), np.radians(sky_deg)) @ error.axis
-    inside = error.with_flexure.distance2(axis) <= CHI2_95
+    inside = error.with_systematics.distance2(axis) <= CHI2_95
     return 0.0 if inside else angle_between(axis, error.axis) / ARCSEC
 
 

@@ -219,7 +219,7 @@ def _foreseen(
     north = northern(m.settings.site)
     towards = Direction.SOUTH if (move > 0) == north else Direction.NORTH
     declination_deg = (90.0 - new) * (1.0 if north else -1.0)
-    sigma_arcsec = both.error.with_flexure.uncertainty_arcsec
+    sigma_arcsec = both.error.with_systematics.uncertainty_arcsec
     shows = both.error.flexure_total_arcsec < WORTH * m.error.flexure_total_arcsec
     return SecondSweep(back_deg, towards, abs(move), declination_deg, path, sigma_arcsec, shows)
 

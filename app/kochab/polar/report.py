@@ -47,7 +47,7 @@ class Entry:
     @classmethod
     def of(cls, time_utc: datetime, kind: str, error: PolarError, text: str = "") -> "Entry":
         """What an error says at a moment."""
-        whole = error.with_flexure
+        whole = error.with_systematics
         place = (error.altitude_arcsec, error.azimuth_arcsec, error.azimuth_on_sky_arcsec, error.total_arcsec)
         of_total = (whole.sigma_total_arcsec, error.sigma_total_arcsec, error.flexure_along_arcsec)
         return cls(time_utc, kind, *place, whole.sigma_arcsec, whole.ellipse_arcsec(), text, *of_total)

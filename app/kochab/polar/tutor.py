@@ -131,7 +131,7 @@ class Instruction:
             altitude=angle_in_words(error.altitude_arcsec),
             azimuth=angle_in_words(error.azimuth_arcsec),
             total=angle_in_words(error.total_arcsec),
-            sigma=angle_in_words(error.with_flexure.sigma_total_arcsec),
+            sigma=angle_in_words(error.with_systematics.sigma_total_arcsec),
         )
 
 

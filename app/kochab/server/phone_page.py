@@ -194,7 +194,7 @@ def state_json(state: AlignmentState, now_s: float) -> dict[str, Any]:
 
 def _error_json(error: PolarError, usable: bool) -> dict[str, Any]:
     """An error, and what to turn, unless it is not to be trusted."""
-    sigma = error.with_flexure
+    sigma = error.with_systematics
     words = {
         knob.value: f"{(way := cure(error, knob)).sign} {way.word} {angle_in_words(error.knob_arcsec(knob))}"
         for knob in Knob

@@ -149,7 +149,7 @@ def test_one_uncertainty_is_told_everywhere_and_it_counts_flexure(qtbot):
     told = numbers.split.text()
     assert told == "Uncertainty: 3″ measurement, 30″ possible flexure."
     assert np.hypot(seen.sigma_total_arcsec, off.flexure_along_arcsec) == pytest.approx(
-        off.with_flexure.sigma_total_arcsec
+        off.with_systematics.sigma_total_arcsec
     )
 
 

@@ -588,7 +588,7 @@ def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
     assert view.state.stage == "done", view.message.text()
     error, true = view.state.error, nights.made[-1].rig.truth().axis_error()
     for knob, really in ((Knob.ALTITUDE, true.altitude_arcsec), (Knob.AZIMUTH, true.azimuth_arcsec)):
-        assert abs(error.knob_arcsec(knob) - really) < 4.0 * error.with_flexure.knob_sigma_arcsec(knob) + 60.0
+        assert abs(error.knob_arcsec(knob) - really) < 4.0 * error.with_systematics.knob_sigma_arcsec(knob) + 60.0
 
 
 @pytest.mark.parametrize(("base", "words"), [(Base.HEAD, "Pan the head"), (Base.PLATFORM, "Foot on the pole’s side")])

@@ -128,7 +128,7 @@ def _aligned(sky: RigSky, options: AlignOptions) -> Row:
 def _judged(sky: RigSky, error: PolarError) -> dict[str, Any]:
     """How far a measured axis is from the true one, and whether each of its ellipses holds that."""
     row: dict[str, Any] = {"hidden_arcmin": sky.hidden_total_arcmin, "off_arcsec": sky.missed_arcsec(error)}
-    for name, claim in (("noise", error), ("whole", error.with_flexure)):
+    for name, claim in (("noise", error), ("whole", error.with_systematics)):
         distance2 = claim.distance2(sky.truth())
         row[f"{name}_arcsec"] = claim.uncertainty_arcsec
         row |= {f"{name}_68": distance2 <= CHI2_68, f"{name}_95": distance2 <= CHI2_95}

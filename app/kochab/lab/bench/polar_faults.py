@@ -134,7 +134,7 @@ def judge(kind: str, seed: int) -> Row:
     told = axis_told(sweep, rng).result
     if isinstance(told, NoAxis):
         return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "told": (told.kind.name,)}
-    whole, truth = told.error.with_flexure, true_axis(sweep, told.error.pole)
+    whole, truth = told.error.with_systematics, true_axis(sweep, told.error.pole)
     return {
         "bolts": not told.spoilt and (any(map(told.tells, Knob)) if isinstance(told, Drift) else told.checked),
         "code": int(told.spoilt),

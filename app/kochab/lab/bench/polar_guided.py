@@ -245,7 +245,7 @@ def measure_guided(kind: str, seed: int, folder: Path) -> Row:
     found = measure_drift(guide_log(path, settings), settings)
     if isinstance(found, NoAxis):
         raise RuntimeError(f"{kind} {seed}: {found.sentence}")
-    whole = found.error.with_flexure
+    whole = found.error.with_systematics
     along = drift_shows(evening)
     told, is_true = (float(along @ _offset_arcsec(axis, evening)) for axis in (found.error.axis, evening.axis))
     return {

@@ -151,7 +151,7 @@ def measure_moved(fault: str, seed: int) -> Row:
     ]
     found = measure_local(seen, MeasureSettings(Site(drawn.latitude_deg, 0.0)))
     assert isinstance(found, Measurement)
-    whole = found.error.with_flexure
+    whole = found.error.with_systematics
     return {
         "frames": len(seen),
         "off_arcsec": float(np.linalg.norm(found.error.axis - axis)) / ARCSEC,

@@ -119,7 +119,7 @@ class AxisTarget(QWidget):
         painter.drawText(side, Qt.AlignmentFlag.AlignLeft, tr("anticlockwise"))
 
     def _ellipse(self, painter: QPainter, scale: float, error: PolarError, pen: QPen) -> None:
-        long, short, angle = error.with_flexure.ellipse_arcsec()
+        long, short, angle = error.with_systematics.ellipse_arcsec()
         painter.save()
         painter.translate(_place(error, scale))
         # The angle runs from azimuth to altitude, which is up; Qt's runs clockwise.

@@ -288,7 +288,7 @@ def _far(found: Measurement) -> bool:
     return (
         found.checked
         and not found.spoilt
-        and found.error.total_arcsec > FAR_SIGMAS * found.error.with_flexure.uncertainty_arcsec
+        and found.error.total_arcsec > FAR_SIGMAS * found.error.with_systematics.uncertainty_arcsec
     )
 
 
