@@ -63,7 +63,7 @@ def test_too_few_or_too_alike_frames_are_refused_with_advice():
 
 
 def test_a_small_turn_is_told_with_what_it_is_worth():
-    assert PolarFindingKind.ALIKE in kinds(measured(Mount(), [0, 1.5]))
+    assert PolarFindingKind.TURN_TOO_SMALL in kinds(measured(Mount(), [0, 1.5]))
     small = measured(Mount(), [0, 10])
     assert PolarFindingKind.SMALL_TURN in kinds(small)
     assert PolarFindingKind.FLEXURE_NOT_MEASURED not in kinds(small)  # too poor to matter
@@ -252,7 +252,7 @@ def test_small_residuals_beyond_noise_are_no_fault():
     shaken = mount.see([0, 15, 30, 45, 60, 75], np.random.default_rng(4))
     claimed = [type(a)(a.matrix, a.covariance / 25.0, a.time_utc, a.label) for a in shaken]
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
-    assert PolarFindingKind.RESTLESS in kinds(found)
+    assert PolarFindingKind.SCATTER_TOO_LARGE in kinds(found)
     assert not {PolarFindingKind.DISAGREE, PolarFindingKind.DEC_MOVED, PolarFindingKind.CAMERA_TURNED} & kinds(found)
     assert found.error.covariance[0, 0] > 10 * fit_axis(claimed, mount.pole).covariance[0, 0]
 
@@ -337,11 +337,12 @@ def test_a_clutch_slips_by_more_than_a_degree_and_a_half_and_a_tenth(asked, turn
 
 
 @pytest.mark.parametrize(
-    ("turn", "kind"), [(1.9, "ALIKE"), (2.1, "SMALL_TURN"), (14.5, "SMALL_TURN"), (15.5, None), (0.26, "ALIKE")]
+    ("turn", "kind"),
+    [(1.9, "TURN_TOO_SMALL"), (2.1, "SMALL_TURN"), (14.5, "SMALL_TURN"), (15.5, None), (0.26, "TURN_TOO_SMALL")],
 )
 def test_how_far_ra_has_to_turn(turn, kind):
     found = kinds(measured(Mount(sigma=0.2, sigma_roll=1.0), [0, turn / 2, turn]))
-    told = found & {PolarFindingKind.ALIKE, PolarFindingKind.SMALL_TURN}
+    told = found & {PolarFindingKind.TURN_TOO_SMALL, PolarFindingKind.SMALL_TURN}
     assert told == ({PolarFindingKind[kind]} if kind else set())
 
 
@@ -460,8 +461,8 @@ def test_a_movement_and_its_cure_are_told():
 def test_how_little_was_turned_and_how_much_is_not_known_are_told():
     quiet = Mount(sigma=0.2, sigma_roll=1.0)
     alike, small = measured(quiet, [0, 1.5]), measured(quiet, [0, 10])
-    assert said(alike, "ALIKE")[0].startswith("RA rotated by only 1.5°: ± ")
-    assert said(alike, "ALIKE")[0].endswith("at best. Rotate by at least 30°.")
+    assert said(alike, "TURN_TOO_SMALL")[0].startswith("RA rotated by only 1.5°: ± ")
+    assert said(alike, "TURN_TOO_SMALL")[0].endswith("at best. Rotate by at least 30°.")
     sigma = small.results[0].error.uncertainty_arcsec
     assert said(small, "SMALL_TURN") == [f"RA rotated by only 10°: the uncertainty is {sigma:.0f}″. Rotate further."]
     steady = measured(Mount(40.0, 600.0, 400.0), [0, 20, 40, 60])
@@ -476,15 +477,17 @@ def test_how_little_was_turned_and_how_much_is_not_known_are_told():
 
 def test_frames_that_scatter_tell_by_how_much():
     mount = Mount(40.0, 600.0, 400.0)
-    for sigma, kind in ((5.0, "RESTLESS"), (60.0, "DISAGREE")):
+    for sigma, kind in ((5.0, "SCATTER_TOO_LARGE"), (60.0, "DISAGREE")):
         shaken = replace(mount, sigma=sigma, sigma_roll=sigma).see([0, 15, 30, 45, 60, 75], np.random.default_rng(4))
-        claimed = [replace(a, covariance=a.covariance / (25.0 if kind == "RESTLESS" else 900.0)) for a in shaken]
+        claimed = [
+            replace(a, covariance=a.covariance / (25.0 if kind == "SCATTER_TOO_LARGE" else 900.0)) for a in shaken
+        ]
         found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))
         worst = np.abs(found.fit.residuals[:, :2]).max() / ARCSEC
         (text,) = said(found, kind)
         size = f"up to {worst:.0f}″" if worst < 99.5 else f"({worst / 60.0:.1f}′ apart)"
         assert size in text or f"({worst:.0f}″ apart)" in text
-        assert bool(worst < 60.0) is (kind == "RESTLESS")
+        assert bool(worst < 60.0) is (kind == "SCATTER_TOO_LARGE")
 
 
 @pytest.mark.parametrize(("droop", "word"), [(50.0, "sags"), (-50.0, "rises")])

@@ -39,7 +39,7 @@ TELLING_TURNS = 10.0 / 360.0  # a hand is a degree off in any turn: less than th
 FULL_TURNS, LOSSY = 0.25, 0.4  # turned, from which on a reading has its full weight; and of one that backlash shortened
 PROVING_TURNS = 0.12  # less than this never takes a proof away
 READINGS = 12  # of a bolt that are kept
-ALIKE = 2.0  # a first reading within this factor of another night's is of the same thread
+SAME_THREAD_FACTOR = 2.0  # a first reading within this factor of another night's is of the same thread
 
 
 class Reading(NamedTuple):
@@ -120,12 +120,20 @@ class Bolt:
         """One more reading; the thread is the median of those that agree with its sense."""
         gain, kept = self.arcsec_a_turn, self.readings
         if gain is not None and not kept:  # of another night: as good as a reading, if it is of this thread
-            same = self.proved or new.turns < TELLING_TURNS or 1.0 / ALIKE < new.arcsec_a_turn / gain < ALIKE
+            same = (
+                self.proved
+                or new.turns < TELLING_TURNS
+                or 1.0 / SAME_THREAD_FACTOR < new.arcsec_a_turn / gain < SAME_THREAD_FACTOR
+            )
             kept, gain = ((Reading(gain, 1.0, True),), gain) if same else ((), None)
-        agree = any(1.0 / ALIKE < new.arcsec_a_turn / one.arcsec_a_turn < ALIKE for one in kept[-2:])
+        agree = any(
+            1.0 / SAME_THREAD_FACTOR < new.arcsec_a_turn / one.arcsec_a_turn < SAME_THREAD_FACTOR for one in kept[-2:]
+        )
         turned = agree or not kept or kept[-1].arcsec_a_turn * new.arcsec_a_turn > 0.0
         sense = new.arcsec_a_turn if turned or gain is None else gain
-        agree = any(1.0 / ALIKE < new.arcsec_a_turn / one.arcsec_a_turn < ALIKE for one in kept[-2:])
+        agree = any(
+            1.0 / SAME_THREAD_FACTOR < new.arcsec_a_turn / one.arcsec_a_turn < SAME_THREAD_FACTOR for one in kept[-2:]
+        )
         turned = agree or not kept or kept[-1].arcsec_a_turn * new.arcsec_a_turn > 0.0
         sense = new.arcsec_a_turn if turned or gain is None else gain
         kept = (*kept, new)

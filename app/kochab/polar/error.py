@@ -118,7 +118,7 @@ class PolarError:
 
     @property
     def flexure_along_arcsec(self) -> float:
-        """The share of flexure and creep in ``with_flexure.sigma_total_arcsec``."""
+        """The share of flexure and creep in ``with_systematics.sigma_total_arcsec``."""
         both, noise = self.with_systematics.sigma_total_arcsec, self.sigma_total_arcsec
         return float(np.sqrt(max(both**2 - noise**2, 0.0)))
 
@@ -260,7 +260,7 @@ def finer_in_words(error: PolarError) -> str:
 
 def total_in_words(error: PolarError) -> str:
     """How far the axis is from the pole, with one sigma, flexure included."""
-    return f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.with_flexure.sigma_total_arcsec)}"
+    return f"{angle_in_words(error.total_arcsec)} ± {angle_in_words(error.with_systematics.sigma_total_arcsec)}"
 
 
 def split_in_words(error: PolarError) -> str:

@@ -35,15 +35,15 @@ from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics,
 class PolarFindingKind(StrEnum):
     """What a finding is about."""
 
-    SMALL_TURN = "turn too small"
-    ALIKE = "frames too alike"
+    SMALL_TURN = "small turn"
+    TURN_TOO_SMALL = "turn too small"
     LOW = "frame too low"
     DEC_MOVED = "declination moved"
     CAMERA_TURNED = "camera turned in its holder"
     MOUNT_MOVED = "tripod or bolt moved"
     ONE_FRAME = "one frame off the others' axis"
     DISAGREE = "frames do not share one axis"
-    RESTLESS = "residuals larger than noise"
+    SCATTER_TOO_LARGE = "scatter larger than noise"
     UNCHECKED = "two frames only"
     SLIPPING = "clutch slips"
     FLEXURE = "flexure"
@@ -77,7 +77,7 @@ class PolarFinding:
 
 
 SMALL_TURN_DEG = 15.0  # the uncertainty goes as 1 / sin(turn / 2)
-ALIKE_DEG = 2.0
+USEFUL_TURN_DEG = 2.0
 LOW_DEG = 15.0
 FAR_DEG = 10.0
 NIGHT_HOURS = 8.0
@@ -248,7 +248,7 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
             worst = float(np.abs(fit.residuals[:, :2]).max()) / ARCSEC
             if worst < SCATTER_ARCSEC:
                 yield PolarFinding(
-                    PolarFindingKind.RESTLESS,
+                    PolarFindingKind.SCATTER_TOO_LARGE,
                     tr(
                         "The frames scatter by up to {worst:.0f}″: wind or flexure. The uncertainty includes it.",
                         worst=worst,
@@ -270,9 +270,9 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
 def _turn(fits: Sequence[AxisFit], errors: Sequence[PolarError]) -> Iterator[PolarFinding]:
     turn = max(float(np.degrees(fit.turn_rad)) for fit in fits)
     sigma = angle_in_words(min(error.uncertainty_arcsec for error in errors))
-    if turn < ALIKE_DEG:
+    if turn < USEFUL_TURN_DEG:
         yield PolarFinding(
-            PolarFindingKind.ALIKE,
+            PolarFindingKind.TURN_TOO_SMALL,
             tr("RA rotated by only {turn:.1f}°: ± {sigma} at best. Rotate by at least 30°.", turn=turn, sigma=sigma),
             spoils=True,
         )
@@ -509,7 +509,7 @@ def _too_alike(sweeps: Sequence[Sequence[LocalAttitude]]) -> NoAxis | None:
         turned = _turned_rad(sweep)
         if turned < LEAST_TURN_RAD:
             reason = tr("RA rotated by only {turned:.2f}° between the frames", turned=np.degrees(turned))
-            return stood_still(sweep) or NoAxis(reason, advice, PolarFindingKind.ALIKE)
+            return stood_still(sweep) or NoAxis(reason, advice, PolarFindingKind.TURN_TOO_SMALL)
     return None
 
 

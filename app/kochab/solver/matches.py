@@ -176,7 +176,7 @@ def match_errors(
 
 POOR_FIT = 0.0015
 """Residuals of this RMS, over the frame's larger side, have a cause that the camera model lacks."""
-ALIKE = 0.002
+SAME_PLACE = 0.002
 """Matches this close, over the larger side, tell which of two models is right."""
 STRETCH_ROUNDS, FEWEST_TO_STRETCH = 8, 10
 
@@ -196,7 +196,7 @@ def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarC
     centre, radius = field_centre(camera, fit.attitude)
     rows = catalogue.brightest(centre, min(radius, np.pi / 2), 2 * len(detections), year)
     vectors = catalogue.vectors(rows, year) @ fit.attitude.matrix.T
-    before = len(mutual_nearest(detections.xy, camera.project(vectors), ALIKE * side)[0])
+    before = len(mutual_nearest(detections.xy, camera.project(vectors), SAME_PLACE * side)[0])
     plain = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)  # distortion may have bent to the stretch
     expected = plain.project(vectors)
     seen, place = matches.xy, plain.project(matches.vectors @ fit.attitude.matrix.T)
@@ -209,8 +209,8 @@ def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarC
         moved = expected @ linear[:2] + linear[2]
         i, j = mutual_nearest(detections.xy, moved, tolerance)
         seen, place = detections.xy[i], expected[j]
-        tolerance = max(0.8 * tolerance, ALIKE * side)
-    after = len(mutual_nearest(detections.xy, moved, ALIKE * side)[0])
+        tolerance = max(0.8 * tolerance, SAME_PLACE * side)
+    after = len(mutual_nearest(detections.xy, moved, SAME_PLACE * side)[0])
     longer, shorter = np.linalg.svd(linear[:2], compute_uv=False)
     return float(longer / shorter - 1.0) if after >= max(2 * before, FEWEST_TO_STRETCH) else None
 

@@ -48,7 +48,7 @@ ACCUSED = {
     PolarFindingKind.DEC_MOVED,
     PolarFindingKind.CAMERA_TURNED,
     PolarFindingKind.DISAGREE,
-    PolarFindingKind.RESTLESS,
+    PolarFindingKind.SCATTER_TOO_LARGE,
     PolarFindingKind.SITE_OR_TIME,
 }
 """Findings that are false where only RA turned."""
