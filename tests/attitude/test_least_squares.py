@@ -8,7 +8,7 @@ from scipy.stats import t
 
 from kochab.attitude import fit as fitting
 from kochab.attitude import least_squares, small_rotation
-from kochab.attitude.fit import FocalPrior, corrections, refine, trust
+from kochab.attitude.fit import FocalPrior, corrections, match_probability, refine
 from kochab.attitude.least_squares import (
     PARAMETERS,
     FitState,
@@ -392,13 +392,13 @@ def test_the_fit_stands_where_its_own_weights_leave_it(seed) -> None:
     noise = rng.normal(0.0, 0.3, xy.shape)
     noise[:6] *= 3.5
     found = matches(CAMERA, xy, noise)
-    right, share = np.ones(40), 1.0 / 11.0
+    right, outlier_fraction = np.ones(40), 1.0 / 11.0
     for _ in range(60):
         step, *_ = by_hand(CAMERA, found, BASE_TERMS, np.sqrt(right))
         camera, matrix = moved(CAMERA, TRUTH.matrix, step)
         length = np.hypot(*(found.xy - camera.project(found.vectors @ matrix.T)).T)
-        level = np.sqrt(np.sum(right * length**2) / corrections(share)[0] / (2.0 * right.sum() - 4.0))
-        right, share = trust(length / level, share)
+        level = np.sqrt(np.sum(right * length**2) / corrections(outlier_fraction)[0] / (2.0 * right.sum() - 4.0))
+        right, outlier_fraction = match_probability(length / level, outlier_fraction)
     assert np.any((right > 0.05) & (right < 0.9))
     fit = refine(found, CAMERA, TRUTH, distortion=False)
     turn = fit.attitude.matrix @ matrix.T

@@ -40,7 +40,7 @@ class FocalPrior:
 
 # -- Weights: the probability that each match is right, by a mixture model ---------------------
 # Residuals of right matches are normal in each coordinate; those of wrong ones (blends, mismatches,
-# hot pixels) are uniform within REACH_SIGMA. The share of wrong ones is learnt from the residuals by
+# hot pixels) are uniform within REACH_SIGMA. The fraction of wrong ones is learnt from the residuals by
 # expectation maximisation (Dempster, Laird and Rubin 1977, J. R. Stat. Soc. B 39, 1).
 
 REACH_SIGMA = 6.0
@@ -51,24 +51,24 @@ PRIOR_COUNTS = (1.0, 10.0)
 _NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(40)
 
 
-def trust(scaled: Floats, share: float) -> tuple[Floats, float]:
-    """The probability (M,) that each match is right, and the share of wrong ones seen anew.
+def match_probability(scaled: Floats, outlier_fraction: float) -> tuple[Floats, float]:
+    """The probability (M,) that each match is right, and the fraction of wrong ones, estimated anew.
 
     Parameters
     ----------
     scaled : (M,)
         Lengths of the residuals, in sigmas of one coordinate.
-    share : float
-        The share of wrong ones among those within :data:`REACH_SIGMA`, as believed so far.
+    outlier_fraction : float
+        Of the matches within :data:`REACH_SIGMA` those that are wrong, as estimated so far.
 
     """
-    right = _right(scaled**2 / 2.0, share)
+    right = _right(scaled**2 / 2.0, outlier_fraction)
     near = scaled <= REACH_SIGMA
     wrong = PRIOR_COUNTS[0] + float((1.0 - right[near]).sum())
     return right, wrong / (sum(PRIOR_COUNTS) + float(near.sum()))
 
 
-def corrections(share: float) -> tuple[float, float]:
+def corrections(outlier_fraction: float) -> tuple[float, float]:
     """What the weights do to right stars: of the mean square, and of the fit's covariance.
 
     The weighted mean square of normal residuals falls short of their variance by the first factor.
@@ -76,7 +76,7 @@ def corrections(share: float) -> tuple[float, float]:
     1981, Robust Statistics, section 7.6). Both are 1 without weights.
     """
     half = _NODES  # r^2 / 2 sigma^2 of two normal coordinates has an exponential law
-    weight = _right(half, share)
+    weight = _right(half, outlier_fraction)
     mean = float(_WEIGHTS @ weight)
     square = float(_WEIGHTS @ (weight * half))
     slope = -weight * (1.0 - weight)  # by half
@@ -85,9 +85,9 @@ def corrections(share: float) -> tuple[float, float]:
     return square / mean, meat * mean / bread**2
 
 
-def _right(half: Floats, share: float) -> Floats:
-    normal = (1.0 - share) * np.exp(-half) / 2.0
-    return np.asarray(normal / (normal + share / REACH_SIGMA**2))
+def _right(half: Floats, outlier_fraction: float) -> Floats:
+    normal = (1.0 - outlier_fraction) * np.exp(-half) / 2.0
+    return np.asarray(normal / (normal + outlier_fraction / REACH_SIGMA**2))
 
 
 FEWEST_FOR_FOCAL = 4  # two would fit it exactly; four leave residuals to judge it by
@@ -261,23 +261,23 @@ def _reweighted(state: FitState, free: Indices) -> FitState:
 
     Itself when there are too few matches to tell, or no majority to be trusted.
     """
-    before, share, level, right = state, PRIOR_COUNTS[0] / sum(PRIOR_COUNTS), 0.0, state.trust
+    before, outlier_fraction, level, right = state, PRIOR_COUNTS[0] / sum(PRIOR_COUNTS), 0.0, state.match_probability
     left, jacobian = state.slopes()
     for _ in range(REWEIGHTED_ROUNDS if len(state.matches) >= FEWEST_TO_DOUBT else 0):
         scaled = left.T * state.weight[:, None]
         length2 = np.square(scaled).sum(axis=1)
         first = level == 0.0
-        level = _spread(scaled, len(free)) if first else _level(length2, right, share, len(free))
+        level = _spread(scaled, len(free)) if first else _level(length2, right, outlier_fraction, len(free))
         level = min(level, state.largest)
-        right, share = trust(np.sqrt(length2) / level, share)
+        right, outlier_fraction = match_probability(np.sqrt(length2) / level, outlier_fraction)
         if 2 * int((right > 0.5).sum()) <= len(right):
             return before
         tried, left, jacobian = _downhill_step(state, free, left, jacobian, state.weight * np.sqrt(right))
-        done = tried is state or float(np.abs(right - state.trust).max()) < SETTLED
-        state = replace(tried, trust=right, share=share)
+        done = tried is state or float(np.abs(right - state.match_probability).max()) < SETTLED
+        state = replace(tried, match_probability=right, outlier_fraction=outlier_fraction)
         if done:
             break
-    return replace(state, inliers=state.trust > 1e-4)
+    return replace(state, inliers=state.match_probability > 1e-4)
 
 
 def _downhill_step(
@@ -306,7 +306,7 @@ def _downhill_step(
 
 def _fit_of(state: FitState, free: Indices, floor_px: float | None, beside: float) -> Fit:
     residual = state.residuals()
-    inliers = _inliers(state, len(free)) if state.share > 0.0 else state.inliers
+    inliers = _inliers(state, len(free)) if state.outlier_fraction > 0.0 else state.inliers
     length2 = np.square(residual[inliers]).sum(axis=1)
     return Fit(
         state.camera,
@@ -335,9 +335,9 @@ RESIDUALS_COUNT = 6.0
 def _covariance(state: FitState, free: Indices, floor_px: float, beside: float = 0.0) -> Floats:
     """Of the small rotation (3, 3), rad^2."""
     flat, normal = state.linear()
-    short, wider = corrections(state.share) if state.share > 0.0 else (1.0, 1.0)
+    short, wider = corrections(state.outlier_fraction) if state.outlier_fraction > 0.0 else (1.0, 1.0)
     # A match that is half believed is half a measurement; a prior is one more.
-    freedom = 2.0 * float(state.trust[state.inliers].sum()) - len(free) + (state.pull is not None)
+    freedom = 2.0 * float(state.match_probability[state.inliers].sum()) - len(free) + (state.pull is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
     # Few residuals tell their own level badly: errors over it follow Student's law, of this variance.
     student = 1.0 + 2.0 / max(freedom - 2.0, 1.0)
@@ -406,9 +406,9 @@ def _spread(scaled: Floats, parameters: int) -> float:
     return max(1.4826 * _median(np.abs(scaled)) / math.sqrt(freedom), FLOOR_PX)
 
 
-def _level(length2: Floats, right: Floats, share: float, parameters: int) -> float:
+def _level(length2: Floats, right: Floats, outlier_fraction: float, parameters: int) -> float:
     """Sigma of one coordinate from squared residuals (M,) that are ``right`` (M,) so far."""
-    square = float(right @ length2) / corrections(share)[0]
+    square = float(right @ length2) / corrections(outlier_fraction)[0]
     freedom = max(2.0 * float(right.sum()) - parameters, 1.0)
     return max(math.sqrt(square / freedom), FLOOR_PX)
 

@@ -175,8 +175,9 @@ class FitState:
     """One point of the descent.
 
     ``plain`` has the terms of the distortion that stand while they are not fitted. ``weight`` (M,)
-    are the matches' by their errors, ``trust`` (M,) the probability that each is right and ``share``
-    how many are wrong. ``pull`` is a prior log focal length and the weight of a step of it, px.
+    are the matches' by their errors, ``match_probability`` (M,) the probability that each is right and
+    ``outlier_fraction`` the fraction of wrong ones. ``focal_prior`` is a prior log focal length and the weight of a
+    step of it, px.
     ``largest`` is the largest sigma of one coordinate that may be, px.
     """
 
@@ -186,9 +187,9 @@ class FitState:
     weight: Floats
     inliers: NDArray[np.bool_]
     plain: Camera
-    trust: Floats
+    match_probability: Floats
     pull: tuple[float, float] | None = None
-    share: float = 0.0
+    outlier_fraction: float = 0.0
     largest: float = math.inf
 
     def residuals(self) -> Floats:
@@ -205,7 +206,7 @@ class FitState:
     @property
     def counts(self) -> Floats:
         """How much each match counts (M,): outliers do not."""
-        return np.asarray(self.weight * np.sqrt(self.trust) * self.inliers)
+        return np.asarray(self.weight * np.sqrt(self.match_probability) * self.inliers)
 
     def flat(self, residual: Floats, counts: Floats) -> Floats:
         """Residuals (2, M) times ``counts``, (2 M,), and then what the belief is off by."""
