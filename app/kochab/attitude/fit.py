@@ -253,7 +253,7 @@ def _with_focal_prior(state: FitState, focal: FocalPrior, free: Indices) -> FitS
         return state
     if off > CONTRADICTED_SIGMA * math.hypot(own, focal.sigma):
         return state
-    return replace(state, pull=(believed, math.sqrt(level) / max(focal.sigma, 1e-9)))
+    return replace(state, focal_prior=(believed, math.sqrt(level) / max(focal.sigma, 1e-9)))
 
 
 def _reweighted(state: FitState, free: Indices) -> FitState:
@@ -337,7 +337,7 @@ def _covariance(state: FitState, free: Indices, floor_px: float, beside: float =
     flat, normal = state.linear()
     short, wider = corrections(state.outlier_fraction) if state.outlier_fraction > 0.0 else (1.0, 1.0)
     # A match that is half believed is half a measurement; a prior is one more.
-    freedom = 2.0 * float(state.match_probability[state.inliers].sum()) - len(free) + (state.pull is not None)
+    freedom = 2.0 * float(state.match_probability[state.inliers].sum()) - len(free) + (state.focal_prior is not None)
     variance = float(flat @ flat) / short / freedom if freedom > 0 else 1.0
     # Few residuals tell their own level badly: errors over it follow Student's law, of this variance.
     student = 1.0 + 2.0 / max(freedom - 2.0, 1.0)

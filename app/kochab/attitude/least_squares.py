@@ -188,7 +188,7 @@ class FitState:
     inliers: NDArray[np.bool_]
     plain: Camera
     match_probability: Floats
-    pull: tuple[float, float] | None = None
+    focal_prior: tuple[float, float] | None = None
     outlier_fraction: float = 0.0
     largest: float = math.inf
 
@@ -211,17 +211,17 @@ class FitState:
     def flat(self, residual: Floats, counts: Floats) -> Floats:
         """Residuals (2, M) times ``counts``, (2 M,), and then what the belief is off by."""
         left = (residual * counts).ravel()
-        if self.pull is None:
+        if self.focal_prior is None:
             return left
-        believed, weight = self.pull
+        believed, weight = self.focal_prior
         return np.append(left, (believed - np.log(self.camera.focal_px)) * weight)
 
     def normal(self, jacobian: Floats, counts: Floats) -> Normal:
         """The normal equations of derivatives (10, 2, M) times ``counts``, and of the belief."""
         rows = (jacobian * counts).reshape(len(PARAMETERS), -1)
-        if self.pull is not None:
+        if self.focal_prior is not None:
             column = np.zeros((len(PARAMETERS), 1))
-            column[FOCAL] = self.pull[1]
+            column[FOCAL] = self.focal_prior[1]
             rows = np.concatenate([rows, column], axis=1)
         return Normal.of(rows)
 
@@ -310,9 +310,9 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
 
     def remainder(free: Indices) -> float:
         """Sum of squares left after a linear step of these terms."""
-        pull = pulls.take(free)
-        step = np.linalg.solve(normal.matrix.take(free, axis=0).take(free, axis=1), pull)
-        return max(square - float(step @ pull), 1e-12 * square)
+        gradient = pulls.take(free)
+        step = np.linalg.solve(normal.matrix.take(free, axis=0).take(free, axis=1), gradient)
+        return max(square - float(step @ gradient), 1e-12 * square)
 
     now, held_out = remainder(base), None
     for names, fewest in LADDER:
