@@ -58,7 +58,7 @@ def test_an_axis_beside_the_middle_that_no_star_shows_is_counted():
         xy = rng.uniform(0.0, [1499.0, 999.0], (60, 2))
         number = np.arange(60)
         seen = Matches(number, number, xy + rng.normal(0.0, 0.5, xy.shape), lens.unproject(xy) @ TRUTH.matrix)
-        fit = refine(seen, CAMERA, TRUTH, beside=0.01)
+        fit = refine(seen, CAMERA, TRUTH, principal_point_sigma=0.01)
         turn = (fit.camera.unproject(middle) @ fit.attitude.matrix - lens.unproject(middle) @ TRUTH.matrix)[0]
         x, y, _ = fit.attitude.matrix @ turn
         found.append(np.array([y, x]) / np.sqrt(np.diag(fit.attitude.covariance))[:2])

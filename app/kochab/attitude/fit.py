@@ -137,7 +137,7 @@ def refine(
     focal: FocalPrior | None = None,
     worst_px: float | None = None,
     floor_px: float = 0.0,
-    beside: float = 0.0,
+    principal_point_sigma: float = 0.0,
 ) -> Fit:
     """Fit rotation, focal length and whatever else the matches support.
 
@@ -162,8 +162,8 @@ def refine(
         larger one.
     floor_px : float, optional
         What the places are believed to be no better than, however small the residuals are.
-    beside : float
-        How far the lens's axis lies beside the middle, one sigma along x and y, as a share of the frame's
+    principal_point_sigma : float
+        How far the lens's axis lies from the middle, one sigma along x and y, over the frame's
         larger side: counts in the covariance of a fit in which no star shows it.
 
     Returns
@@ -211,7 +211,7 @@ def refine(
             free, state = _without_outliers(pulled.descend(free), base, distortion, rounds)
     if rounds > 1:
         state = _reweighted(state, free)
-    return _fit_of(state, free, max(floor_px, FLOOR_PX) if rounds > 1 else None, beside)
+    return _fit_of(state, free, max(floor_px, FLOOR_PX) if rounds > 1 else None, principal_point_sigma)
 
 
 def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, FitState]:
@@ -304,13 +304,13 @@ def _downhill_step(
     return state, left, jacobian
 
 
-def _fit_of(state: FitState, free: Indices, floor_px: float | None, beside: float) -> Fit:
+def _fit_of(state: FitState, free: Indices, floor_px: float | None, principal_point_sigma: float) -> Fit:
     residual = state.residuals()
     inliers = _inliers(state, len(free)) if state.outlier_fraction > 0.0 else state.inliers
     length2 = np.square(residual[inliers]).sum(axis=1)
     return Fit(
         state.camera,
-        Attitude(state.matrix, None if floor_px is None else _covariance(state, free, floor_px, beside)),
+        Attitude(state.matrix, None if floor_px is None else _covariance(state, free, floor_px, principal_point_sigma)),
         residual,
         math.sqrt(float(length2.sum()) / max(len(length2), 1)),
         inliers,
@@ -332,7 +332,7 @@ RESIDUALS_COUNT = 6.0
 """Degrees of freedom with which the residuals' variance is believed; the blocks have one less than blocks."""
 
 
-def _covariance(state: FitState, free: Indices, floor_px: float, beside: float = 0.0) -> Floats:
+def _covariance(state: FitState, free: Indices, floor_px: float, principal_point_sigma: float = 0.0) -> Floats:
     """Of the small rotation (3, 3), rad^2."""
     flat, normal = state.linear()
     short, wider = corrections(state.outlier_fraction) if state.outlier_fraction > 0.0 else (1.0, 1.0)
@@ -345,22 +345,26 @@ def _covariance(state: FitState, free: Indices, floor_px: float, beside: float =
     to_rotation = as_rotation(state.camera)[:, free]
     spread = to_rotation @ fitted.inverse() @ to_rotation.T * (wider * max(student * variance, floor_px**2))
     excess = _excess_of_blocks(state, fitted, flat, to_rotation, np.diag(spread))
-    tilt = _tilt(state, free, flat, normal, variance, beside * max(state.camera.width, state.camera.height))
+    tilt = _tilt(
+        state, free, flat, normal, variance, principal_point_sigma * max(state.camera.width, state.camera.height)
+    )
     return np.asarray(spread * np.sqrt(excess[:, None] * excess) + tilt @ tilt.T)
 
 
-def _tilt(state: FitState, free: Indices, flat: Floats, normal: Normal, variance: float, beside_px: float) -> Floats:
-    """Turns (3, 2) rad of the answer by an axis that is not fitted and one sigma, ``beside_px``, beside the middle.
+def _tilt(
+    state: FitState, free: Indices, flat: Floats, normal: Normal, variance: float, principal_point_sigma_px: float
+) -> Floats:
+    """Turns (3, 2) rad of the attitude by an optical axis one sigma off the middle, where it is not fitted.
 
     The stars narrow down how far it may be; the rest is counted (Schmidt 1966, Adv. Control Syst. 3, 293).
     """
-    if not beside_px or state.plain.distorted or np.isin(columns(("cx", "cy", "p1", "p2")), free).any():
+    if not principal_point_sigma_px or state.plain.distorted or np.isin(columns(("cx", "cy", "p1", "p2")), free).any():
         return np.zeros((3, 2))
     axis = columns(("cx", "cy"))
     turns, fitted, told = as_rotation(state.camera), normal.only(free), normal.only(np.append(free, axis))
     # Prior variance over the sum of it and of what the stars leave open: 1 where they tell nothing.
-    share = beside_px**2 / (beside_px**2 + variance * told.inverse().diagonal()[-2:])
-    off = np.sqrt(beside_px**2 * (1.0 - share) + np.square(share * told.step(flat)[-2:]))
+    share = principal_point_sigma_px**2 / (principal_point_sigma_px**2 + variance * told.inverse().diagonal()[-2:])
+    off = np.sqrt(principal_point_sigma_px**2 * (1.0 - share) + np.square(share * told.step(flat)[-2:]))
     return np.asarray(
         np.stack([turns[:, free] @ fitted.step(normal.rows[p]) - turns[:, p] for p in axis], axis=1) * off
     )

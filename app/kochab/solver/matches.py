@@ -78,7 +78,7 @@ REACH_GROWTH = 1.4  # of the circle about the identified stars in which stars ar
 ENOUGH_TO_GROW = 100
 SMALLEST_TOLERANCE_PX = 1.0
 LARGEST_TOLERANCE_PX = 8.0
-AXIS_BESIDE = 0.01
+PRINCIPAL_POINT_SIGMA = 0.01
 """Of the larger side, one sigma a coordinate: most real lenses that show it have theirs 0.3 to 3 % off the middle."""
 
 
@@ -155,7 +155,7 @@ def extend(
         focal=focal,
         worst_px=worst_px,
         floor_px=floor_px,
-        beside=AXIS_BESIDE,
+        principal_point_sigma=PRINCIPAL_POINT_SIGMA,
     )
     fit = last(distortion=distortion)
     if not fit.rms_px <= LARGEST_TOLERANCE_PX:  # farther than any match was taken from: it ran away

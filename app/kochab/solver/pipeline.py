@@ -20,7 +20,7 @@ from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
-from kochab.solver.matches import AXIS_BESIDE, StarCatalogue, named_stars
+from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, StarCatalogue, named_stars
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue
@@ -302,7 +302,7 @@ def geometric_fit(
     seen = replace(matches, vectors=with_aberration(matches.vectors, moment))
     again = partial(refine, seen, fit.camera, fit.attitude, sigma_px, focal=focal, worst_px=worst_px)
     # beyond the rotation and the focal length only a frame that had terms may have some again
-    return seen, again(distortion=bool(fit.terms[4:]), floor_px=floor_px, beside=AXIS_BESIDE)
+    return seen, again(distortion=bool(fit.terms[4:]), floor_px=floor_px, principal_point_sigma=PRINCIPAL_POINT_SIGMA)
 
 
 def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue: StarCatalogue) -> Solution:
