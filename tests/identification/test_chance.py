@@ -22,7 +22,7 @@ def test_the_volumes_are_those_of_balls_of_radius_three(dimensions, volume) -> N
     assert log10_ball(dimensions, 3.0) == pytest.approx(math.log10(volume), abs=1e-4)
 
 
-PLAIN = {"matched": 12, "square_px": 20.0, "witnesses": 30, "density": 3.5e-5, "reach_px": 10.0, "free": 4}
+PLAIN = {"matched": 12, "square_px": 20.0, "n_evidence": 30, "density": 3.5e-5, "reach_px": 10.0, "free": 4}
 
 
 @pytest.mark.parametrize(
@@ -106,17 +106,17 @@ def _holds(claims):
 
 
 def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():
-    rng, witnesses, density, tried = np.random.default_rng(2), 4, 1e-5, (20.0, 3.0)
+    rng, n_evidence, density, tried = np.random.default_rng(2), 4, 1e-5, (20.0, 3.0)
     reached = []
     for _ in range(1500):
         # the nearest star of each witness, for each of the pointings that there are
         count = int(tried[0] + tried[1] * 200.0)
-        square = rng.exponential(1.0 / (density * math.pi), (count, witnesses))
+        square = rng.exponential(1.0 / (density * math.pi), (count, n_evidence))
         agree = rng.uniform(-tried[0] / tried[1], 200.0, count)  # at which radius the ends agree
         worst = np.maximum(np.sort(square, axis=1), np.maximum(agree, 0.0)[:, None] ** 2)
         best = np.argsort(worst[:, 1])[:3]
         reached.append(
-            min(log10_by_distance(row.tolist(), witnesses, density, tried)[0] for row in np.sqrt(worst[best]))
+            min(log10_by_distance(row.tolist(), n_evidence, density, tried)[0] for row in np.sqrt(worst[best]))
         )
     for k in (0.5, 1.0, 2.0):
         share = float((np.array(reached) < -k).mean())

@@ -1,7 +1,7 @@
 """The default method where the scale is known: triangles of the brightest detections.
 
 With the scale known to a few parts in a hundred, two stars propose a pointing and every other
-detection bears witness. So few are needed that three can be enough, when their places are good. The
+detection is evidence. So few are needed that three can be enough, when their places are good. The
 false-alarm bound counts every pair of catalogue stars that any two proposers could have been.
 """
 
@@ -191,7 +191,7 @@ FEW = 5
 """With so few detections chance has room."""
 BRIGHTEST = 6
 """Of many detections only the triangles of so many are tried."""
-WITNESSES = 20
+MOST_EVIDENCE = 20
 FIRST, ERROR = 1e-3, 2e-3
 """Errors of a side that are allowed, over the frame's larger side: at first, and of any."""
 QUICK_TRIANGLES = 4
@@ -199,7 +199,7 @@ QUICK_TRIANGLES = 4
 REACH = 2.5
 """How far a witness may be off, in errors of a side."""
 SMALLEST = 0.02
-"""Triangles with a smaller side are not asked about; witnesses as near to another do not count."""
+"""Triangles with a smaller side are not asked about; detections as near to another are no evidence."""
 LEAST = 1e-5
 """Agreement closer than this, over the larger side, is worth no more."""
 FLAT = 3.0
@@ -216,7 +216,7 @@ class KnownSearch:
     """
 
     def __init__(self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, ways: int = 1) -> None:
-        self.table, self.xy, self.angles, self.ways = table, xy[:WITNESSES], angles, ways
+        self.table, self.xy, self.angles, self.ways = table, xy[:MOST_EVIDENCE], angles, ways
         self.places: list[tuple[float, float]] = self.xy.tolist()
         # as complex numbers all distances to N stars are one subtraction and one absolute value
         self.points = np.ascontiguousarray(self.xy).view(np.complex128)  # (N, 1), x + iy
@@ -341,7 +341,7 @@ class KnownSearch:
         return [candidates[k] for k in best if votes[k] >= needed]
 
     def _needed(self, radius: float) -> int:
-        """The fewest witnesses within ``radius`` px that would be believed."""
+        """The fewest detections within ``radius`` px that would be believed."""
         others = len(self.xy) - 2
         for m in range(1, others):
             alarm, _ = log10_by_distance([radius] * m, others, self.density, self.trials)
@@ -387,7 +387,7 @@ class KnownSearch:
     def _alarm(self, gap: list[float], b: int, c: int, reach: float, crowd: float = 1.0) -> tuple[float, float]:
         """The bound, log10, and the radius that it counts; ``gap`` in px.
 
-        ``crowd`` is how much denser the stars are where the witnesses stand.
+        ``crowd`` is how much denser the stars are where the evidence stands.
         """
         # counted are the pointings whose proposers agree within r, so r is never less than what these are off by
         floor = max(gap[b], gap[c], LEAST * self.side)

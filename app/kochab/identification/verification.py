@@ -107,7 +107,7 @@ NEAR = len(NEAR_RADII) * NUDGE_DIRECTIONS  # the first so many
 def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float:
     """How much denser the stars are where the detections stand than ``density``, at least 1.
 
-    ``seen`` (n, 2) are the detections that bear witness and ``stars`` (N, 2) where the catalogue's
+    ``seen`` (n, 2) are the detections that are evidence and ``stars`` (N, 2) where the catalogue's
     stars should be, px from the frame's middle; ``half`` (2,) is half the frame,
     ``density`` in stars a square px. All stars are nudged together in 48 ways, by 3 to 8 radii of a
     hundredth of the frame's larger side, and those within a radius of a detection are counted and
@@ -152,9 +152,9 @@ def log10_ball(dimensions: int, radius: float) -> float:
 
 
 def log10_agreement(
-    matched: int, square_px: float, witnesses: int, density: float, reach_px: float, free: int
+    matched: int, square_px: float, n_evidence: int, density: float, reach_px: float, free: int
 ) -> float:
-    """Bound for one agreement, as above; ``matched`` of ``witnesses`` exclude the proposers.
+    """Bound for one agreement, as above; ``matched`` of ``n_evidence`` exclude the proposers.
 
     ``square_px`` is the sum of the squares of their distances, ``density`` the stars in a square px, times their
     crowding where it was measured; ``free`` numbers of the pointing were fitted, each within ``reach_px``.
@@ -162,27 +162,27 @@ def log10_agreement(
     # as many numbers as there are distances can be fitted to any stars
     if 2 * matched <= free:
         return 0.0
-    ways = math.lgamma(witnesses + 1) - math.lgamma(matched + 1) - math.lgamma(witnesses - matched + 1)
+    ways = math.lgamma(n_evidence + 1) - math.lgamma(matched + 1) - math.lgamma(n_evidence - matched + 1)
     room = log10_ball(free, math.sqrt(matched) * reach_px)
     rest = log10_ball(2 * matched - free, math.sqrt(square_px) + LEAST_PX)
     return min(0.0, ways / math.log(10.0) + matched * math.log10(density) + room + rest)
 
 
 def log10_by_distance(
-    distances: list[float], witnesses: int, density: float, tried: tuple[float, float]
+    distances: list[float], n_evidence: int, density: float, tried: tuple[float, float]
 ) -> tuple[float, int]:
-    """Bound for the agreement of few witnesses that no fit was made to, and how many it counts.
+    """Bound for the agreement of few detections that no fit was made to, and how many it counts.
 
-    ``distances`` are those (px), ascending, of the witnesses that have a star near, of
-    ``witnesses`` in all; ``density`` is in stars a square px. ``tried`` is the number of
+    ``distances`` are those (px), ascending, of the detections that have a star near, of
+    ``n_evidence`` in all; ``density`` is in stars a square px. ``tried`` is the number of
     pointings whose proposers agree within r px, as ``a + b r``. That m of n lie within r by chance
     has at most the probability C(n, m) p^m; the distance of the m-th nearest is taken for r, which
     is as likely to be small as this says, so that only the choice of m is to be counted.
     """
     best, agree, ways = 0.0, 0, 1.0
     for m, distance in enumerate(distances, 1):
-        ways *= (witnesses - m + 1) / m
-        value = math.log10(witnesses * ways * (tried[0] + tried[1] * distance))
+        ways *= (n_evidence - m + 1) / m
+        value = math.log10(n_evidence * ways * (tried[0] + tried[1] * distance))
         value += m * math.log10(density * math.pi * distance * distance)
         if value < best:
             best, agree = value, m
@@ -315,7 +315,7 @@ def verify(
     free = 5 if pointing.k1 else 4
     judged = _agreement(seen, pointing.project(sky)[0], view.half, evidence, own, reach_px, free)
     if judged[0] > enough:
-        # fitted to its proposers alone a pointing owes the witnesses nothing, so that none of its numbers is free
+        # fitted to its proposers alone a pointing owes the evidence nothing, so that none of its numbers is free
         four = start
         for _ in range(2):
             at = four.project(volume.stars[proposing_stars].astype(np.float64))
@@ -387,7 +387,7 @@ def chance_of(
 
 
 def least_likely(
-    distance2_px: Floats, witnesses: int, stars: float, area_px: float, reach_px: float, free: int, candidates: int = 1
+    distance2_px: Floats, n_evidence: int, stars: float, area_px: float, reach_px: float, free: int, candidates: int = 1
 ) -> tuple[float, float]:
     """The least likely agreement over all radii, log10, and its radius in px.
 
@@ -403,7 +403,7 @@ def least_likely(
         if m == last or m == 0:
             continue  # the same agreement within a smaller radius
         last = m
-        value = trials + log10_agreement(m, sums[m - 1], witnesses, stars / area_px, reach_px, free)
+        value = trials + log10_agreement(m, sums[m - 1], n_evidence, stars / area_px, reach_px, free)
         if value < best:
             best, radius = value, r
     return best, radius

@@ -75,10 +75,10 @@ def identify_few(
     # stars in a square px, as `_sky` chose them
     density = DEPTH * len(detections) / (detections.width * detections.height)
     half = np.array([detections.width, detections.height]) / 2.0
-    witnesses = np.delete(detections.xy, _base(detections), axis=0)
+    evidence = np.delete(detections.xy, _base(detections), axis=0)
     alarm, _ = with_crowding(
         lambda crowd: (_alarm(detections, worst_px, crowd * density, tried), None),
-        witnesses - half,
+        evidence - half,
         places - half,
         half,
         density,

@@ -24,7 +24,7 @@ from kochab.identification import Answer, with_places
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, pair, refit
 from kochab.sky import open_catalogue
 
-WITNESSES = 40  # so many of the brightest detections may testify
+MOST_EVIDENCE = 40  # so many of the brightest detections may be evidence
 PROPOSERS = 15  # so many pairs of named stars, the widest first, are let propose
 FEWEST = 3
 ODD, ODD_PX = 5.0, 3.0  # a name is dropped beyond so many times the median error, and so many px
@@ -60,24 +60,24 @@ def confirm(
         start = _start(detections, names, focal_px)
     except ValueError:  # all in one direction
         return None
-    witnesses = seen[:WITNESSES]
+    evidence = seen[:MOST_EVIDENCE]
     corner = float(np.hypot(*half)) + 3.0 * reach_px
     catalogue = open_catalogue()
     # The 3 reaches and a tenth cover a pointing that is still a little off; 1.4 rad keeps well within a half sphere.
     radius = min(1.1 * float(np.arctan(corner / focal_px)), 1.4)
-    rows = catalogue.brightest(start.matrix[2], radius, 2 * len(witnesses) + 5, year)
+    rows = catalogue.brightest(start.matrix[2], radius, 2 * len(evidence) + 5, year)
     sky = catalogue.vectors(rows, year)
     best = 0.0
     named = seen[names.detection]
     pairs = np.stack(np.triu_indices(len(named), 1), axis=1)
     widest = np.argsort(-np.hypot(*(named[pairs[:, 0]] - named[pairs[:, 1]]).T), kind="stable")
     # Two stars fix rotation and focal length, and the widest pair fixes them best. Only two propose, so that
-    # all other detections are left as independent witnesses.
+    # all other detections are left as independent evidence.
     for two in pairs[widest[:PROPOSERS]]:
         pointing = _refitted(start, named[two], names.vectors[two])
         # The scale is a premise of these methods: a pair that needs a focal length 10 % off is wrong.
         if abs(np.log(pointing.focal / focal_px)) < 0.1:
-            others = np.delete(witnesses, names.detection[two][names.detection[two] < WITNESSES], 0)
+            others = np.delete(evidence, names.detection[two][names.detection[two] < MOST_EVIDENCE], 0)
             strange = ~np.isin(rows, names.rows[two])  # in a clump any detection finds the star that proposed
             best = min(best, _tail(pointing, others, sky[strange], half, reach_px))
     # Separations alone fit both parities, and _start picks the better one: that is two chances.
