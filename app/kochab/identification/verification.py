@@ -288,14 +288,14 @@ def verify(
     proposing_stars: Ints,
     reach_px: float,
     use: int,
-    enough: float,
+    accept_log10: float,
 ) -> Verdict | None:
     """Check one pointing against the brightest ``use`` detections; None when too few match.
 
     ``proposers`` (4,) are the detections that suggested it and ``proposing_stars`` (4,) the stars
     they would be: they are matched and refitted like the others, but neither they count as
     evidence nor the detections beside them, one of which their stars would find in any clump.
-    ``reach_px`` is the first, widest radius; evidence below ``enough`` (log10) needs no second way
+    ``reach_px`` is the first, widest radius; evidence below ``accept_log10`` (log10) needs no second way
     of judging.
     """
     seen = view.xy[:use]
@@ -314,7 +314,7 @@ def verify(
     own = (number[:, None] == proposing_stars).any(axis=1)
     free = 5 if pointing.k1 else 4
     judged = _agreement(seen, pointing.project(sky)[0], view.half, evidence, own, reach_px, free)
-    if judged[0] > enough:
+    if judged[0] > accept_log10:
         # fitted to its proposers alone a pointing owes the evidence nothing, so that none of its numbers is free
         four = start
         for _ in range(2):
