@@ -56,16 +56,16 @@ class SearchStage:
     focal: tuple[float, ...] = ()
     volume: int = 0
     spread: float = 2.0  # factor by which a level's field may miss the one that shows so many stars in the frame
-    alone: int = 40  # most pointings that are verified one by one, the best supported first
+    max_verified: int = 40  # most pointings that are verified one by one, the best supported first
 
 
 WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)  # the last two, of 70 deg and more, are rare
 STAGES = (
-    SearchStage(10, 5, 0.9, 0.003, 30, volume=1, alone=4, spread=1.6),
-    SearchStage(10, 5, 0.9, 0.003, 30, volume=2, alone=4, spread=1.6),
-    SearchStage(14, 5, 0.9, 0.010, 40, focal=WIDE[:5], alone=20),
-    SearchStage(18, 6, 0.9, 0.003, 40, volume=1, alone=20),
-    SearchStage(18, 6, 0.9, 0.003, 40, volume=2, alone=20),
+    SearchStage(10, 5, 0.9, 0.003, 30, volume=1, max_verified=4, spread=1.6),
+    SearchStage(10, 5, 0.9, 0.003, 30, volume=2, max_verified=4, spread=1.6),
+    SearchStage(14, 5, 0.9, 0.010, 40, focal=WIDE[:5], max_verified=20),
+    SearchStage(18, 6, 0.9, 0.003, 40, volume=1, max_verified=20),
+    SearchStage(18, 6, 0.9, 0.003, 40, volume=2, max_verified=20),
     SearchStage(30, 6, 1.0, 0.003, 50, volume=1),
     SearchStage(24, 6, 1.0, 0.012, 50, focal=WIDE, spread=3.0),
     SearchStage(30, 6, 1.0, 0.003, 50, volume=2),
@@ -83,8 +83,8 @@ class Search:
         self.half = np.array([detections.width / 2, detections.height / 2])
         self.side = float(max(detections.width, detections.height))
         self.tried = 0
-        self.before = 0  # pointings of another search, which has counted them itself
-        self.ways = 1  # so many searches may answer: each gets its share of the false alarms
+        self.earlier_tried = 0  # pointings of another search, which has counted them itself
+        self.n_searches = 1  # so many searches may answer: each gets its share of the false alarms
         self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
         self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
@@ -143,7 +143,7 @@ class Search:
 
     def alarm(self, verdict: Verdict) -> float:
         """The verdict's false-alarm bound after counting all pointings and ways tried."""
-        return min(0.0, verdict.log10_chance + math.log10(max(1, self.tried) * self.ways))
+        return min(0.0, verdict.log10_chance + math.log10(max(1, self.tried) * self.n_searches))
 
     def round(self, volume: Volume, stage: SearchStage) -> Iterator[Verdict]:
         """Accepted verdicts of one stage in one volume, best first."""
@@ -200,7 +200,7 @@ class Search:
             found, votes = found.take(votes > 0), votes[votes > 0]
         votes = votes + support(volume, self.xy[first:16], found, reach, first)
         # fewer cannot pass: verification wants two stars besides the proposers as well
-        order = np.argsort(-votes, kind="stable")[: min(stage.alone, int((votes > 1).sum()))]
+        order = np.argsort(-votes, kind="stable")[: min(stage.max_verified, int((votes > 1).sum()))]
         for h in order:
             start = CandidatePointing(found.matrix[h], float(found.focal[h]), bool(found.mirrored[h]))
             verdict = verify(
@@ -281,8 +281,8 @@ def known_camera(search: Search, volumes: tuple[Volume, ...], year: float) -> tu
     asked = POOR_FIELD if poor and high <= low * KNOWN else BRIGHTEST
     angles = DetectionAngles.of(search.xy[:asked], search.scale)
     # where the quads are asked as well, they are one more way to a false alarm
-    search.ways = len(there) + (len(search.xy) > COMPLETE)
-    return tuple(KnownSearch(t, search.xy, search.half, angles, search.ways) for t in there)
+    search.n_searches = len(there) + (len(search.xy) > COMPLETE)
+    return tuple(KnownSearch(t, search.xy, search.half, angles, search.n_searches) for t in there)
 
 
 def triangle_search(
@@ -299,7 +299,7 @@ def triangle_search(
                     verdict, detections, table.rows, table.vectors, verdict.log10_chance, known.tried
                 )
         search.least = min(search.least, known.least)
-        search.before += known.tried
+        search.earlier_tried += known.tried
         search.asked += known.triangles
     return None
 
@@ -364,9 +364,9 @@ class Patterns:
         return NoSolution(
             Reason.NO_PATTERN_AGREED,
             tr("Check that the frame shows stars in focus."),
-            tr("{n} pointings from {m} star patterns", n=search.before + search.tried, m=search.asked),
+            tr("{n} pointings from {m} star patterns", n=search.earlier_tried + search.tried, m=search.asked),
             len(detections),
-            measured={"pointings": search.before + search.tried, "log10_false_alarm": search.least},
+            measured={"pointings": search.earlier_tried + search.tried, "log10_false_alarm": search.least},
         )
 
     def _search(

@@ -212,11 +212,13 @@ class KnownSearch:
     """One frame's triangles in one table.
 
     ``xy`` (N, 2) px from the frame's middle, brightest first; ``half`` (2,) half its width and height; ``angles``
-    the separations of its `asked` detections; ``ways`` how many searches like this one the frame gets.
+    the separations of its `asked` detections; ``n_searches`` how many searches like this one the frame gets.
     """
 
-    def __init__(self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, ways: int = 1) -> None:
-        self.table, self.xy, self.angles, self.ways = table, xy[:MOST_EVIDENCE], angles, ways
+    def __init__(
+        self, table: PairTable, xy: Floats, half: Floats, angles: DetectionAngles, n_searches: int = 1
+    ) -> None:
+        self.table, self.xy, self.angles, self.n_searches = table, xy[:MOST_EVIDENCE], angles, n_searches
         self.places: list[tuple[float, float]] = self.xy.tolist()
         # as complex numbers all distances to N stars are one subtraction and one absolute value
         self.points = np.ascontiguousarray(self.xy).view(np.complex128)  # (N, 1), x + iy
@@ -272,7 +274,7 @@ class KnownSearch:
         if not ends:
             return most
         per = zip(*(self._pointings(b, c) for b, c in ends), strict=True)
-        one, more = (self.ways * others * sum(part) for part in per)
+        one, more = (self.n_searches * others * sum(part) for part in per)
         radius = most
         for _ in range(3):  # more pointings agree within a wider radius: it settles at once
             # how near all the others must be to be believed, if all agree
@@ -296,7 +298,7 @@ class KnownSearch:
         if ends not in self.proposed:
             self.proposed.add(ends)
             (a0, b0), (a1, b1) = self.trials, self._pointings(b, c)
-            self.trials = (a0 + self.ways * a1, b0 + self.ways * b1)
+            self.trials = (a0 + self.n_searches * a1, b0 + self.n_searches * b1)
 
     def _verified(self, triangle: Corners, stars: list[Corners], error_px: float) -> Iterator[Verdict]:
         candidates = self._with_parity(triangle, stars, error_px)
