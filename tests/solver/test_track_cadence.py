@@ -9,7 +9,7 @@ from kochab.attitude.filter import begin, predicted, updated
 from kochab.core.attitude import Attitude, attitude_from
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import run
-from kochab.solver.track_prediction import places
+from kochab.solver.track_prediction import predicted_attitudes
 from kochab.solver.tracker import SAME_MOTION_S, Tracker, filter_after_blind_solve
 
 from .stream import ARCSEC, Stream, wide_camera
@@ -58,7 +58,7 @@ def test_a_certain_prediction_is_looked_at_in_small_windows_and_first() -> None:
     state = begin(attitude, 0.0)
     for k in range(1, 6):
         state = updated(predicted(state, 0.1 * k), attitude)
-    first, *others = places(state, 0.6, camera, 2.8)
+    first, *others = predicted_attitudes(state, 0.6, camera, 2.8)
     assert first.half < 16
     assert [other.half for other in others] == [32]  # a tenth of a second: sky is ground
 
@@ -66,7 +66,7 @@ def test_a_certain_prediction_is_looked_at_in_small_windows_and_first() -> None:
 def test_an_uncertain_prediction_grows_its_windows_and_adds_sky_and_ground() -> None:
     camera, attitude = wide_camera(fov_deg=3.0), attitude_with_sigma()
     state = begin(attitude, 0.0)
-    found = list(places(state, 60.0, camera, 2.8))
+    found = list(predicted_attitudes(state, 60.0, camera, 2.8))
     assert [place.half for place in found] == [64, 64]
     turned = found[1].ahead.matrix @ state.matrix.T
     assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) == pytest.approx(SIDEREAL_DEG_S * 60, rel=1e-6)

@@ -11,7 +11,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.sky import open_catalogue
-from kochab.solver.track_prediction import Neighbourhood, Prediction, places
+from kochab.solver.track_prediction import Neighbourhood, Prediction, predicted_attitudes
 from kochab.solver.track_windows import TrackedStarImage, WindowStars, match
 
 CAMERA = Camera.centred(640, 480, 3000.0)
@@ -28,7 +28,7 @@ def state_with(tilt_px=0.0, roll_px=0.0, rates_rad_s=(0.0, 0.0, 0.0)):
 
 
 def halves(state, time_s=0.0, fwhm_px=2.5):
-    return [place.half for place in places(state, time_s, CAMERA, fwhm_px)]
+    return [place.half for place in predicted_attitudes(state, time_s, CAMERA, fwhm_px)]
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def halves(state, time_s=0.0, fwhm_px=2.5):
 )
 def test_windows_hold_four_sigmas_and_the_star(tilt, roll, half):
     """Four sigmas of tilt and roll, two widths of a star and two pixels; 8 px at least."""
-    (found, *_) = places(state_with(tilt, roll), 0.0, CAMERA, 2.5)
+    (found, *_) = predicted_attitudes(state_with(tilt, roll), 0.0, CAMERA, 2.5)
     assert found.half == half
     assert found.roll_px == pytest.approx(roll)
 
@@ -45,7 +45,7 @@ def test_windows_hold_four_sigmas_and_the_star(tilt, roll, half):
 def test_beside_the_motion_known_a_mount_that_stands_and_one_that_tracks_are_tried():
     """After a minute the sky has gone a quarter degree: three places, each as likely as the motion says."""
     rate = np.radians([0.0, 0.02, 0.0])
-    moving, standing, ground = places(state_with(rates_rad_s=rate), 60.0, CAMERA, 2.5)
+    moving, standing, ground = predicted_attitudes(state_with(rates_rad_s=rate), 60.0, CAMERA, 2.5)
     turns = [np.arccos((np.trace(place.ahead.matrix @ FIRST.T) - 1.0) / 2.0) for place in (moving, standing, ground)]
     assert turns == pytest.approx([np.radians(1.2), 0.0, SIDEREAL_RAD_S * 60.0], abs=1e-7)
     assert standing.half >= 32  # the motion believed was wrong
@@ -93,14 +93,14 @@ class TwoStars:
     """A catalogue of a star and its neighbour, so far apart and so much fainter."""
 
     def __init__(self, apart_arcsec, fainter_mag):
-        self.places = unit_vectors(np.array([84.0, 84.0]), np.array([0.0, apart_arcsec / 3600.0]))
+        self.predicted_attitudes = unit_vectors(np.array([84.0, 84.0]), np.array([0.0, apart_arcsec / 3600.0]))
         self.mags = np.array([6.0, 6.0 + fainter_mag])
 
     def cone(self, *_):
         return np.array([0, 1])
 
     def vectors(self, rows, _year):
-        return self.places[rows]
+        return self.predicted_attitudes[rows]
 
     def mag(self, rows):
         return self.mags[rows]

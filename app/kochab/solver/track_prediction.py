@@ -43,7 +43,7 @@ class Prediction:
     roll_px: float
 
 
-def places(state: FilterState, time_s: float, camera: Camera, fwhm_px: float) -> Iterator[Prediction]:
+def predicted_attitudes(state: FilterState, time_s: float, camera: Camera, fwhm_px: float) -> Iterator[Prediction]:
     """Where to look at ``time_s``, the likeliest first."""
     wide: list[Floats] = []  # looked at in windows that are not small
     least = SMALLEST_PX

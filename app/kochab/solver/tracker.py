@@ -28,7 +28,7 @@ from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, TrackedCamera, turn_between
 from kochab.solver.matches import named_stars, zonal_covariance
 from kochab.solver.pipeline import Examined, examine_frame, merged_hint, year_of
-from kochab.solver.track_prediction import Neighbourhood, places
+from kochab.solver.track_prediction import Neighbourhood, predicted_attitudes
 from kochab.solver.track_windows import TrackedStarImage, WindowSearch, WindowSearchResult
 
 # -- What the tracker tells of one frame -------------------------------------------------------
@@ -195,7 +195,7 @@ class Tracker:
         assert self.state is not None
         assert self.camera is not None
         looking = WindowSearch(frame, self.camera, self._image, MOST_STARS)
-        for place in places(self.state, moment.timestamp(), self.camera, self._image.fwhm_px):
+        for place in predicted_attitudes(self.state, moment.timestamp(), self.camera, self._image.fwhm_px):
             result = looking.at(place, self._neighbourhood(place.ahead.attitude, moment))
             if result is not None:
                 return result
