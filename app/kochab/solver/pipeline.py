@@ -69,7 +69,7 @@ def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms:
         # stars of a sharp lens may be single pixels, which the detector takes for hot ones
         points = single_pixels(frame, detector)
         if len(points) >= FEWEST_STARS:
-            second = yield from _solve(points, replace(options, hint=hint), clock, frame, lists=2)
+            second = yield from _solve(points, replace(options, hint=hint), clock, frame, n_star_lists=2)
             if isinstance(second, Solution):
                 detections, result = points, second
     _log(result)
@@ -132,9 +132,9 @@ def year_of(moment: datetime | None) -> float:
 
 
 def _solve(
-    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None, lists: int = 1
+    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None, n_star_lists: int = 1
 ) -> Task[Solution | NoSolution]:
-    """Identify ``detections``; ``lists`` counts the lists of the same frame tried so far, this one included."""
+    """Identify ``detections``; ``n_star_lists`` counts the lists of the same frame tried so far, this one included."""
     from kochab.identification import IDENTIFIERS
 
     # a wrong name is told before the search, not after it
@@ -151,7 +151,7 @@ def _solve(
             searches += isinstance(found, Identification) or found.searched
             if isinstance(found, Identification):
                 # each search may be lucky: the second's bound is that of two
-                alarm = min(0.0, found.log10_false_alarm + math.log10(lists * searches))
+                alarm = min(0.0, found.log10_false_alarm + math.log10(n_star_lists * searches))
                 if alarm <= ACCEPT_LOG10:
                     yield Progress("attitude", 0.8)
                     return _finished(detections, replace(found, log10_false_alarm=alarm), year, options, clock, frame)
