@@ -109,7 +109,7 @@ def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():
     rng, n_evidence, density, tried = np.random.default_rng(2), 4, 1e-5, (20.0, 3.0)
     reached = []
     for _ in range(1500):
-        # the nearest star of each witness, for each of the pointings that there are
+        # the nearest star of each detection, for each of the pointings that there are
         count = int(tried[0] + tried[1] * 200.0)
         square = rng.exponential(1.0 / (density * math.pi), (count, n_evidence))
         agree = rng.uniform(-tried[0] / tried[1], 200.0, count)  # at which radius the ends agree
@@ -124,7 +124,7 @@ def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():
     assert min(reached) < -1.0
 
 
-def test_no_witness_is_no_evidence_and_a_nearer_one_is_more():
+def test_no_match_is_no_evidence_and_a_nearer_match_is_more():
     assert log10_by_distance([], 3, 1e-5, (10.0, 1.0)) == (0.0, 0)
     far, near = (log10_by_distance([d] * 3, 3, 1e-5, (10.0, 1.0)) for d in (2.0, 1.0))
     assert near[0] < far[0] < -5.0

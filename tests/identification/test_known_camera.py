@@ -102,7 +102,7 @@ def test_chance_reaches_a_bound_no_oftener_than_it_says() -> None:
     assert (np.array(least) < -2.0).mean() < 0.02  # 3 are expected at most, 6 hardly ever come
 
 
-def test_a_third_star_beside_another_is_no_witness() -> None:
+def test_a_third_star_beside_another_is_no_evidence() -> None:
     """Two pairs of close stars look alike everywhere: the second of a pair says nothing new."""
     xy = np.array([[100.0, 200.0], [800.0, 700.0], [802.0, 703.0], [101.0, 204.0], [798.0, 700.0]])
     search = Search(Detections.from_list(xy, SIDE, SIDE), hint_for(15.0, 0.01))

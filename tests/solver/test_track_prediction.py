@@ -93,14 +93,14 @@ class TwoStars:
     """A catalogue of a star and its neighbour, so far apart and so much fainter."""
 
     def __init__(self, apart_arcsec, fainter_mag):
-        self.predicted_attitudes = unit_vectors(np.array([84.0, 84.0]), np.array([0.0, apart_arcsec / 3600.0]))
+        self.places = unit_vectors(np.array([84.0, 84.0]), np.array([0.0, apart_arcsec / 3600.0]))
         self.mags = np.array([6.0, 6.0 + fainter_mag])
 
     def cone(self, *_):
         return np.array([0, 1])
 
     def vectors(self, rows, _year):
-        return self.predicted_attitudes[rows]
+        return self.places[rows]
 
     def mag(self, rows):
         return self.mags[rows]

@@ -197,7 +197,7 @@ FIRST, ERROR = 1e-3, 2e-3
 QUICK_TRIANGLES = 4
 """So many triangles are asked about with the small error, which is quick and mostly enough."""
 REACH = 2.5
-"""How far a witness may be off, in errors of a side."""
+"""How far evidence may be off, in errors of a side."""
 SMALLEST = 0.02
 """Triangles with a smaller side are not asked about; detections as near to another are no evidence."""
 LEAST = 1e-5
