@@ -197,7 +197,7 @@ class Astronomer:
     def _sync(self):
         """On the truth, as a solved picture tells it."""
         ra, dec = self.board.radec_deg()
-        self.guard.armed = self.random.random() < 0.5
+        self.guard.allow_large_sync = self.random.random() < 0.5
         self._do("sync", lambda: self.guard.sync(ra, dec, by_hand=True, confirmed=True))
 
     def _nudge(self):

@@ -112,7 +112,7 @@ class AtTheWindow(Astronomer):
         armed = self.random.random() < 0.5
 
         def sync(guard):
-            guard.armed = armed
+            guard.allow_large_sync = armed
             guard.sync(ra, dec, by_hand=True, confirmed=True)
 
         self._do("sync", self._at_once("sync", sync))

@@ -104,7 +104,7 @@ def test_larger_steps_need_more_of_a_yes() -> None:
     with pytest.raises(RefusedError, match="--arm"):
         run(recover_mount(far.guard, far.solve_now, taken=far.taken, confirmed=True))
     assert far.mount.did == []
-    assert run(recover_mount(far.guard, far.solve_now, taken=far.taken, armed=True)).synced
+    assert run(recover_mount(far.guard, far.solve_now, taken=far.taken, allow_large_sync=True)).synced
     assert belief_arcsec(far) < 5.0
 
 
@@ -189,7 +189,7 @@ def test_a_frame_without_a_time_is_refused_even_with_a_yes(tmp_path) -> None:
     b = bench(good(lost_deg=1.0))
     frame = b.rig.frame(2.0)
     write_fits(replace(frame, hint=replace(frame.hint, time_utc=None)), tmp_path / "undated.fits")
-    for allowed in ({}, {"confirmed": True}, {"armed": True}):
+    for allowed in ({}, {"confirmed": True}, {"allow_large_sync": True}):
         frames = FileFrames([tmp_path])
         with pytest.raises(RefusedError, match="has no time"):
             run(recover_mount(b.guard, frames.solve_now, taken=lambda f=frames: f.time_utc, **allowed))

@@ -51,14 +51,14 @@ def recover_mount(
     *,
     taken: Callable[[], datetime | None],
     confirmed: bool = False,
-    armed: bool = False,
+    allow_large_sync: bool = False,
     only_look: bool = False,
 ) -> Task[Recovery]:
     """Solve lost in space until two solves agree, sync within the guard, read it back.
 
     Nothing moves. Nobody may be there, so only frames taken after this began prove where the
     telescope points. ``confirmed`` is a person's yes to the larger step that the guard asks about
-    and to an earlier frame, ``armed`` one to the largest step. ``taken`` gives when the last solved
+    and to an earlier frame, ``allow_large_sync`` one to the largest step. ``taken`` gives when the last solved
     frame was taken (UTC, mid-exposure), None when it has no time.
 
     Raises RefusedError when no two frames agree, a frame has no time or is too early, the guard forbids the
@@ -68,7 +68,7 @@ def recover_mount(
         raise RefusedError(mount.lacks[Ability.SYNC])
     began = mount.clock()
     solutions, times = yield from _agreeing(mount, solve_now, taken)
-    warnings = _from_before(began, mount.clock(), times, confirmed or armed or only_look)
+    warnings = _from_before(began, mount.clock(), times, confirmed or allow_large_sync or only_look)
     age_s = [(mount.clock() - time).total_seconds() for time in times]
     state = with_retries(mount.state)
     drift_deg = age_s[-1] * SIDEREAL_DEG_S if state.tracking is False else 0.0
@@ -76,14 +76,14 @@ def recover_mount(
         warnings.append(tr("The mount is not tracking: the sky drifts by 15″ per second."))
     evidence = _carried(SyncEvidence.of(*solutions), age_s if drift_deg else [0.0, 0.0])
     sky = evidence.centres_deg[-1]
-    mount.armed = armed  # the guard takes it back after one sync
+    mount.allow_large_sync = allow_large_sync  # the guard takes it back after one sync
     yield Progress("sync", 0.8)
     before = with_retries(mount.position)
     there = mount.to_mount(*sky)
     preview = with_retries(lambda: mount.preview_sync(*there, evidence))
     if not only_look:
-        require_allowed(mount, preview, confirmed or armed)
-        mount.sync(*there, evidence, confirmed=confirmed or armed)
+        require_allowed(mount, preview, confirmed or allow_large_sync)
+        mount.sync(*there, evidence, confirmed=confirmed or allow_large_sync)
     now = mount.clock()
     before_deg, after_deg = from_mount_epoch(before, now), from_mount_epoch(with_retries(mount.position), now)
     warnings += preview.warnings

@@ -736,7 +736,7 @@ class Evening:
             place = ra, dec - np.sign(dec) * (2.0 + 8.0 * a) / 3600.0  # a solve is so good
             solved = from_mount_epoch(Pointing(*place, Epoch.DATE), self.world.now_utc())
             seen = SyncEvidence((solved, solved), (0.3, 0.3), (-20.0, -20.0))
-            guard.armed = a < 0.2
+            guard.allow_large_sync = a < 0.2
             guard.sync(*self._own(guard, place), seen, by_hand=b < 0.3, confirmed=True)
             self.lies = False
 

@@ -103,14 +103,14 @@ def test_sync_beyond_20_deg_is_refused_unless_armed() -> None:
     with pytest.raises(RefusedError, match=r"21\.0°, more than 20°"):
         guard.sync(*target, evidence(target), confirmed=True)
     assert mount.did == []
-    guard.armed = True
+    guard.allow_large_sync = True
     with pytest.raises(RefusedError, match=r"by 21\.0 deg: confirm"):
         guard.sync(*target, evidence(target))
     assert mount.did == []
-    guard.armed = True
+    guard.allow_large_sync = True
     guard.sync(*target, evidence(target), confirmed=True)
     assert mount.here == target
-    assert not guard.armed, "armed for one sync only"
+    assert not guard.allow_large_sync, "armed for one sync only"
     guard.undo_sync()  # as far as it went: nobody has to arm that
     assert mount.here == pytest.approx(at(-40.0, 40.0))
 

@@ -145,8 +145,8 @@ def test_the_sun_is_no_matter_ten_degrees_below_the_horizon(margin, refused) -> 
 TARGET = (-30.0, 40.0)
 
 
-def sync(start, target, evidence=None, *, by_hand=True, armed=False, state=READY, **limits):
-    return policy(**limits).sync(here(*start), state, at(*target), evidence, by_hand, armed)
+def sync(start, target, evidence=None, *, by_hand=True, allow_large_sync=False, state=READY, **limits):
+    return policy(**limits).sync(here(*start), state, at(*target), evidence, by_hand, allow_large_sync)
 
 
 @pytest.mark.parametrize(
@@ -156,8 +156,8 @@ def sync(start, target, evidence=None, *, by_hand=True, armed=False, state=READY
 def test_a_sync_asks_from_five_degrees_and_refuses_from_twenty(step, confirmed, refused) -> None:
     found = sync((-30.0, 40.0 - step), TARGET)
     assert (bool(found.confirmations), bool(found.refusals)) == (confirmed, refused)
-    armed = sync((-30.0, 40.0 - step), TARGET, armed=True)
-    assert (armed.allowed, bool(armed.confirmations)) == (True, step > 5.0)
+    allow_large_sync = sync((-30.0, 40.0 - step), TARGET, allow_large_sync=True)
+    assert (allow_large_sync.allowed, bool(allow_large_sync.confirmations)) == (True, step > 5.0)
     guessed = sync((-30.0, 40.0 - step), TARGET, state=replace(READY, home_confirmed=False), by_hand=False)
     assert not any("would shift" in refusal for refusal in guessed.refusals)
 
@@ -436,20 +436,20 @@ def test_the_evidence_of_a_sync_is_that_of_its_solutions() -> None:
     ("beside", "turn", "refused"),
     [(0.2, 0.1, True), (1.0, 6.0, True), (1.0, 4.0, False), (4.9, 6.0, True), (5.1, 6.0, False)],
 )
-@pytest.mark.parametrize("armed", [False, True])
-def test_a_sync_beside_the_pole_does_not_turn_right_ascension(beside, turn, refused, armed) -> None:
+@pytest.mark.parametrize("allow_large_sync", [False, True])
+def test_a_sync_beside_the_pole_does_not_turn_right_ascension(beside, turn, refused, allow_large_sync) -> None:
     """There it is a step of nothing; everywhere else the mount then points that far beside, below the horizon too."""
-    preview = sync((30.0, 90.0 - beside), (30.0 - turn, 90.0 - beside), armed=armed)
+    preview = sync((30.0, 90.0 - beside), (30.0 - turn, 90.0 - beside), allow_large_sync=allow_large_sync)
     assert ("farther from the pole" in " ".join(preview.refusals)) is refused
 
 
-@pytest.mark.parametrize("armed", [False, True])
+@pytest.mark.parametrize("allow_large_sync", [False, True])
 @pytest.mark.parametrize(
     ("beside", "step", "fork", "refused"),
     [(0.5, 30.0, False, True), (1.9, 6.0, False, True), (2.1, 10.0, False, False), (0.5, 30.0, True, False)],
 )
-def test_a_sync_does_not_take_a_mount_away_from_its_home(beside, step, fork, refused, armed) -> None:
+def test_a_sync_does_not_take_a_mount_away_from_its_home(beside, step, fork, refused, allow_large_sync) -> None:
     """Switched on where it stood, it takes that for home; synced, it knows the place but not the side of its pier."""
     start = -30.0, 90.0 - beside
-    found = sync(start, (-30.0, start[1] - step), armed=armed, crosses_meridian=fork)
+    found = sync(start, (-30.0, start[1] - step), allow_large_sync=allow_large_sync, crosses_meridian=fork)
     assert ("takes this place for its home" in " ".join(found.refusals)) is refused

@@ -159,7 +159,7 @@ def test_a_move_passes_the_meridian_by_fifteen_degrees(side, between, dec, words
 
 
 @pytest.mark.parametrize(
-    ("step", "state", "armed", "severity"),
+    ("step", "state", "allow_large_sync", "severity"),
     [
         (4.9, AWAKE, False, []),
         (5.1, AWAKE, False, ["confirm"]),
@@ -170,8 +170,8 @@ def test_a_move_passes_the_meridian_by_fifteen_degrees(side, between, dec, words
         (20.1, replace(AWAKE, home_confirmed=True), False, ["refuse"]),
     ],
 )
-def test_a_sync_of_five_degrees_is_asked_for_and_one_of_twenty_refused(step, state, armed, severity) -> None:
-    asked = plan((10.0, 20.0), (10.0, 20.0 + step), "sync", state=state, armed=armed)
+def test_a_sync_of_five_degrees_is_asked_for_and_one_of_twenty_refused(step, state, allow_large_sync, severity) -> None:
+    asked = plan((10.0, 20.0), (10.0, 20.0 + step), "sync", state=state, allow_large_sync=allow_large_sync)
     assert [found.severity for found in policy.sync_step(asked)] == severity
 
 

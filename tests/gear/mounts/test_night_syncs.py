@@ -67,7 +67,7 @@ def test_solved_frames_and_a_word_for_this_one_begin_anew(how) -> None:
     guard, _ = guarded(dec_deg=20.0)
     by_hand(guard, 38.0)
     target = at(-40.0, 44.0)
-    guard.armed = how == "armed"
+    guard.allow_large_sync = how == "armed"
     guard.sync(*target, evidence(target) if how == "solved" else None, by_hand=how == "armed", confirmed=True)
     assert guard.syncs.shift_deg == (0.0, 0.0)
     by_hand(guard, 60.0)

@@ -66,7 +66,7 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
         if model is not None:
             use_model(guard, model)
         there = aimed(guard, wanted)
-        guard.armed = args.arm
+        guard.allow_large_sync = args.arm
         preview = guard.preview_goto(*there) if args.action == "goto" else guard.preview_sync(*there, by_hand=True)
         if args.yes:
             if args.action == "goto":

@@ -57,7 +57,7 @@ def run_recover(args: argparse.Namespace) -> int:
                 notes.extend(told)
             return found
 
-        said = {"confirmed": args.yes, "armed": args.arm, "only_look": args.dry_run or asked}
+        said = {"confirmed": args.yes, "allow_large_sync": args.arm, "only_look": args.dry_run or asked}
         task = recover_mount(guard, solve_now, taken=lambda: seeing.time_utc, **said)
         done = with_progress("recover", task)
         told = {**_json(done, seeing.used, notes), **where(args, guard)}

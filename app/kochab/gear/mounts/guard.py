@@ -62,7 +62,7 @@ class FromDriver(Generic[T]):
 class Guard:
     """A mount whose motions are limited, supervised and ended.
 
-    ``armed`` allows one sync beyond the largest step. ``reopen`` opens the same mount again after
+    ``allow_large_sync`` allows one sync beyond the largest step. ``reopen`` opens the same mount again after
     the line was lost; see :meth:`reconnect`.
     """
 
@@ -82,7 +82,7 @@ class Guard:
         self.syncs = syncs or NightSyncs(clock)
         self._before_sync: Degrees = (0.0, 0.0)  # the night's shift by hand, which undo restores
         self.log = log or MotionLog(clock=clock)
-        self.armed = False
+        self.allow_large_sync = False
         self.policy = MotionPolicy(site, limits or Limits(), clock, needed)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
@@ -195,7 +195,9 @@ class Guard:
         """What a sync to the mount's own coordinates would do; nothing changes."""
         self.clock_and_site.compare(self.mount)
         state, shift = self._settled_state(), self.syncs.shift_deg
-        return self.policy.sync(self.position(), state, (ra_deg, dec_deg), evidence, by_hand, self.armed, shift)
+        return self.policy.sync(
+            self.position(), state, (ra_deg, dec_deg), evidence, by_hand, self.allow_large_sync, shift
+        )
 
     def sync(
         self,
@@ -221,11 +223,11 @@ class Guard:
         # A guess is nothing to go back to; what called for this sync does so again once it is taken back.
         self.supervisor.undo = None if guessed else (shift, self.policy.until_sync)
         self._before_sync = self.syncs.shift_deg
-        if by_hand and not self.armed:
+        if by_hand and not self.allow_large_sync:
             self.syncs.add(-shift[0], -shift[1])
         else:
             self.syncs.settle()
-        self.armed, self.policy.until_sync = False, ""
+        self.allow_large_sync, self.policy.until_sync = False, ""
 
     @property
     def can_undo(self) -> bool:
@@ -241,7 +243,9 @@ class Guard:
         shift, until_sync = self.supervisor.undo
         ra = (here.ra_deg + shift[0]) % 360.0
         dec = min(90.0, max(-90.0, here.dec_deg + shift[1]))
-        self._require_allowed(self.policy.sync(here, self.state(), (ra, dec), by_hand=True, armed=True), True)
+        self._require_allowed(
+            self.policy.sync(here, self.state(), (ra, dec), by_hand=True, allow_large_sync=True), True
+        )
         self._sync(here, ra, dec)
         self.supervisor.undo, self.policy.until_sync = None, until_sync
         self.syncs.keep(self._before_sync)

@@ -125,7 +125,7 @@ class Plan:
     paths: tuple[Floats, ...] = ()
     evidence: SyncEvidence | None = None
     by_hand: bool = False
-    armed: bool = False
+    allow_large_sync: bool = False
     action: str = "goto"
     from_home: bool = False
     doubt: str = ""

@@ -300,13 +300,13 @@ def sync_step(plan: Plan) -> Findings:
             "a star farther from the pole and sync there.",
             turn=turn,
         )
-    elif step > limits.refuse_sync_deg and not plan.armed and not guessed:
+    elif step > limits.refuse_sync_deg and not plan.allow_large_sync and not guessed:
         yield refuse(
             "The sync would shift the mount by {step:.1f}°, more than {refuse:g}°. If you are sure, allow it (--arm).",
             step=step,
             refuse=limits.refuse_sync_deg,
         )
-    elif together > limits.refuse_sync_deg and not plan.armed and not guessed:
+    elif together > limits.refuse_sync_deg and not plan.allow_large_sync and not guessed:
         yield refuse(
             "With this night's syncs by hand the mount would be shifted by {together:.1f}°, more than {refuse:g}°. Sync"
             " on two solved frames; or, if you are sure, allow it (--arm).",
@@ -465,12 +465,14 @@ class MotionPolicy:
         to_deg: Degrees,
         evidence: SyncEvidence | None = None,
         by_hand: bool = False,
-        armed: bool = False,
+        allow_large_sync: bool = False,
         by_hand_deg: Degrees = (0.0, 0.0),
     ) -> Preview:
         """What a sync would do, after others by hand that have shifted both coordinates by ``by_hand_deg``."""
         plan = self.plan("sync", here, state, to_deg)
-        plan = replace(plan, evidence=evidence, by_hand=by_hand, armed=armed, by_hand_deg=by_hand_deg)
+        plan = replace(
+            plan, evidence=evidence, by_hand=by_hand, allow_large_sync=allow_large_sync, by_hand_deg=by_hand_deg
+        )
         return preview_of(plan, (here.ra_deg, here.dec_deg), to_deg, SYNC_RULES)
 
     def altaz_deg(self, here: Pointing) -> Degrees | None:
