@@ -77,7 +77,7 @@ def test_a_fork_in_alt_azimuth_goes_there_because_its_axes_are_not_those_of_the_
     "spoil",
     [
         lambda b: b.mount.lacks.update({Ability.GOTO: "It cannot."}),
-        lambda b: setattr(b.guard.policy, "until_sync", "Its clock was set."),
+        lambda b: setattr(b.guard.policy, "slew_block_reason", "Its clock was set."),
         lambda b: setattr(b.guard, "limits", Limits(crosses_meridian=False)),
         lambda b: setattr(b.rig.mount, "tracking", False),
     ],

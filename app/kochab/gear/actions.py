@@ -144,7 +144,7 @@ class MountSituation:
     can_undo: bool = False
     by_hand: bool = False
     doubt: str = ""
-    until_sync: str = ""
+    slew_block_reason: str = ""
 
     def missing(self, need: Ability | Need) -> str:
         """Why ``need`` is not met; empty when it is."""
@@ -160,7 +160,7 @@ class MountSituation:
             Need.SOLVED_FRAME: self.solved,
             Need.SYNC_TO_UNDO: self.can_undo,
             Need.AGREEMENT: not self.doubt,
-            Need.SYNCED: not self.until_sync,
+            Need.SYNCED: not self.slew_block_reason,
         }[need]
         return "" if met else tr(need.value)
 

@@ -42,7 +42,7 @@ class PositionReport(MountEvent):
     state: MountState
     can_undo: bool = False
     doubt: str = ""
-    until_sync: str = ""
+    slew_block_reason: str = ""
     altaz_deg: tuple[float, float] | None = None  # by the computer's clock and the site
 
 

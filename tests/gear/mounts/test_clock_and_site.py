@@ -257,8 +257,8 @@ def test_after_a_silence_a_mount_that_tells_otherwise_than_before_was_restarted(
     assert guard.preview_goto(*at(-30.0, 50.0)).allowed, "it is not asked again while it answers everything"
     silent(guard, mount)
     refusals = " ".join(guard.preview_goto(*at(-30.0, 50.0)).refusals)
-    assert ("Mount was restarted" in guard.policy.until_sync) is bool(told)
-    assert told in guard.policy.until_sync
+    assert ("Mount was restarted" in guard.policy.slew_block_reason) is bool(told)
+    assert told in guard.policy.slew_block_reason
     assert bool(refusals) is bool(told)
 
 
@@ -271,7 +271,7 @@ def test_a_clock_that_a_person_has_set_here_is_no_restart() -> None:
     mount.missed += 1
     believes.report = SiteReport(SITE, NIGHT - HOUR)
     guard.set_clock()  # the clock of before is asked for first: afterwards it tells nothing
-    assert "Mount was restarted" in guard.policy.until_sync
+    assert "Mount was restarted" in guard.policy.slew_block_reason
 
 
 def test_a_mount_without_an_answer_for_its_clock_is_not_asked_without_end() -> None:

@@ -90,7 +90,7 @@ def test_rest_is_not_done_by_a_mount_whose_power_failed_on_the_way(action, board
     ended = said(lambda: run(guard.rest(action)))
     cutting.join()
     assert board.false_by_deg() > 5.0
-    assert guard.policy.until_sync or "did not answer" in ended
+    assert guard.policy.slew_block_reason or "did not answer" in ended
     assert "switched off and on" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
     assert not board.false_slews()
 
@@ -174,4 +174,4 @@ def test_a_line_that_broke_in_a_slew_is_opened_again_to_stop_it(board) -> None:
         guard.mount.talk.link.close()
         guard.stop_on_new_line()
         assert stands(board)
-        assert guard.policy.until_sync == ""
+        assert guard.policy.slew_block_reason == ""

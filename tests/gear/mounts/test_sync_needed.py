@@ -14,11 +14,11 @@ NOON = datetime(2026, 11, 24, 12, tzinfo=UTC)
 def test_another_program_reads_it_until_a_sync_or_for_half_a_day(tmp_path) -> None:
     file = tmp_path / "mounts" / "com3.json"
     policy = MotionPolicy(None, Limits(), lambda: NOON, SyncNeeded(lambda: NOON, file))
-    policy.until_sync = "Mount was restarted."
+    policy.slew_block_reason = "Mount was restarted."
     later = SyncNeeded(lambda: NOON + timedelta(hours=11), file)
-    assert MotionPolicy(None, Limits(), lambda: NOON, later).until_sync == "Mount was restarted."
+    assert MotionPolicy(None, Limits(), lambda: NOON, later).slew_block_reason == "Mount was restarted."
     assert SyncNeeded(lambda: NOON + timedelta(hours=13), file).read() == ""
-    policy.until_sync = ""
+    policy.slew_block_reason = ""
     assert later.read() == ""
     assert not file.exists()
 

@@ -368,7 +368,7 @@ def test_a_mount_that_was_ordered_to_the_pole_is_believed_there() -> None:
     mount.slew_deg_s = 50.0
     run(guard.rest("home"))
     assert guard.position().dec_deg == 90.0
-    assert guard.policy.until_sync == ""
+    assert guard.policy.slew_block_reason == ""
 
 
 @pytest.mark.parametrize("tracks_s", [0.0, 1800.0])
@@ -379,7 +379,7 @@ def test_tracking_beside_the_pole_is_no_restart(tracks_s, monkeypatch) -> None:
     monkeypatch.setattr(slew_supervisor, "monotonic", lambda: then + tracks_s)
     mount.missed += 1
     guard.position()
-    assert guard.policy.until_sync == ""
+    assert guard.policy.slew_block_reason == ""
 
 
 def test_an_axis_that_jumped_beside_the_pole_was_restarted() -> None:
@@ -389,7 +389,7 @@ def test_an_axis_that_jumped_beside_the_pole_was_restarted() -> None:
     mount.missed += 1
     mount.here = at(-90.0, 90.0)
     guard.position()
-    assert "did not answer for a while" in guard.policy.until_sync
+    assert "did not answer for a while" in guard.policy.slew_block_reason
 
 
 @pytest.mark.parametrize("says", [{"at_home": True}, {"parked": True}])
@@ -400,7 +400,7 @@ def test_after_a_missed_answer_a_mount_that_says_home_or_park_needs_a_sync(says)
     mount.missed += 1
     mount.now = replace(mount.now, **says)
     guard.position()
-    assert "did not answer for a while" in guard.policy.until_sync
+    assert "did not answer for a while" in guard.policy.slew_block_reason
 
 
 def test_after_a_missed_answer_a_mount_that_goes_on_is_believed() -> None:
@@ -410,7 +410,7 @@ def test_after_a_missed_answer_a_mount_that_goes_on_is_believed() -> None:
     guard.position()
     mount.now = replace(mount.now, at_home=True)
     guard.position()
-    assert guard.policy.until_sync == ""
+    assert guard.policy.slew_block_reason == ""
 
 
 @pytest.mark.parametrize("missed", [0, 1])
@@ -426,7 +426,7 @@ def test_home_is_not_done_when_an_answer_was_missed_on_the_way(missed) -> None:
         with pytest.raises(RefusedError, match="switched off and on"):
             run(home)
         assert mount.did[-1] == ("stop",)
-        assert guard.policy.until_sync
+        assert guard.policy.slew_block_reason
     else:
         run(home)
 

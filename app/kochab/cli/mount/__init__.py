@@ -103,7 +103,7 @@ def guarded_mount(args: argparse.Namespace, stop_first: bool = False) -> Iterato
 
             print(f"{error} {tr(MAY_STILL_MOVE)} {tr(OPENS_AGAIN)}", file=sys.stderr, flush=True)
             guard.stop_on_new_line()
-            restarted = f" {guard.policy.until_sync}" if guard.policy.until_sync else ""
+            restarted = f" {guard.policy.slew_block_reason}" if guard.policy.slew_block_reason else ""
             raise LineLostError(f"{error} {tr(STANDS_AGAIN)}{restarted}") from error
 
 

@@ -47,14 +47,14 @@ class ClockAndSite:
 
     def trust(self) -> None:
         """A person says that the mount is right."""
-        self._trusted, self._policy.doubt, self._policy.until_sync = True, "", ""
+        self._trusted, self._policy.doubt, self._policy.slew_block_reason = True, "", ""
 
     def shifted(self, before: Pointing, after: Pointing) -> None:
         """Its position, with a new clock or site: a sync before it was of the old one."""
         self._told = None
         shift_deg = apart_deg((before.ra_deg, before.dec_deg), (after.ra_deg, after.dec_deg))
         if shift_deg > SHIFTED_DEG and not self._trusted:
-            self._policy.until_sync = tr(
+            self._policy.slew_block_reason = tr(
                 "The mount's position shifted by {shift:.1f}° with its new clock or site. Sync on a "
                 "solved frame before you slew, or say that the mount is right (--trust-mount).",
                 shift=shift_deg,

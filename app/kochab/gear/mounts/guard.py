@@ -182,7 +182,7 @@ class Guard:
         before = self.position()
         self._send(str(ability), 0.0, do)
         self.clock_and_site.shifted(before, self.position())
-        self.log.add(str(ability), "done", self.policy.until_sync)
+        self.log.add(str(ability), "done", self.policy.slew_block_reason)
         self.clock_and_site.ask(self.mount)
         if ability in self.clock_and_site.wrong:
             self._refuse(str(ability), tr("The mount did not take it. {why}", why=self.policy.doubt))
@@ -221,13 +221,13 @@ class Guard:
         self._sync(here, ra_deg, dec_deg)
         shift = (wrapped(preview.from_deg[0] - ra_deg), preview.from_deg[1] - dec_deg)
         # A guess is nothing to go back to; what called for this sync does so again once it is taken back.
-        self.supervisor.undo = None if guessed else (shift, self.policy.until_sync)
+        self.supervisor.undo = None if guessed else (shift, self.policy.slew_block_reason)
         self._before_sync = self.syncs.shift_deg
         if by_hand and not self.allow_large_sync:
             self.syncs.add(-shift[0], -shift[1])
         else:
             self.syncs.settle()
-        self.allow_large_sync, self.policy.until_sync = False, ""
+        self.allow_large_sync, self.policy.slew_block_reason = False, ""
 
     @property
     def can_undo(self) -> bool:
@@ -240,14 +240,14 @@ class Guard:
         if self.supervisor.undo is None:
             raise RefusedError("No sync to undo.")
         here = self._require_rest()
-        shift, until_sync = self.supervisor.undo
+        shift, slew_block_reason = self.supervisor.undo
         ra = (here.ra_deg + shift[0]) % 360.0
         dec = min(90.0, max(-90.0, here.dec_deg + shift[1]))
         self._require_allowed(
             self.policy.sync(here, self.state(), (ra, dec), by_hand=True, allow_large_sync=True), True
         )
         self._sync(here, ra, dec)
-        self.supervisor.undo, self.policy.until_sync = None, until_sync
+        self.supervisor.undo, self.policy.slew_block_reason = None, slew_block_reason
         self.syncs.keep(self._before_sync)
 
     def _require_rest(self) -> Pointing:

@@ -391,7 +391,7 @@ SYNC_RULES = (readiness, agreement, sync_step, sync_evidence, horizon, sync_acro
 class MotionPolicy:
     """Plans motions and syncs and checks the rules; positions in the mount's own epoch.
 
-    ``doubt`` is what clock and site of the mount contradict; ``until_sync`` is what forbids a slew before a sync, which
+    ``doubt`` is what clock and site of the mount contradict; ``slew_block_reason`` is what forbids a slew before a sync, which
     ``needed`` keeps for other programs.
     """
 
@@ -403,12 +403,12 @@ class MotionPolicy:
         self._until_sync = "" if needed is None else needed.read()
 
     @property
-    def until_sync(self) -> str:
+    def slew_block_reason(self) -> str:
         """Why no slew is allowed before a sync; empty when one is."""
         return self._until_sync
 
-    @until_sync.setter
-    def until_sync(self, sentence: str) -> None:
+    @slew_block_reason.setter
+    def slew_block_reason(self, sentence: str) -> None:
         if self._needed is not None and sentence != self._until_sync:
             self._needed.keep(sentence)
         self._until_sync = sentence
@@ -438,7 +438,9 @@ class MotionPolicy:
             lowest = low - PARKED_DEG
             drawn = tuple((azimuth, min(altitude, lowest)) for azimuth, altitude in free.horizon_deg)
             free = replace(free, lowest_altitude_deg=min(free.lowest_altitude_deg, lowest), horizon_deg=drawn)
-        plan = replace(self.plan(action, here, state, place), limits=free, park_altitude_deg=low, doubt=self.until_sync)
+        plan = replace(
+            self.plan(action, here, state, place), limits=free, park_altitude_deg=low, doubt=self.slew_block_reason
+        )
         return plan, preview_of(plan, place, place, REST_RULES)
 
     def move(
@@ -496,7 +498,7 @@ class MotionPolicy:
             time_utc=now,
             site=self.site,
             action=action,
-            doubt=self.doubt or ("" if action == "sync" else self.until_sync),
+            doubt=self.doubt or ("" if action == "sync" else self.slew_block_reason),
         )
 
 

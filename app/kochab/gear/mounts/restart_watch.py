@@ -123,5 +123,5 @@ class RestartWatch:
     def found(self, sentence: str) -> None:
         """It was, or may have been, restarted: no slew before a sync."""
         self.restarts += 1
-        self._policy.until_sync = f"{sentence} {tr(CURE)}"
-        self._log.add("position", "failed", self._policy.until_sync)
+        self._policy.slew_block_reason = f"{sentence} {tr(CURE)}"
+        self._log.add("position", "failed", self._policy.slew_block_reason)

@@ -113,7 +113,9 @@ class SlewSupervisor:
     def __init__(self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy) -> None:
         self.strayed = ""  # why the last motion was stopped on its way
         self.aim: Aim | None = None  # of a pointing model; dropped when the mount's coordinates change
-        self.undo: tuple[Degrees, str] | None = None  # the shift that takes the last sync back, and `until_sync` before
+        self.undo: tuple[Degrees, str] | None = (
+            None  # the shift that takes the last sync back, and `slew_block_reason` before
+        )
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
         self._slewed = 0.0  # when a motion began, or the mount did last not say that it no longer slews
@@ -277,7 +279,7 @@ class SlewSupervisor:
 
     def _require_no_restart(self, restarts: int) -> None:
         if self.watch.restarts != restarts:
-            raise RefusedError(self._policy.until_sync)
+            raise RefusedError(self._policy.slew_block_reason)
 
     def _looks(self, what: str, limit_s: float, stops: int) -> Iterator[tuple[MountState, Pointing | None]]:
         """State and position again and again, no position when the answer was missed or the mount is parked."""
@@ -329,7 +331,7 @@ class SlewSupervisor:
             with suppress(NoAnswerError):
                 see()
             if self.watch.restarts != restarts:
-                self.strayed = f"{self.strayed} {self._policy.until_sync}"
+                self.strayed = f"{self.strayed} {self._policy.slew_block_reason}"
         finally:  # afterwards: a slow disk must not delay a Stop
             self._log.add("stray", "failed", self.strayed)
         raise StrayedError(self.strayed)
