@@ -56,7 +56,7 @@ def test_every_need_is_checked_by_an_action_that_has_it(need) -> None:
         Need.CAMERA_OR_SOLUTION: {"camera": False, "solved": False},
         Need.SOLVED_FRAME: {"solved": False},
         Need.SYNC_TO_UNDO: {"can_undo": False},
-        Need.AGREEMENT: {"doubt": "Its clock is slow."},
+        Need.AGREEMENT: {"clock_conflict": "Its clock is slow."},
         Need.SYNCED: {"slew_block_reason": "It has shifted."},
     }[need]
     from dataclasses import replace

@@ -143,7 +143,7 @@ class MountSituation:
     solved: bool = False
     can_undo: bool = False
     by_hand: bool = False
-    doubt: str = ""
+    clock_conflict: str = ""
     slew_block_reason: str = ""
 
     def missing(self, need: Ability | Need) -> str:
@@ -159,7 +159,7 @@ class MountSituation:
             Need.CAMERA_OR_SOLUTION: self.camera or self.solved,
             Need.SOLVED_FRAME: self.solved,
             Need.SYNC_TO_UNDO: self.can_undo,
-            Need.AGREEMENT: not self.doubt,
+            Need.AGREEMENT: not self.clock_conflict,
             Need.SYNCED: not self.slew_block_reason,
         }[need]
         return "" if met else tr(need.value)

@@ -41,7 +41,7 @@ class PositionReport(MountEvent):
     icrs_deg: tuple[float, float]
     state: MountState
     can_undo: bool = False
-    doubt: str = ""
+    clock_conflict: str = ""
     slew_block_reason: str = ""
     altaz_deg: tuple[float, float] | None = None  # by the computer's clock and the site
 

@@ -216,7 +216,7 @@ class MountLine:
         # Set before the questions: a mount that answers slowly is not asked twice as often.
         self._looked = monotonic()
         try:
-            here, doubts = guard.position(), (guard.policy.doubt, guard.policy.slew_block_reason)
+            here, doubts = guard.position(), (guard.policy.clock_conflict, guard.policy.slew_block_reason)
             icrs_deg, altaz_deg = from_mount_epoch(here, guard.clock()), guard.policy.altaz_deg(here)
             said = events.PositionReport(icrs_deg, guard.state(), guard.can_undo, *doubts, altaz_deg)
             if monotonic() - self._watched >= WATCH_S:

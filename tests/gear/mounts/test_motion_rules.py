@@ -189,9 +189,9 @@ def test_a_slew_is_no_longer_than_its_cap_but_from_home(distance, from_home, ref
     [("goto", 0.1, True), ("sync", 0.1, True), ("move", 4.9, False), ("move", 5.1, True), ("pulse", 0.1, False)],
 )
 def test_while_clock_or_site_are_in_doubt_a_mount_is_moved_by_five_degrees_at_most(action, distance, refused) -> None:
-    asked = plan((10.0, 20.0), (10.0, 20.0 + distance), action, doubt="Its clock is wrong.")
+    asked = plan((10.0, 20.0), (10.0, 20.0 + distance), action, block_reason="Its clock is wrong.")
     assert said(policy.agreement, asked) == ("Its clock is wrong." if refused else "")
-    assert not said(policy.agreement, replace(asked, doubt=""))
+    assert not said(policy.agreement, replace(asked, block_reason=""))
 
 
 @pytest.mark.parametrize(

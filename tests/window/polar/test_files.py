@@ -268,7 +268,7 @@ def test_the_bolts_are_known_another_night(nights):
 def test_the_mounts_doubts_are_found_first_while_it_is_measured(polar):
     _, view = polar()
     known = view._services.mount.known
-    known.report = PositionReport((10.0, 20.0), MountState(), doubt="The mount contradicts this computer.")
+    known.report = PositionReport((10.0, 20.0), MountState(), clock_conflict="The mount contradicts this computer.")
     view.setup.source.setCurrentText(FrameSource.CAMERA)
     assert view.setup.request().mount_doubt == ""
     known.phase = "on"

@@ -62,7 +62,7 @@ def run_rest(args: argparse.Namespace) -> int:
         if args.action.startswith("set-"):
             # Asked again: setting the clock may have ended the doubt, or begun one until the next sync.
             guard.clock_doubt()
-            told["clock_doubt"] = guard.policy.doubt or guard.policy.slew_block_reason
+            told["clock_doubt"] = guard.policy.clock_conflict or guard.policy.slew_block_reason
             lines += filter(None, [told["clock_doubt"]])
         with suppress(NoAnswerError):  # an Autostar that has parked is silent
             told |= where(args, guard)

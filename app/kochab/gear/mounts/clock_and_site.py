@@ -37,7 +37,7 @@ class ClockAndSite:
 
         A position that was lost is not found by that: only a sync or a person settles it.
         """
-        self._left, self._trusted, self._policy.doubt = ASKED, False, ""
+        self._left, self._trusted, self._policy.clock_conflict = ASKED, False, ""
         self.wrong: dict[Ability, str] = {}  # what would mend it -> what is wrong
 
     def reconnected(self) -> None:
@@ -47,7 +47,7 @@ class ClockAndSite:
 
     def trust(self) -> None:
         """A person says that the mount is right."""
-        self._trusted, self._policy.doubt, self._policy.slew_block_reason = True, "", ""
+        self._trusted, self._policy.clock_conflict, self._policy.slew_block_reason = True, "", ""
 
     def shifted(self, before: Pointing, after: Pointing) -> None:
         """Its position, with a new clock or site: a sync before it was of the old one."""
@@ -65,7 +65,7 @@ class ClockAndSite:
 
         After every silence, too: in it the mount may have been without power.
         """
-        if self._silent(mount) or (not self._trusted and (self._left > 0 or self._policy.doubt)):
+        if self._silent(mount) or (not self._trusted and (self._left > 0 or self._policy.clock_conflict)):
             self.ask(mount)
 
     def _silent(self, mount: Mount) -> bool:
@@ -80,15 +80,15 @@ class ClockAndSite:
                 report = mount.site_report()  # a late answer may be of before, and midnight passes between two
         except NoAnswerError:
             self._left -= 1
-            return self._policy.doubt
+            return self._policy.clock_conflict
         if silent and (what := self._otherwise(report)):
             self._restarted(tr(JUMPED).format(what=what))
         self._told, self._missed = (self._ahead_s(report), report), mount.missed
         self._left = 0  # it does report them: ask again only while they contradict
         said = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
         self.wrong = {ability: words for ability, words in said.items() if words and not self._trusted}
-        self._policy.doubt = self._sentence(mount) if self.wrong else ""
-        return self._policy.doubt
+        self._policy.clock_conflict = self._sentence(mount) if self.wrong else ""
+        return self._policy.clock_conflict
 
     def _ahead_s(self, report: SiteReport) -> float | None:
         return None if report.time_utc is None else (report.time_utc - self._policy.clock()).total_seconds()

@@ -185,7 +185,7 @@ class Guard:
         self.log.add(str(ability), "done", self.policy.slew_block_reason)
         self.clock_and_site.ask(self.mount)
         if ability in self.clock_and_site.wrong:
-            self._refuse(str(ability), tr("The mount did not take it. {why}", why=self.policy.doubt))
+            self._refuse(str(ability), tr("The mount did not take it. {why}", why=self.policy.clock_conflict))
 
     # -- syncs: on evidence, read back, and taken back on request -------------------------------
 

@@ -111,8 +111,8 @@ class Plan:
 
     ``paths`` are arrays (N, 3) of unit vectors of date: paths the telescope may take.
     ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
-    ``doubt`` is why the mount's clock or site must not be relied upon. ``by_hand_deg`` is what this night's syncs by
-    hand have shifted it by.
+    ``block_reason`` is why the mount's clock, site or pointing must not be relied upon. ``by_hand_deg`` is what this
+    night's syncs by hand have shifted it by.
     """
 
     start_deg: tuple[float, float]
@@ -128,7 +128,7 @@ class Plan:
     allow_large_sync: bool = False
     action: str = "goto"
     from_home: bool = False
-    doubt: str = ""
+    block_reason: str = ""
     by_hand_deg: Degrees = (0.0, 0.0)
     park_altitude_deg: float | None = None
 

@@ -65,8 +65,8 @@ def readiness(plan: Plan) -> Findings:
 
 def agreement(plan: Plan) -> Findings:
     """Refuse all but a nudge while clock or site of the mount contradict the computer's, see `clock_and_site`."""
-    if plan.doubt and (plan.action in ("goto", "sync") or plan.distance_deg > NUDGE_DEG):
-        yield refuse(plan.doubt)
+    if plan.block_reason and (plan.action in ("goto", "sync") or plan.distance_deg > NUDGE_DEG):
+        yield refuse(plan.block_reason)
 
 
 def slew_length(plan: Plan) -> Findings:
@@ -367,8 +367,8 @@ def own_way(plan: Plan) -> Findings:
     yield warn("Kochab can't check the mount's path in advance: watch the telescope.")
     if plan.action != "park":
         return
-    if plan.doubt:  # a wrong clock alone leads no mount astray on its way to rest
-        yield refuse(plan.doubt)
+    if plan.block_reason:  # a wrong clock alone leads no mount astray on its way to rest
+        yield refuse(plan.block_reason)
     if low is None:
         yield warn(
             "The mount does not report its park position: below your horizon limit ({limit:g}°) Kochab "
@@ -391,27 +391,27 @@ SYNC_RULES = (readiness, agreement, sync_step, sync_evidence, horizon, sync_acro
 class MotionPolicy:
     """Plans motions and syncs and checks the rules; positions in the mount's own epoch.
 
-    ``doubt`` is what clock and site of the mount contradict; ``slew_block_reason`` is what forbids a slew before a sync, which
-    ``needed`` keeps for other programs.
+    ``clock_conflict`` says how the mount's clock and site contradict this computer's; ``slew_block_reason`` why no slew
+    is allowed before a sync, which ``needed`` keeps for other programs. Both are sentences, empty when there is none.
     """
 
     def __init__(
         self, site: Site | None, limits: Limits, clock: Callable[[], datetime], needed: SyncNeeded | None = None
     ) -> None:
         self.site, self.limits, self.clock, self._needed = site, limits, clock, needed
-        self.doubt = ""
-        self._until_sync = "" if needed is None else needed.read()
+        self.clock_conflict = ""
+        self._slew_block_reason = "" if needed is None else needed.read()
 
     @property
     def slew_block_reason(self) -> str:
         """Why no slew is allowed before a sync; empty when one is."""
-        return self._until_sync
+        return self._slew_block_reason
 
     @slew_block_reason.setter
     def slew_block_reason(self, sentence: str) -> None:
-        if self._needed is not None and sentence != self._until_sync:
+        if self._needed is not None and sentence != self._slew_block_reason:
             self._needed.keep(sentence)
-        self._until_sync = sentence
+        self._slew_block_reason = sentence
 
     def goto(self, here: Pointing, state: MountState, to_deg: Degrees, flip: bool = False) -> tuple[Plan, Preview]:
         """A slew, and its preview by the rules; ``flip``: a person has asked for it."""
@@ -439,7 +439,10 @@ class MotionPolicy:
             drawn = tuple((azimuth, min(altitude, lowest)) for azimuth, altitude in free.horizon_deg)
             free = replace(free, lowest_altitude_deg=min(free.lowest_altitude_deg, lowest), horizon_deg=drawn)
         plan = replace(
-            self.plan(action, here, state, place), limits=free, park_altitude_deg=low, doubt=self.slew_block_reason
+            self.plan(action, here, state, place),
+            limits=free,
+            park_altitude_deg=low,
+            block_reason=self.slew_block_reason,
         )
         return plan, preview_of(plan, place, place, REST_RULES)
 
@@ -498,7 +501,7 @@ class MotionPolicy:
             time_utc=now,
             site=self.site,
             action=action,
-            doubt=self.doubt or ("" if action == "sync" else self.slew_block_reason),
+            block_reason=self.clock_conflict or ("" if action == "sync" else self.slew_block_reason),
         )
 
 

@@ -284,7 +284,7 @@ class MountControl(QObject):
         if (report := known.report) is None:
             return MountSituation(known.phase, lacks, None, known.user, *has, by_hand=self.by_hand)
         now = MountSituation(known.phase, lacks, report.state, known.user, *has, report.can_undo, self.by_hand)
-        return replace(now, doubt=report.doubt, slew_block_reason=report.slew_block_reason)
+        return replace(now, clock_conflict=report.clock_conflict, slew_block_reason=report.slew_block_reason)
 
     def _post(self, line: MountLine | None, event: object) -> None:
         """Pass an event on from the line's threads."""

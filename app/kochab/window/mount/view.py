@@ -287,7 +287,7 @@ class MountView(Page):
         for part in (self.leave, self.compared, self.moving):
             part.setVisible(not off)
         self.limits.picture.show_mount(None if known.report is None else known.report.altaz_deg)
-        doubt = self.control.situation.doubt or self.control.situation.slew_block_reason
+        doubt = self.control.situation.clock_conflict or self.control.situation.slew_block_reason
         self.doubted.setVisible(bool(doubt))
         self.doubt.setText(doubt)
         self.leave.setText(tr("End practice") if known.practice else tr("Disconnect"))

@@ -301,7 +301,7 @@ class AlignmentSetupPanel(Page):
     def _mount_doubt(self) -> str:
         """What a connected mount contradicts of this computer's clock and of the site."""
         known = self._services.mount.known
-        return known.report.doubt if known.phase == "on" and known.report is not None else ""
+        return known.report.clock_conflict if known.phase == "on" and known.report is not None else ""
 
     @property
     def _profile_name(self) -> str:
