@@ -361,7 +361,7 @@ def sync_evidence(plan: Plan) -> Findings:
         )
 
 
-def own_way(plan: Plan) -> Findings:
+def unchecked_path(plan: Plan) -> Findings:
     """Warn that the mount goes its own way. Refuse to park below the horizon, or by a lost position."""
     low, limit = plan.park_altitude_deg, plan.limits.lowest_altitude_deg
     yield warn("Kochab can't check the mount's path in advance: watch the telescope.")
@@ -381,7 +381,7 @@ def own_way(plan: Plan) -> Findings:
         yield warn("The mount parks {low:.1f}° high: until then that is the horizon limit.", low=low)
 
 
-REST_RULES = (readiness, own_way, horizon, sun)
+REST_RULES = (readiness, unchecked_path, horizon, sun)
 MOTION_RULES = (readiness, agreement, slew_length, horizon, sun, flip)
 MOVE_RULES = (readiness, agreement, horizon, past_meridian, sun)  # no flip rule: moving one axis never flips
 TRACKING_RULES = (horizon, past_meridian)
