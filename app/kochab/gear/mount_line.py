@@ -23,7 +23,7 @@ from kochab.gear.mounts.guard import Guard
 # -- What is asked of the thread of a mount's line ---------------------------------------------
 
 MakeTask = Callable[[Guard], Task[Any]]
-Outlives = Callable[[Progress], bool]
+SurvivesLineLoss = Callable[[Progress], bool]
 
 
 def never(_: Progress) -> bool:
@@ -35,14 +35,14 @@ def never(_: Progress) -> bool:
 class MountOrder:
     """Something to do; ``stops`` is how often all was stopped when it was wished for.
 
-    ``outlives`` tells by the newest progress whether it can wait for a line that is lost and found
+    ``survives_line_loss`` tells by the newest progress whether it can wait for a line that is lost and found
     again: only what does not move the mount then.
     """
 
     name: str
     make: MakeTask
     stops: int
-    outlives: Outlives = never
+    survives_line_loss: SurvivesLineLoss = never
 
 
 logger = logging.getLogger(__name__)
@@ -79,9 +79,9 @@ class MountLine:
         self._stage = ""  # what was told last
 
     # from any thread --------------------------------------------------------------------------
-    def order(self, name: str, make: MakeTask, outlives: Outlives = never) -> None:
+    def order(self, name: str, make: MakeTask, survives_line_loss: SurvivesLineLoss = never) -> None:
         """Do this when the orders before it are done; Done or Failed tells of its end."""
-        self._orders.put(MountOrder(name, make, self._stops, outlives))
+        self._orders.put(MountOrder(name, make, self._stops, survives_line_loss))
 
     def cancel(self) -> None:
         """Give up the present order, at its next yield, and those that wait; what moves stops."""
@@ -195,7 +195,7 @@ class MountLine:
                 try:
                     self._look(guard)
                 except LineLostError as error:
-                    if not order.outlives(progress):
+                    if not order.survives_line_loss(progress):
                         raise
                     yield from self._wait_for(guard, error, order)
                 yield progress

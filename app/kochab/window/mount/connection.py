@@ -28,7 +28,7 @@ from kochab.gear.mount_events import (
     StopFailed,
     Stopped,
 )
-from kochab.gear.mount_line import MakeTask, MountLine, Outlives, never
+from kochab.gear.mount_line import MakeTask, MountLine, SurvivesLineLoss, never
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.profiles import current_profile, keep_profile
@@ -179,10 +179,10 @@ class MountControl(QObject):
         self.progressed.emit(None)
         self.changed.emit()
 
-    def order(self, name: str, make: MakeTask, outlives: Outlives = never) -> MountTask:
+    def order(self, name: str, make: MakeTask, survives_line_loss: SurvivesLineLoss = never) -> MountTask:
         """Do this on the guard, in the line's thread; one order at a time.
 
-        A line being opened does it once it is open. ``outlives`` tells from the order's progress
+        A line being opened does it once it is open. ``survives_line_loss`` tells from the order's progress
         whether it waits for a lost line or ends. RefusedError says that no mount is connected, or what is under way.
         """
         why = reason_against_order(name, self.situation)
@@ -191,7 +191,7 @@ class MountControl(QObject):
         # Now, not when the line begins it: a second press must be refused meanwhile.
         self.known.busy = name
         self._tasks[name] = task = MountTask(name, self.stop, self)
-        self._line.order(name, make, outlives)
+        self._line.order(name, make, survives_line_loss)
         self.changed.emit()
         return task
 

@@ -36,7 +36,7 @@ OTHER_SKY = tr_noop("The practice telescope is connected. Choose it above, or en
 
 
 def mount_is_still(progress: Progress) -> bool:
-    """Whether the alignment does not move the mount: it then outlives a loose cable."""
+    """Whether the alignment does not move the mount: it then survives a loose cable."""
     return progress.stage not in MOVING
 
 
