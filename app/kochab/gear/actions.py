@@ -86,7 +86,7 @@ _ROWS = (
         moves=True,
     ),
     Action("spiral", tr_noop("searching"), "search around here in a square spiral", _SLEW, moves=True),
-    Action("bring", tr_noop("moving the star"), "", (*_SLEW, Need.SOLVED_FRAME), moves=True, frame_after=True),
+    Action("move_star", tr_noop("moving the star"), "", (*_SLEW, Need.SOLVED_FRAME), moves=True, frame_after=True),
     Action("nudge", tr_noop("nudging"), "", _NUDGE, (Ability.PULSE,), moves=True, frame_after=True),
     Action(
         "nudge dec", tr_noop("nudging"), "", (*_NUDGE, Need.NOT_BY_HAND), (Ability.PULSE,), moves=True, frame_after=True
@@ -98,7 +98,7 @@ _ROWS = (
         (Ability.SYNC, Need.UNPARKED, Need.AGREEMENT, Need.NOT_BY_HAND, Need.CAMERA_OR_SOLUTION),
         instead=(Ability.GOTO, Need.CAMERA),  # a mount that cannot be synced slews by the offset
     ),
-    Action("accept", tr_noop("syncing"), needs=(Need.NOT_BY_HAND,), may_slew=True),  # refused, it becomes a slew
+    Action("accept_sync", tr_noop("syncing"), needs=(Need.NOT_BY_HAND,), may_slew=True),  # refused, it becomes a slew
     Action("undo", tr_noop("undoing the sync"), "", (Ability.SYNC, Need.SYNC_TO_UNDO)),
     Action("recover", tr_noop("recovering"), "solve blind and sync a lost mount, unattended", (Ability.SYNC,)),
     Action("park", tr_noop("parking"), "slew to the mount's park position", (Ability.PARK, *_REST), moves=True),
@@ -111,9 +111,9 @@ _ROWS = (
     ),
     Action("set clock", tr_noop("setting the clock"), "set the mount's clock to this computer's", (Ability.SET_CLOCK,)),
     Action("set site", tr_noop("setting the site"), "set the mount's site to yours", (Ability.SET_SITE,)),
-    Action("take", tr_noop("taking a frame"), "", (Need.CAMERA,)),
+    Action("take_frame", tr_noop("taking a frame"), "", (Need.CAMERA,)),
     Action("model", tr_noop("fitting a pointing model"), "make a pointing model from frames in several places", _SLEW),
-    Action("why", tr_noop("diagnosing"), "find the cause of a pointing offset", (Need.CAMERA,)),
+    Action("diagnose", tr_noop("diagnosing"), "find the cause of a pointing offset", (Need.CAMERA,)),
     Action(POLAR, tr_noop("polar alignment (F4), which turns the RA axis"), "", (Need.NOT_BY_HAND,), moves=True),
     Action("stop", tr_noop("stopping"), "stop every motion, now"),
     Action("camera", quick=True),

@@ -369,8 +369,8 @@ def test_at_rest_is_only_what_is_known_to_stand():
     assert known().at_rest
     assert not known(report=report(slewing=True)).at_rest
     assert not known(busy="goto").at_rest
-    assert not known(busy="accept").at_rest, "it may fall back to a slew"
-    assert known(busy="take").at_rest
+    assert not known(busy="accept_sync").at_rest, "it may fall back to a slew"
+    assert known(busy="take_frame").at_rest
     aligning = known(busy=POLAR)
     assert not aligning.at_rest, "nothing is heard of it yet"
     for stage, rests in (("measure", True), ("turn", False), ("adjust", True)):

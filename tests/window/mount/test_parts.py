@@ -67,14 +67,14 @@ def test_a_mount_that_takes_no_sync_can_still_be_corrected_by_a_slew():
 def test_parked_busy_and_blind_have_their_own_reasons():
     parked = reasons_against(MountSituation("on", {}, MountState(parked=True), camera=True, solved=True))
     assert parked["goto"] == parked["nudge"] == parked["sync"] == why.PARKED
-    assert parked["take"] == ""
+    assert parked["take_frame"] == ""
     busy = reasons_against(MountSituation("on", {}, MountState(), busy="centring", camera=True, solved=True))
     assert "centring" in busy["goto"]
     assert busy["stop"] == ""
     blind = reasons_against(MountSituation("on", {}, MountState()))
-    assert blind["centre"] == blind["take"] == Need.CAMERA.value
+    assert blind["centre"] == blind["take_frame"] == Need.CAMERA.value
     assert blind["sync"] == Need.CAMERA_OR_SOLUTION.value
-    assert blind["bring"] == Need.SOLVED_FRAME.value
+    assert blind["move_star"] == Need.SOLVED_FRAME.value
     assert blind["undo"] == Need.SYNC_TO_UNDO.value
 
 
@@ -84,18 +84,18 @@ def test_while_a_hand_turns_the_axis_only_that_axis_may_turn():
     assert held == {
         "goto",
         "centre",
-        "bring",
+        "move_star",
         "flip",
         "model",
         "sync",
         "nudge dec",
-        "accept",
+        "accept_sync",
         "park",
         "home",
         "spiral",
         why.POLAR,
     }
-    assert not any(told[name] for name in ("nudge", "take", "track off", "undo", "why", "stop"))
+    assert not any(told[name] for name in ("nudge", "take_frame", "track off", "undo", "diagnose", "stop"))
 
 
 @pytest.mark.parametrize(
@@ -239,7 +239,7 @@ def test_enter_on_a_suggestion_takes_the_name_and_only_the_next_one_slews(qtbot)
 def test_what_slews_is_greyed_until_home_is_confirmed():
     now = MountSituation("on", {}, MountState(home_confirmed=False), camera=True, solved=True)
     why = reasons_against(now)
-    for name in ("goto", "centre", "bring"):
+    for name in ("goto", "centre", "move_star"):
         assert "Home position not confirmed" in why[name]
     assert (why["sync"], why["nudge"], why["stop"]) == ("", "", "")
     assert "NOT CONFIRMED" in ", ".join(words_of(now.state))

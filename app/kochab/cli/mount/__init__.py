@@ -36,7 +36,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "stop": ("status:add_status_action", ACTIONS["stop"].help),
     "centre": ("pointing:add_centre", ACTIONS["centre"].help),
     "recover": ("recover:add_recover", ACTIONS["recover"].help),
-    "disagree": ("recover:add_disagree", ACTIONS["why"].help),
+    "disagree": ("recover:add_disagree", ACTIONS["diagnose"].help),
     "model": ("model:add_model", ACTIONS["model"].help),
     "spiral": ("model:add_spiral", ACTIONS["spiral"].help),
 }

@@ -90,7 +90,7 @@ class MountActions(QObject):
     def take_frame(self) -> None:
         """Take a frame, show and solve it."""
         solver = self._control.solver
-        self._control.ask("take", lambda guard: solver(guard)())
+        self._control.ask("take_frame", lambda guard: solver(guard)())
 
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
@@ -110,7 +110,7 @@ class MountActions(QObject):
     def diagnose(self) -> None:
         """Find the cause of the mount's offset."""
         solver, before = self._control.solver, self._control.sightings
-        self._control.ask("why", lambda guard: why_they_disagree(guard, solver(guard), before))
+        self._control.ask("diagnose", lambda guard: why_they_disagree(guard, solver(guard), before))
 
     def use_model(self) -> None:
         """Aim gotos by a pointing model of the offsets seen since the last sync."""
@@ -141,9 +141,9 @@ class MountActions(QObject):
         """Do a sync that was shown and accepted."""
         # One frame has no other to agree with: the person vouches that nothing has moved since.
         if len(offer.evidence.centres_deg) < 2:
-            self._control.ask("accept", lambda guard: sync_by_hand(guard, offer))
+            self._control.ask("accept_sync", lambda guard: sync_by_hand(guard, offer))
         else:
-            self._control.ask("accept", lambda guard: accept_sync(guard, offer, confirmed=True, fall_back=True))
+            self._control.ask("accept_sync", lambda guard: accept_sync(guard, offer, confirmed=True, fall_back=True))
 
     def goto(self, text: str, flip: bool = False) -> None:
         """Slew to a name or coordinates; a person is asked before a ``flip``."""
@@ -163,7 +163,7 @@ class MountActions(QObject):
         """Move the mount so that pixel ``star`` of the open frame comes to pixel ``here``."""
         solution = self._control.solution
         if solution is not None:
-            self._control.ask("bring", lambda guard: bring_here(guard, solution, star, here))
+            self._control.ask("move_star", lambda guard: bring_here(guard, solution, star, here))
 
     def track(self, rate: TrackingRate) -> None:
         """Track at this rate, or stop tracking."""
