@@ -7,8 +7,8 @@ import pytest
 
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_sweeps as sky
-from kochab.lab.bench.polar_faults import axis_told, solved_files, true_axis
-from kochab.polar.drift import Drift, Stretch, measure_drift, stretches_of, tracked
+from kochab.lab.bench.polar_faults import axis_told, judge, solved_files, true_axis
+from kochab.polar.drift import Drift, Stretch, measure_drift, mountings_of, stretches_of, tracked
 from kochab.polar.error import CHI2_95
 from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind
@@ -55,6 +55,23 @@ def test_light_frames_with_a_flip_among_them_give_no_axis_far_away(guided):
         told = axis_told(flipped, rng).result
         assert isinstance(told, Drift), "it is no sweep"
         assert told.error.with_systematics.distance2(true_axis(flipped, told.error.pole)) <= CHI2_95 or told.spoilt
+
+
+@pytest.mark.parametrize(
+    ("kind", "seeds"),
+    [("healthy, guided", (2037, 2076, 2080, 2095, 2103)), ("flip, guided", (2031, 2079, 2093, 2098, 2141))],
+)
+def test_a_camera_askew_to_its_dec_axis_leaves_the_truth_inside_near_the_pole(kind, seeds):
+    """Half a degree askew and 8 deg from the pole, a guider's way in Dec turns the field by a fifteenth of itself."""
+    for seed in seeds:
+        assert judge(kind, seed)["inside"], (kind, seed)
+
+
+def test_a_flip_looks_askew_to_the_other_side_and_a_camera_taken_in_hand_sits_anew():
+    assert mountings_of([np.eye(3)[0]] * 3) == [(0, 1.0)] * 3
+    flipped, turned = -np.eye(3)[0], np.eye(3)[1]
+    assert mountings_of([np.eye(3)[0], flipped, -flipped]) == [(0, 1.0), (0, -1.0), (0, 1.0)]
+    assert mountings_of([np.eye(3)[0], turned, -turned]) == [(0, 1.0), (1, 1.0), (1, -1.0)]
 
 
 @pytest.mark.parametrize(("off_deg", "far"), [(8.0, False), (13.0, True)])

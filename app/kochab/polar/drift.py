@@ -26,12 +26,16 @@ from kochab.polar.rotations import ARCSEC, about, rotation_vectors, tangents, wr
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 
 FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from its pole before anything is known
+ROUNDS, STANDS_ARCSEC = 12, 0.1  # of seeking the axis about where it was found
 CREEP_ARCSEC_H = 10.0  # one sigma of what tube and camera bend in an hour, each way, while altitude hardly changes
 RATE_ARCSEC_H, PERIODIC_ARCSEC, WORM_S = 30.0, 15.0, 480.0  # of a mount's tracking: clock, and its worm
 PULSES = 0.2  # a guide pulse moves Dec by what the calibration says, to this share (one sigma)
 POINTING_RAD = np.radians(0.5)  # one sigma of where a mount that nobody synced says that a guide star stands
+TILT_RAD = np.radians(1.0)  # one sigma of the angle by which a camera does not look square to its Dec axis (cone)
+TURNED_RAD = np.radians(5.0)  # a camera that was turned by more was taken in hand, or flipped by half a turn
 LEAK = 0.05  # of a guide star's way in RA that passes for Dec: PHD2's two angles are that far from square
 LEAST_S, LONG_S, BLOCKS = 60.0, 600.0, 12
+LEAST_SIN = 0.01  # nearer to the axis than half a degree nothing tells Dec from the field's rotation
 TOLD_ARCSEC = 120.0
 KNOWN_ARCSEC, LONGEST_H, LOWEST_DEG = 30.0, 4.0, 15.0
 TRACKED_DEG, GROUP_DEG = 2.0, 1.0
@@ -270,10 +274,9 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
             tr("Check the site and the time."),
             PolarFindingKind.SITE_OR_TIME,
         )
-    # First with the stated errors, which tells how much larger they are; then with those, about the axis found.
-    first, wider = _solved(used, towards, towards, 1.0)
-    found, _ = _solved(used, towards, first.axis, wider)
-    found, _ = _solved(used, towards, found.axis, wider)
+    # First with the stated errors, which tells how much larger they are; then with those.
+    found, wider = _converged(used, towards, towards, 1.0, FAR_RAD**2 * np.eye(2))
+    found, _ = _converged(used, towards, found.axis, wider, found.covariance)
     error = found.error
     minutes = _minutes_more(used, found, wider)
     doubts = [*_doubts(used, wider, found), *_findings(used, error, lowest)]
@@ -297,15 +300,24 @@ class _Solved:
         return PolarError(self.axis, self.pole, self.noise, self.covariance - self.noise + rest_covariance(self.axis))
 
 
-def _solved(stretches: Sequence[Stretch], pole: Floats, base: Floats, wider: float) -> tuple[_Solved, float]:
-    """The axis, sought about ``base``, and by how much variances have to be larger for the residuals."""
-    parts = [_rows(s, base) for s in stretches]
+def _solved(
+    stretches: Sequence[Stretch], pole: Floats, base: Floats, wider: float, spread: Floats
+) -> tuple[_Solved, float]:
+    """The axis, sought about ``base``, and by how much variances have to be larger for the residuals.
+
+    ``spread`` (2, 2), rad^2, is how far it may lie from there.
+    """
+    parts = [_rows(s, base, spread) for s in stretches]
     own = sum(p.own.shape[1] for p in parts)
-    doubts, rows, aims, at = [TUBE_ARCSEC * WORSE * ARCSEC], [], [], 3
-    for part in parts:
+    mountings = mountings_of([p.dec_axis for p in parts])
+    tilts = 1 + mountings[-1][0]
+    doubts, rows, aims = [TUBE_ARCSEC * WORSE * ARCSEC] + [TILT_RAD] * tilts, [], []
+    at = 3 + tilts
+    for part, (mounting, side) in zip(parts, mountings, strict=True):
         count = part.own.shape[1]
-        full = np.zeros((len(part.aim), 3 + own))
-        full[:, :3], full[:, at : at + count] = part.common, part.own
+        full = np.zeros((len(part.aim), 3 + tilts + own))
+        full[:, :3], full[:, 3 + mounting] = part.common, side * part.tilted
+        full[:, at : at + count] = part.own
         rows.append(full)
         aims.append(part.aim)
         doubts += part.doubts
@@ -334,6 +346,35 @@ def _solved(stretches: Sequence[Stretch], pole: Floats, base: Floats, wider: flo
     return found, wider * _restless(left, parts, len(answer))
 
 
+def _converged(
+    stretches: Sequence[Stretch], pole: Floats, base: Floats, wider: float, spread: Floats
+) -> tuple[_Solved, float]:
+    """The axis sought about ``base`` first, then about what was found, until it stands still, and the same of it."""
+    for _ in range(ROUNDS):
+        found, worse = _solved(stretches, pole, base, wider, spread)
+        moved, base, spread = angle_between(found.axis, base), found.axis, found.covariance
+        if moved < STANDS_ARCSEC * ARCSEC:
+            break
+    return found, worse
+
+
+def mountings_of(dec_axes: Sequence[Floats]) -> list[tuple[int, float]]:
+    """Of each stretch which mounting of the camera it has, counted from 0, and 1, or -1 after a flip.
+
+    ``dec_axes`` (3,) are where the camera has its Dec axis, by where it sees the pole. A flip brings that about by half
+    a turn, and the camera still looks askew to the same end of it; one that somebody turned sits anew.
+    """
+    found = [(0, 1.0)]
+    for before, now in pairwise(dec_axes):
+        turned = angle_between(before, now)
+        mounting, side = found[-1]
+        if turned > np.pi - TURNED_RAD:
+            found.append((mounting, -side))
+        else:
+            found.append((mounting, side) if turned < TURNED_RAD else (mounting + 1, 1.0))
+    return found
+
+
 def _of_pulses(stretches: Sequence[Stretch], parts: Sequence["_Rows"], gain: Floats) -> Floats:
     """Covariance (2, 2), rad^2, of what pulses moved: known to a share that the star's own path must not refine.
 
@@ -352,10 +393,13 @@ def _of_pulses(stretches: Sequence[Stretch], parts: Sequence["_Rows"], gain: Flo
 class _Rows:
     """Equations of one stretch, in sigmas: columns of axis and droop, columns of its own with their priors.
 
-    ``pushed`` is the share of the pulses in ``aim``.
+    ``pushed`` is the share of the pulses in ``aim``, ``tilted`` what a camera does to it that looks askew to its Dec
+    axis by a radian; ``dec_axis`` (3,) is that axis in the camera.
     """
 
     common: Floats
+    tilted: Floats
+    dec_axis: Floats
     own: Floats
     aim: Floats
     pushed: Floats
@@ -383,7 +427,7 @@ def _matrices(stretch: Stretch, axis: Floats) -> Floats:
     return upright(np.cos(moved) * places - np.sin(moved) * towards, axis)
 
 
-def _rows(stretch: Stretch, pole: Floats) -> _Rows:
+def _rows(stretch: Stretch, pole: Floats, spread: Floats) -> _Rows:
     """Where the camera sees the axis, along w (drift in Dec) and n (rotation of the field), both across it."""
     measured = _matrices(stretch, pole)
     in_camera = (pole @ measured).mean(axis=0)  # where the camera sees the pole, R^T p, in the mean
@@ -414,10 +458,34 @@ def _rows(stretch: Stretch, pole: Floats) -> _Rows:
     covariances = np.stack([noisy @ a.covariance @ noisy.T for a in stretch.attitudes])
     if stretch.held:
         covariances[:, 0, 0] += 1.0  # a radian: Dec that a guider held says nothing
+    tilted = np.zeros((count, 2))
+    if stretch.held:
+        sine, by_axis = max(float(np.sin(rho)), LEAST_SIN), np.stack([high, around], axis=-1)
+        guided, drift = ((each[:, 0] - each[:, 0].mean(axis=0)) / sine for each in (aim, by_axis))
+        # Dec turns about an axis square to the polar axis, and not to a camera that looks askew: of what a guider
+        # turned it by, a share of tilt / sin(rho) passes for rotation of the field, which near the pole is much.
+        tilted[:, 1] = guided
+        # An axis aside of where it is sought has its Dec axis aside as well.
+        aside = by_axis[:, 1].mean(axis=0) * np.cos(rho)
+        high, around = (
+            np.stack([v[:, 0], v[:, 1] - a * guided], axis=-1) for v, a in zip((high, around), aside, strict=True)
+        )
+        # Far along a long ellipse the guider turned Dec by other amounts: tilt times distance, and distance squared,
+        # which no linear fit sees, count by their own second moments (3 sigma^4 for the square).
+        for variance, way in zip(*_principal(spread), strict=True):
+            columns += [np.stack([zero, drift @ way], axis=-1)]
+            doubts += [float(np.sqrt(variance) * np.hypot(TILT_RAD, np.sqrt(3.0 * variance) * (aside @ way)))]
     whiten = np.linalg.inv(np.linalg.cholesky(covariances))
     common, own = -np.stack([high, around, droops], axis=-1), np.stack(columns, axis=-1)
-    rows = [(whiten @ part).reshape(2 * count, -1) for part in (common, own, aim[..., None], pushed[..., None])]
-    return _Rows(rows[0], rows[1], rows[2][:, 0], rows[3][:, 0], doubts)
+    each = (common, tilted[..., None], own, aim[..., None], pushed[..., None])
+    rows = [(whiten @ part).reshape(2 * count, -1) for part in each]
+    return _Rows(rows[0], rows[1][:, 0], n, rows[2], rows[3][:, 0], rows[4][:, 0], doubts)
+
+
+def _principal(covariance: Floats) -> tuple[Floats, Floats]:
+    """Variances (2,), above zero, and the unit vectors (2, 2), a row each, along which they lie."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.maximum(values, ARCSEC**2), vectors.T
 
 
 def _ra_row(stretch: Stretch, pole: Floats) -> tuple[float, Floats, float]:
@@ -501,7 +569,7 @@ def _doubts(stretches: Sequence[Stretch], wider: float, all_of_them: _Solved) ->
         text = tr(DEC_SIGN)
         found.append(PolarFinding(PolarFindingKind.DEC_SIGN, text, spoils=True))
     for number, stretch in enumerate(stretches, 1):
-        alone, _ = _solved((stretch,), all_of_them.pole, all_of_them.axis, wider)
+        alone, _ = _solved((stretch,), all_of_them.pole, all_of_them.axis, wider, all_of_them.covariance)
         gap = np.stack(tangents(all_of_them.axis)) @ (alone.axis - all_of_them.axis)
         if len(stretches) > 1 and gap @ np.linalg.solve(alone.covariance, gap) > 2.0 * CHI2_95:
             text = tr(OTHER_AXIS, part=number, parts=len(stretches))
@@ -560,7 +628,7 @@ def _minutes_more(stretches: Sequence[Stretch], found: _Solved, wider: float) ->
         pulses = np.append(last.pulses_rad, np.full(len(later), last.pulses_rad[-1])) if len(last.pulses_rad) else steps
         lags = np.append(last.ra_rad, np.zeros(len(later))) if len(last.ra_rad) else last.ra_rad
         longer = replace(last, attitudes=(*last.attitudes, *later), steps=steps, pulses_rad=pulses, ra_rad=lags)
-        solved, _ = _solved((*stretches[:-1], longer), found.pole, found.axis, wider)
+        solved, _ = _solved((*stretches[:-1], longer), found.pole, found.axis, wider, found.covariance)
         if solved.error.uncertainty_arcsec <= KNOWN_ARCSEC:
             return more / 60.0
         more *= 1.25
