@@ -3,7 +3,7 @@
 Written from protocols and from what INDI's and OnStep's sources do; axes accelerate, the tube's true direction is known
 apart from what the board believes, and the supply can be cut while the port stays open::
 
-    with served("onstep") as board:                    # or "onstepx", "am5", "ioptron", "nexstar", "skywatcher"
+    with served("onstep") as board:                    # or any other name of BOARDS or BEHIND_INDI
         board.align(-20.0, 40.0)                       # hour angle, Dec: tube and belief agree, tracking
         mount = open_mount("onstep", board.port, site=board.site, clock=board.clock)
         board.cut_power(off_s=1.0)                     # wakes at its false home after board.boot_s
@@ -12,7 +12,7 @@ apart from what the board believes, and the supply can be cut while the port sta
 ``board.radec_deg()`` is the truth, ``board.believed_deg()`` what the board takes for it, both of date;
 ``board.false_by_deg()`` the angle between. ``lose_stops``, ``lose_answers``, ``delay_answers``, ``clock_error_s`` (13
 years: ``board.clock_error_s = -13 * 31557600``) and ``site_deg`` spoil an evening; ``orders``, ``transcript`` and
-``tube.path`` tell of it. Everything runs on ``board.clock``: `Night` by the computer's time, or as many times faster.
+``tube.path`` tell of it. Everything runs on ``board.clock``: `Night` by the computer's time, or ``speed`` times as fast.
 """
 
 import os
@@ -22,12 +22,15 @@ from kochab.core.frame import Site
 
 from .am5 import Am5
 from .board import Board, Order
+from .exos2 import Exos2
 from .ioptron import Ioptron
 from .nexstar import NexStar
 from .onstep import OnStep, OnStepX
 from .serving import Line
 from .sky import LATITUDE_DEG, LONGITUDE_DEG, START, Frozen, Night
 from .skywatcher import SkyWatcher
+from .starbook import StarBook
+from .stargo import StarGo
 
 BOARDS = {
     "onstep": OnStep,
@@ -37,6 +40,8 @@ BOARDS = {
     "nexstar": NexStar,
     "skywatcher": SkyWatcher,
 }
+BEHIND_INDI = {"stargo": StarGo, "starbook": StarBook, "exos2": Exos2}
+"""Boards that the product drives through INDI's drivers alone; see :mod:`tests.boards.indi`."""
 DRIVERS = {kind: "onstep" if kind == "onstepx" else kind for kind in BOARDS}
 """The product's driver of each board, by its name in the registry."""
 
@@ -46,10 +51,10 @@ SITE = Site(LATITUDE_DEG, LONGITUDE_DEG)
 @contextmanager
 def served(kind, tcp=os.name == "nt", **settings):
     """A board on a pseudo-terminal, or on a TCP port; ``board.port`` is what a driver opens."""
-    board = BOARDS[kind](**settings)
+    board = {**BOARDS, **BEHIND_INDI}[kind](**settings)
     board.site = SITE
     line = Line(board, tcp)
-    board.port, board.line, board.driver = line.port, line, DRIVERS[kind]
+    board.port, board.line, board.driver = line.port, line, DRIVERS.get(kind, "indi")
     try:
         yield board
     finally:
@@ -57,12 +62,14 @@ def served(kind, tcp=os.name == "nt", **settings):
 
 
 __all__ = [
+    "BEHIND_INDI",
     "BOARDS",
     "DRIVERS",
     "SITE",
     "START",
     "Am5",
     "Board",
+    "Exos2",
     "Frozen",
     "Ioptron",
     "Line",
@@ -72,5 +79,7 @@ __all__ = [
     "OnStepX",
     "Order",
     "SkyWatcher",
+    "StarBook",
+    "StarGo",
     "served",
 ]

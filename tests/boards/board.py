@@ -25,7 +25,8 @@ class Order:
 class Board:
     """A mount's electronics on a :class:`~tests.boards.mechanics.Tube`.
 
-    ``clock`` is the truth for the tube, the Sun and the sidereal time (:class:`~tests.boards.sky.Night`, or `Frozen`).
+    ``clock`` is the truth for the tube, the Sun and the sidereal time (:class:`~tests.boards.sky.Night`, or `Frozen`);
+    without one it is a night ``speed`` times as fast as the computer's.
     ``keeps_clock``: a battery runs the board's clock while it has no power. ``claims_home``: it says "at home" when it
     wakes. The board's own site, longitude east, is ``site_deg``; its clock is wrong by ``clock_error_s``.
     """
@@ -34,8 +35,10 @@ class Board:
     wakes_at = datetime(2000, 1, 1, tzinfo=UTC)  # without a battery
     beyond_at_once = False
 
-    def __init__(self, clock=None, slew_deg_s=6.0, acceleration_deg_s2=6.0, keeps_clock=False, claims_home=True):
-        self.clock = clock or Night()
+    def __init__(
+        self, clock=None, slew_deg_s=6.0, acceleration_deg_s2=6.0, keeps_clock=False, claims_home=True, speed=1.0
+    ):
+        self.clock = clock or Night(speed=speed)
         self.lock = RLock()
         self.tube = Tube(self.clock, slew_deg_s, acceleration_deg_s2)
         self.keeps_clock, self.claims_home = keeps_clock, claims_home

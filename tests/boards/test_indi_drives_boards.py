@@ -1,25 +1,13 @@
 """INDI's own drivers drive the boards: they connect, go, stop, sync and read back, and agree with the true tube."""
 
-import time
-from contextlib import contextmanager
 from datetime import UTC, datetime
 
 import pytest
 
-from tests.boards import BOARDS, SITE, Night, served
+from tests.boards import BEHIND_INDI, BOARDS, SITE, Night
+from tests.boards.indi import PLACE, behind_indi, until
 from tests.boards.sky import apart_deg, sidereal_deg
-from tests.gear.mounts.indi_server import indi_server
 
-PROGRAMS = {
-    "onstep": ("indi_lx200_OnStep", "LX200 OnStep"),
-    "onstepx": ("indi_lx200_OnStep", "LX200 OnStep"),
-    "am5": ("indi_lx200am5", "ZWO AM5"),
-    "ioptron": ("indi_ioptronv3_telescope", "iOptronV3"),
-    "nexstar": ("indi_celestron_gps", "Celestron GPS"),
-    "skywatcher": ("indi_eqmod_telescope", "EQMod Mount"),
-}
-ROUNDED_DEG = 25.0 / 3600.0  # to a second of RA
-PLACE = "EQUATORIAL_EOD_COORD"
 BUTTONS = (  # and the sense of RA and Dec
     ("TELESCOPE_MOTION_NS.MOTION_NORTH", 0.0, 1.0),
     ("TELESCOPE_MOTION_NS.MOTION_SOUTH", 0.0, -1.0),
@@ -28,67 +16,24 @@ BUTTONS = (  # and the sense of RA and Dec
 )
 
 
-def until(holds, why):
-    """Wait, at most a minute, until something holds."""
-    deadline = time.monotonic() + 60.0
-    while not holds():
-        assert time.monotonic() < deadline, why
-        time.sleep(0.1)
-
-
-class Indi:
-    """INDI's driver of one board."""
-
-    def __init__(self, server, device):
-        self.server, self.device = server, device
-
-    def set(self, *wishes):
-        self.server.set(*(f"{self.device}.{wish}" for wish in wishes))
-
-    def get(self, name):
-        return self.server.get(f"{self.device}.{name}")
-
-    def goto(self, ra_deg, dec_deg):
-        self.set("ON_COORD_SET.TRACK=On", f"{PLACE}.RA;DEC={ra_deg / 15.0};{dec_deg}")
-
-    def says_deg(self):
-        return 15.0 * float(self.get(f"{PLACE}.RA")), float(self.get(f"{PLACE}.DEC"))
-
-    def says(self, place_deg):
-        """Whether it reads back this place soon."""
-        until(lambda: apart_deg(self.says_deg(), place_deg) < ROUNDED_DEG, f"INDI does not say {place_deg}")
-
-
-@contextmanager
-def driven(kind, home, **settings):
-    """A board with INDI's driver connected to it."""
-    program, device = PROGRAMS[kind]
-    with served(kind, tcp=False, **settings) as board, indi_server(home, program) as server:
-        board.here = board.align(-40.0, 40.0) if kind != "skywatcher" else board.radec_deg()
-        indi = Indi(server, device)
-        indi.set("CONNECTION_MODE.CONNECTION_SERIAL=On", "DEVICE_AUTO_SEARCH.INDI_DISABLED=On")
-        indi.set(f"DEVICE_PORT.PORT={board.port}", "CONNECTION.CONNECT=On")
-        yield board, indi
-
-
-@pytest.fixture(params=[kind for kind in BOARDS if kind != "skywatcher"])
+@pytest.fixture(params=[*(kind for kind in BOARDS if kind != "skywatcher"), *BEHIND_INDI])
 def kind(request):
     return request.param
 
 
 def test_indi_goes_where_the_tube_truly_arrives_and_reads_it_back(kind, tmp_path):
-    with driven(kind, tmp_path) as (board, indi):
+    with behind_indi(kind, tmp_path) as (board, indi):
         indi.says(board.here)
         target = (board.here[0] + 10.0, 45.0)
         indi.goto(*target)
         until(lambda: board.orders and not board.moving, "no slew")
-        assert apart_deg(board.radec_deg(), target) < ROUNDED_DEG
+        assert apart_deg(board.radec_deg(), target) < indi.rounded_deg
         indi.says(target)
         until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends")
 
 
 def test_indi_stops_a_slew_where_the_tube_then_stands(kind, tmp_path):
-    with driven(kind, tmp_path) as (board, indi):
+    with behind_indi(kind, tmp_path) as (board, indi):
         indi.says(board.here)
         indi.goto(board.here[0], 0.0)
         until(lambda: board.moving, "no slew")
@@ -99,19 +44,19 @@ def test_indi_stops_a_slew_where_the_tube_then_stands(kind, tmp_path):
 
 
 def test_indi_syncs_a_board_that_was_wrong(kind, tmp_path):
-    with driven(kind, tmp_path) as (board, indi):
+    with behind_indi(kind, tmp_path) as (board, indi):
         indi.says(board.here)
         axes = [axis.at_deg for axis in board.tube.axes]
         board.set_counters((axes[0], axes[1] - 3.0))  # a clutch slipped
         truth = board.radec_deg()
         assert apart_deg(board.believed_deg(), truth) == pytest.approx(3.0, abs=0.01)
         indi.set("ON_COORD_SET.SYNC=On", f"{PLACE}.RA;DEC={truth[0] / 15.0};{truth[1]}")
-        until(lambda: board.false_by_deg() < ROUNDED_DEG, "not synced")
+        until(lambda: board.false_by_deg() < indi.rounded_deg, "not synced")
         indi.says(truth)
 
 
 def test_indi_and_the_boards_agree_on_north_and_west(kind, tmp_path):
-    with driven(kind, tmp_path) as (board, indi):
+    with behind_indi(kind, tmp_path) as (board, indi):
         for button, along_ra, along_dec in BUTTONS:
             begun = board.radec_deg()
             indi.says(begun)
@@ -126,7 +71,7 @@ def test_indi_and_the_boards_agree_on_north_and_west(kind, tmp_path):
 
 def test_indis_eqmod_reads_the_home_of_a_skywatcher_and_reaches_its_target(tmp_path):
     """It reckons sidereal time by the computer's clock."""
-    with driven("skywatcher", tmp_path, clock=Night(datetime.now(UTC))) as (board, indi):
+    with behind_indi("skywatcher", tmp_path, clock=Night(datetime.now(UTC))) as (board, indi):
         until(lambda: board.initialised == [True, True], "not initialised")
         indi.set(f"GEOGRAPHIC_COORD.LAT;LONG;ELEV={SITE.latitude_deg};{SITE.longitude_deg};100")
         until(lambda: abs(indi.says_deg()[1] - 90.0) < 0.1, "not at the pole")
@@ -140,7 +85,7 @@ def test_indis_eqmod_reads_the_home_of_a_skywatcher_and_reaches_its_target(tmp_p
 
 
 def test_indi_goes_home_with_an_am5_and_sees_it_there(tmp_path):
-    with driven("am5", tmp_path) as (board, indi):
+    with behind_indi("am5", tmp_path) as (board, indi):
         indi.says(board.here)
         indi.set("GO_HOME.GO=On")
         until(lambda: board.at_home, "not home")
@@ -149,7 +94,7 @@ def test_indi_goes_home_with_an_am5_and_sees_it_there(tmp_path):
 
 
 def test_indi_parks_and_unparks_an_ioptron(tmp_path):
-    with driven("ioptron", tmp_path) as (board, indi):
+    with behind_indi("ioptron", tmp_path) as (board, indi):
         indi.says(board.here)
         indi.set("TELESCOPE_PARK.PARK=On")
         until(lambda: board.parked, "not parked")

@@ -50,7 +50,8 @@ def indi_server(home, *drivers):
     """The server with its drivers; skipped where one of them is not installed."""
     for driver in drivers:
         if shutil.which(driver) is None:
-            pytest.skip(f"{driver} is not there: apt-get install indi-bin indi-eqmod")
+            packages = "indi-bin indi-eqmod indi-avalon indi-starbook indi-bresserexos2"
+            pytest.skip(f"{driver} is not there: apt-get install {packages}")
     with indi_network():
         server = IndiServer(home, *drivers)
         try:
