@@ -39,6 +39,18 @@ def test_every_command_has_help(name, capsys) -> None:
 
 
 @pytest.mark.parametrize(
+    ("typed", "place"),
+    [("-10,40,5", (350.0, 40.0, 5.0)), ("-10.5,40,5", (349.5, 40.0, 5.0)), ("-.5,-40,5", (359.5, -40.0, 5.0))],
+)
+def test_a_list_that_begins_with_a_minus_is_the_value_of_its_option(typed, place) -> None:
+    read = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("kochab.cli.solve.run", lambda args: read.append(args.near) or 0)
+        assert main(["solve", "--near", typed, "a.fits"]) == 0
+    assert read == [place]
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         [],

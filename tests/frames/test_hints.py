@@ -4,6 +4,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from astropy import wcs
+from astropy.coordinates import SkyCoord
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -84,6 +86,15 @@ def test_a_reference_point_far_off_the_frame_widens_the_radius():
     values = {**WCS, "CDELT1": -0.01, "CDELT2": 0.01, "CRPIX1": 3750.0, "CRPIX2": 500.0}
     got, _ = hint_from_keywords(values, {}, SHAPE)
     assert got.centre_deg[2] > 30.0
+
+
+@pytest.mark.parametrize(("crpix1", "crpix2"), [(3750.0, 500.0), (750.0, 3500.0), (2550.0, 2900.0), (-1050.0, 2900.0)])
+def test_the_centre_is_within_the_radius_wherever_the_reference_point_is(crpix1, crpix2):
+    header = {**WCS, "CDELT1": -0.01, "CDELT2": 0.01, "CRPIX1": crpix1, "CRPIX2": crpix2}
+    got, _ = hint_from_keywords(header, {}, SHAPE)
+    centre = wcs.WCS(header).pixel_to_world((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2)
+    ra, dec, radius = got.centre_deg
+    assert centre.separation(SkyCoord(ra, dec, unit="deg")).deg < radius < 60.0
 
 
 def test_a_linear_axis_is_no_sky():

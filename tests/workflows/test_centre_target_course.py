@@ -108,6 +108,15 @@ def test_guide_rates_are_learned_from_what_came_of_a_move() -> None:
     assert east == pytest.approx(-25.0 / NARROW)
 
 
+@pytest.mark.parametrize(("left_arcsec", "gain"), [(-48.0, 0.4), (49.0, 1.98), (95.0, 2.5), (4000.0, 2.5)])
+def test_one_move_changes_the_guide_rate_by_two_and_a_half_at_most(left_arcsec, gain) -> None:
+    """A gust, or a move that was lost: the next one must not be 50 times as long."""
+    c = course(beside(-50.0, 0.0))
+    c.fine()
+    c.add(MountAndSky(TARGET, beside(left_arcsec, 0.0)), 1)
+    assert c.gain == [pytest.approx(gain), 1.0]
+
+
 def test_verdicts() -> None:
     done = end_of(course(beside(3.0, 4.0)), "M 42", 0, 5)
     assert done == (CentringEnd.CENTRED, "M 42 is centred to 5.0″.")

@@ -66,6 +66,21 @@ def test_settled_waits_for_a_slew_that_somebody_else_began() -> None:
     assert not b.rig.mount.slewing
 
 
+@pytest.mark.parametrize("settle_s", [0.0, 3.0, 7.0])
+def test_vibrations_have_their_time_to_die_once_the_mount_stands(settle_s) -> None:
+    b, waits = bench(good(lost_deg=0.0)), []
+    ra, dec = b.rig.mount.believed_deg()
+    b.rig.mount.goto(ra - 5.0, dec)
+
+    def wait(seconds):
+        waits.append((seconds, b.rig.mount.slewing))
+        b.wait(seconds)
+
+    run(settled(b.guard, wait) if settle_s == 3.0 else settled(b.guard, wait, settle_s))  # 3 s unless told
+    assert waits[-1] == (settle_s, False)
+    assert waits[0][1]
+
+
 def test_a_mount_that_never_rests_is_said() -> None:
     b = bench(good(lost_deg=0.0))
     from kochab.core.mount import Direction

@@ -1,5 +1,6 @@
 """Safe sync: an offer in numbers, two solves, the guard, read-back, undo, and the way round it."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -112,6 +113,18 @@ def test_a_single_frame_is_synced_on_only_where_it_was_offered(moved_deg) -> Non
     with pytest.raises(RefusedError, match="has moved by"):
         run(sync_by_hand(b.guard, offer))
     assert "sync" not in [did[0] for did in b.mount.did]
+
+
+@pytest.mark.parametrize(("moved_arcsec", "holds"), [(-45.0, True), (75.0, False), (900.0, False)])
+@pytest.mark.parametrize("accept", [accept_sync, sync_by_hand])
+def test_an_offer_holds_within_a_minute_of_arc_of_where_it_was_made(accept, moved_arcsec, holds) -> None:
+    b = bench(good(lost_deg=1.5))
+    offer = run(offer_sync(b.guard, b.solve_now))
+    here = offer.mount
+    b.mount.position = lambda: replace(here, dec_deg=here.dec_deg + moved_arcsec / 3600.0)
+    with nullcontext() if holds else pytest.raises(RefusedError, match="has moved by"):
+        run(accept(b.guard, offer))
+    assert ("sync" in [did[0] for did in b.mount.did]) is holds
 
 
 def test_solves_that_differ_are_no_evidence() -> None:
