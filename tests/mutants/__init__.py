@@ -1,0 +1,1 @@
+"""Deliberate bugs, and whether the tests notice: ``make mutants`` (``python -m tests.mutants --help``)."""

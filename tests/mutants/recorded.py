@@ -1,0 +1,303 @@
+"""Which tests execute which lines, in a copy of the program; kept between two runs."""
+
+import ast
+import hashlib
+import json
+import multiprocessing
+import os
+import re
+import resource
+import shutil
+import signal
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import coverage
+import pytest
+
+from tests.house import SOURCE, imports, sources
+from tests.mutants.changes import Mutant
+from tests.patterns import REPOSITORY
+
+KEPT = REPOSITORY / ".pytest_cache" / "mutants"
+PRELOADED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+LONGEST_TEST_S, LONGEST_FILE_S = 100.0, 400.0
+"""A test that takes longer judges no change; so much time for the tests of one file, in their order."""
+FAR = ("window", "lab/bench")  # tests that look at other rooms from far above
+
+
+# -- A copy in which a module is changed -------------------------------------------------------
+
+
+class Copy:
+    """A copy of the program in which one module at a time is changed."""
+
+    def __init__(self, folder: Path) -> None:
+        self.app = folder / "app"
+        shutil.copytree(SOURCE, self.app / "kochab", ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("catalogs", "resources"):
+            (folder / name).symlink_to(REPOSITORY / name)
+
+    def pytest(self, tests: list[str], processor_s: float, limit_s: float, *options: str) -> int | None:
+        """Run tests against the copy; what pytest returns, None when they had not ended after ``limit_s``.
+
+        A change after which they never end is told by the processor's time: a busy machine does not use it up.
+        """
+        arguments = ["-q", "-n", "0", "-p", "no:cacheprovider", "--hypothesis-seed=0", *PRELOADED, *options, *tests]
+        process = multiprocessing.get_context("fork").Process(target=_pytest, args=(self.app, processor_s, arguments))
+        process.start()
+        process.join(limit_s)
+        if process.is_alive() and process.pid is not None:
+            os.killpg(process.pid, signal.SIGKILL)  # with what the tests have started
+            process.join()
+            return None
+        return process.exitcode or 0
+
+
+def _pytest(app: Path, processor_s: float, arguments: list[str]) -> None:
+    """In a process of its own, which has the libraries already: they take longer than most tests."""
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_CPU, (round(processor_s), round(processor_s) + 5))
+    paths = [str(app), str(REPOSITORY)]
+    os.environ |= {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1", "QT_QPA_PLATFORM": "offscreen"}
+    sys.dont_write_bytecode = True
+    sys.path[:0] = paths
+    os.chdir(REPOSITORY)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1, 2):
+        os.dup2(nothing, stream)
+    os._exit(pytest.main(["-o", f"pythonpath={app} {REPOSITORY}", *arguments]))
+
+
+def path_of(module: str) -> Path:
+    """A module's file, from the folder that holds the package."""
+    place = Path(*module.split("."))
+    return place / "__init__.py" if (SOURCE.parent / place).is_dir() else place.with_suffix(".py")
+
+
+# -- What a run of the tests records -----------------------------------------------------------
+
+
+class Recorder:
+    """A plugin of pytest: of every test that passes, how long it takes and which lines it executes."""
+
+    def __init__(self, app: Path, output: Path) -> None:
+        self.app, self.output, self.end = app, output, monotonic() + LONGEST_FILE_S
+        self.measured = coverage.Coverage(data_file=None, config_file=False, source=[str(app)], messages=False)
+        self.durations_s: dict[str, float] = {}
+        self.out: set[str] = set()
+        self.failed: set[str] = set()
+        self.measured.start()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Everything so far was imports."""
+        self.measured.switch_context("imports")
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        """Measure one test with its fixtures."""
+        start = monotonic()
+        self.measured.switch_context(item.nodeid)
+        result = yield
+        self.measured.switch_context("between")
+        self.durations_s[item.nodeid] = monotonic() - start
+        return result
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_setup(self, item: pytest.Item) -> None:
+        """What a fixture of the module does, it does for all of them."""
+        if monotonic() > self.end:
+            pytest.skip("no time is left")
+        self.measured.switch_context("fixtures")
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> None:
+        """The test itself."""
+        self.measured.switch_context(item.nodeid)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Leave out what fails or is skipped without any change."""
+        if not report.passed:
+            self.out.add(report.nodeid)
+        if report.failed:
+            self.failed.add(report.nodeid)
+
+    def pytest_sessionfinish(self) -> None:
+        """Write what was recorded."""
+        self.measured.stop()
+        data = self.measured.get_data()
+        passed = {test: seconds for test, seconds in self.durations_s.items() if test not in self.out}
+        lines: dict[str, dict[str, list[int]]] = {test: defaultdict(list) for test in passed}
+        for module in sources():
+            executable = _inside_functions(module)
+            for number, contexts in data.contexts_by_lineno(str(self.app / path_of(module))).items():
+                if number in executable:
+                    for test in passed if "fixtures" in contexts else set(contexts) & passed.keys():
+                        lines[test][module].append(number)
+        tests = {test: {"duration_s": seconds, "lines": lines[test]} for test, seconds in passed.items() if lines[test]}
+        self.output.write_text(json.dumps({"tests": tests, "failed": sorted(self.failed)}), encoding="utf-8")
+
+
+@cache
+def _inside_functions(module: str) -> frozenset[int]:
+    """The lines that an import of the module does not execute."""
+    found: set[int] = set()
+    for node in ast.walk(ast.parse(sources()[module])):
+        if isinstance(node, ast.FunctionDef | ast.Lambda):
+            body = node.body if isinstance(node.body, list) else [node.body]
+            found |= set(range(body[0].lineno, (node.end_lineno or node.lineno) + 1))
+    return frozenset(found)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Record when this module is a plugin of a run that :class:`Recordings` starts."""
+    if wanted := os.environ.get("KOCHAB_RECORD_LINES"):
+        app, output = json.loads(wanted)
+        config.pluginmanager.register(Recorder(Path(app), Path(output)))
+
+
+# -- The tests that may notice a change --------------------------------------------------------
+
+
+@cache
+def test_texts() -> dict[Path, str]:
+    """Every test file with its text, read once for all mutants."""
+    return {path: path.read_text(encoding="utf-8") for path in sorted(REPOSITORY.glob("tests/**/test_*.py"))}
+
+
+def _named(module: str) -> set[Path]:
+    parent, _, name = module.rpartition(".")
+    direct = rf"from {re.escape(module)} |import {re.escape(module)}\b|\b{re.escape(module)}\."
+    by_parent = rf"from {re.escape(parent)} import [^\n]*\b{name}\b"
+    return {path for path, text in test_texts().items() if re.search(f"{direct}|{by_parent}", text)}
+
+
+def _mirror(module: str) -> set[Path]:
+    """The files of tests that bear the module's name, in its room's folder or one above."""
+    *rooms, name = module.split(".")[1:]
+    folders = [REPOSITORY.joinpath("tests", *rooms[:k]) for k in range(len(rooms), -1, -1)]
+    return {path for path in test_texts() if path.parent in folders and path.stem.startswith(f"test_{name}")}
+
+
+def tests_of(module: str) -> list[list[Path]]:
+    """The test files that judge a module, in the order in which they are asked.
+
+    Those that mirror it or name it in its own room; the others of its room; those elsewhere that name it, and the mirrors
+    of what imports it. What looks from far above comes last, and only where nothing else is.
+    """
+    room = module.split(".")[1:]
+    folders = [REPOSITORY.joinpath("tests", *room[:k]) for k in range(len(room), 0, -1)]
+    own = next((folder for folder in folders if folder.is_dir()), REPOSITORY / "tests")
+    inside = {path for path in test_texts() if own in path.parents}
+    named = _named(module)
+    first = _mirror(module) | (named & inside)
+    elsewhere = set().union(*(_mirror(other) for other in sources() if module in imports(other)), named)
+    far = {path for path in elsewhere if any(REPOSITORY / "tests" / folder in path.parents for folder in FAR)}
+    far -= inside
+    groups: list[list[Path]] = []
+    for group in (first, inside, elsewhere - far, far if not (first or elsewhere - far) else set()):
+        before = {path for earlier in groups for path in earlier}
+        groups.append(sorted(group - before))
+    return [group for group in groups if group]
+
+
+@dataclass
+class TestFile:
+    """What is known of the tests of one file: their time, and the lines of modules that each executes."""
+
+    durations_s: dict[str, float] = field(default_factory=dict)
+    lines: dict[str, dict[str, frozenset[int]]] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+
+
+class Recordings:
+    """What the tests of a file execute, recorded when first asked for.
+
+    It is kept until the file, what it takes from the other tests, or a module that it executes has changed.
+    """
+
+    def __init__(self, copy: Copy, folder: Path, end: float) -> None:
+        self.copy, self.output, self.end = copy, folder / "lines.json", end
+        self._known: dict[Path, TestFile] = {}
+
+    def has(self, path: Path) -> bool:
+        """Whether a file of tests is recorded already."""
+        if path not in self._known:
+            kept = KEPT / f"{_mark(path)}.json"
+            found = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else None
+            if found is None or any(_digest(module) != mark for module, mark in found["modules"].items()):
+                return False
+            self._keep(path, found)
+        return True
+
+    def of(self, path: Path) -> TestFile | None:
+        """The recording of a file of tests; None when no time is left to make it."""
+        if not self.has(path):
+            if monotonic() > self.end:
+                return None
+            self._keep(path, self._record(path, KEPT / f"{_mark(path)}.json"))
+        return self._known[path]
+
+    def _keep(self, path: Path, found: dict[str, Any]) -> None:
+        self._known[path] = TestFile(
+            {test: one["duration_s"] for test, one in found["tests"].items()},
+            {t: {m: frozenset(n) for m, n in one["lines"].items()} for t, one in found["tests"].items()},
+            found["failed"],
+        )
+        for test in found["failed"]:
+            print(f"left out, it does not pass without a change: {test}", flush=True)
+
+    def _record(self, path: Path, kept: Path) -> dict[str, Any]:
+        self.output.unlink(missing_ok=True)
+        os.environ["KOCHAB_RECORD_LINES"] = json.dumps([str(self.copy.app), str(self.output)])
+        limit_s = LONGEST_FILE_S + LONGEST_TEST_S + 60.0
+        options = ("-p", "tests.mutants.recorded", "-o", f"timeout={LONGEST_TEST_S:.0f}")
+        self.copy.pytest([str(path.relative_to(REPOSITORY))], limit_s, limit_s, *options)
+        del os.environ["KOCHAB_RECORD_LINES"]
+        nothing = {"tests": {}, "failed": [f"{path.relative_to(REPOSITORY)} (did not end)"]}
+        found: dict[str, Any] = json.loads(self.output.read_text("utf-8")) if self.output.exists() else nothing
+        modules = {module for one in found["tests"].values() for module in one["lines"]}
+        found["modules"] = {module: _digest(module) for module in sorted(modules)}
+        KEPT.mkdir(parents=True, exist_ok=True)
+        kept.write_text(json.dumps(found), encoding="utf-8")
+        return found
+
+
+def _digest(module: str) -> str:
+    return hashlib.sha256(sources().get(module, "").encode()).hexdigest()[:16]
+
+
+def _mark(path: Path) -> str:
+    """What changes with a test file and with what it takes from the other tests."""
+    files, new = {path}, [path, *(folder / "conftest.py" for folder in path.parents if REPOSITORY in folder.parents)]
+    while new:
+        file = new.pop()
+        if not file.exists():
+            continue
+        files.add(file)
+        names = re.findall(r"from (tests[\w.]*) import ([\w, ()]*)", file.read_text(encoding="utf-8"))
+        modules = {
+            part for module, inside in names for part in (module, *(f"{module}.{n}" for n in inside.split(", ")))
+        }
+        new += {REPOSITORY.joinpath(*module.split(".")).with_suffix(".py") for module in modules} - files
+    text = "\0".join(f"{file.relative_to(REPOSITORY)}\0{file.read_text(encoding='utf-8')}" for file in sorted(files))
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def wanted_lines(bug: Mutant) -> dict[str, frozenset[int]]:
+    """The lines that have to be executed for a change to be noticed."""
+    if not bug.name:
+        return {bug.module: bug.lines}
+    word, found = re.compile(rf"\b{re.escape(bug.name)}\b"), {bug.module: bug.lines}
+    for module, text in sources().items():
+        numbers = frozenset(n for n, line in enumerate(text.splitlines(), start=1) if word.search(line))
+        if numbers and (module == bug.module or bug.module in imports(module)):
+            found[module] = numbers | found.get(module, frozenset())
+    return found
