@@ -78,9 +78,9 @@ def test_where_the_quads_are_asked_as_well_every_answer_pays_for_one_more_way(st
     search = Search(Detections.from_list(xy, SIDE, SIDE), Hint(scale_arcsec_px=(scale / 1.01, scale * 1.01)))
     searches = known_camera(search, shipped(), 2016.0)
     assert searches
-    assert {known.ways for known in searches} == {search.ways} == {len(searches) + (stars > COMPLETE)}
+    assert {known.n_searches for known in searches} == {search.n_searches} == {len(searches) + (stars > COMPLETE)}
     search.tried = 1000
-    assert search.alarm(SimpleNamespace(log10_chance=-9.0)) == pytest.approx(-6.0 + np.log10(search.ways))
+    assert search.alarm(SimpleNamespace(log10_chance=-9.0)) == pytest.approx(-6.0 + np.log10(search.n_searches))
 
 
 @pytest.mark.parametrize(("away", "allowed"), [(0.0, True), (0.99, True), (1.01, False), (3.0, False)])

@@ -121,7 +121,8 @@ def test_an_offer_holds_within_a_minute_of_arc_of_where_it_was_made(accept, move
     b = bench(good(lost_deg=1.5))
     offer = run(offer_sync(b.guard, b.solve_now))
     here = offer.mount
-    b.mount.position = lambda: replace(here, dec_deg=here.dec_deg + moved_arcsec / 3600.0)
+    b.rig.mount.goto(here.ra_deg, here.dec_deg + moved_arcsec / 3600.0)  # by its hand control
+    b.rig.clock.step(10.0)
     with nullcontext() if holds else pytest.raises(RefusedError, match="has moved by"):
         run(accept(b.guard, offer))
     assert ("sync" in [did[0] for did in b.mount.did]) is holds
