@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from tests.patterns import REPOSITORY, choose_folder, make
+from tests.windows.lacking import skip_what_wine_lacks
 
 # Before anything imports Qt or asks where settings live.
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
@@ -18,6 +19,8 @@ for _name in ("CONFIG", "CACHE", "DATA", "STATE"):
     _folder = Path(_home.name, _name.lower())
     _folder.mkdir()
     os.environ[f"XDG_{_name}_HOME"] = str(_folder)
+# Windows has one folder for all of these; platformdirs from 4.9 on takes it from here.
+os.environ["WIN_PD_OVERRIDE_LOCAL_APPDATA"] = str(Path(_home.name, "config"))
 
 choose_folder()
 
@@ -54,6 +57,16 @@ def pytest_xdist_auto_num_workers() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0)) + 3
     return (os.cpu_count() or 1) + 3
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What Wine lacks is no fault of Kochab's."""
+    skip_what_wine_lacks(items)
+
+
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """A short name for a test of a long text: Windows holds 32,767 letters in the variable that tells it."""
+    return argname if isinstance(val, str | bytes) and len(val) > 500 else None
 
 
 # A session of so many tests needs the patterns of small fields, and makes them on no test's time:

@@ -49,6 +49,24 @@ def test_everything_is_imported_without_what_only_posix_has(repository, tmp_path
     assert "too few stars" in done.stdout
 
 
+def test_windows_has_one_folder_for_all_that_a_person_keeps(tmp_path, monkeypatch) -> None:
+    """By platformdirs' own rules of Windows, which it carries on every system: %LOCALAPPDATA%\\kochab."""
+    import platformdirs
+    from platformdirs.windows import Windows
+
+    from kochab.core import cache_folder, config_folder
+    from kochab.gear.journal import journal_folder
+    from kochab.sky.catalogue_import import user_folder
+
+    monkeypatch.setattr(platformdirs, "PlatformDirs", Windows)
+    monkeypatch.setattr("platformdirs.windows.get_win_folder", lambda name: str(tmp_path / name))
+    monkeypatch.delenv("KOCHAB_CACHE", raising=False)
+    monkeypatch.delenv("KOCHAB_CONFIG", raising=False)
+    own = tmp_path / "CSIDL_LOCAL_APPDATA" / "kochab"
+    assert (config_folder(), journal_folder(), user_folder("mine")) == (own, own, own / "catalogs" / "mine")
+    assert cache_folder() == own / "Cache"
+
+
 def test_names_of_files_differ_by_more_than_their_case(repository) -> None:
     told = subprocess.run(["git", "ls-files"], cwd=repository, capture_output=True, text=True, check=False)
     names = told.stdout.splitlines()

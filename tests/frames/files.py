@@ -6,11 +6,11 @@ import pickle
 import socket
 import struct
 import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -141,9 +141,9 @@ class _Run:
 def pickling_reader(path):
     """Taken over, it writes to its parent what would run there if it were unpickled."""
     body = pickle.dumps(_Run())
-    for pipe in Path("/proc/self/fd").iterdir():  # whichever leads to the parent
+    for pipe in range(64):  # whichever leads to the parent
         with suppress(OSError):
-            os.write(int(pipe.name), struct.pack("=QQ", 1, len(body)) + body)
+            os.write(pipe, struct.pack("=QQ", 1, len(body)) + body)
     os._exit(0)
 
 
@@ -162,6 +162,12 @@ def _tried(thing):
     except OSError as error:
         return errno.errorcode[error.errno]
     return "done"
+
+
+def starting_reader(path):
+    """Starts a program, which a job of Windows with room for one process does not let it."""
+    done = subprocess.run([sys.executable, "-c", "print('started')"], capture_output=True, text=True)
+    return Frame(sky(), path=str(path), header={"answered": done.stdout, "code": done.returncode})
 
 
 def _thread_writes():
@@ -187,6 +193,6 @@ FORBIDDEN = {
     "open a connection": (socket.create_connection, ("127.0.0.1", 9)),
     "open a port": (socket.create_server, ("127.0.0.1", 0)),
     "send a datagram": (socket.socket, socket.AF_INET, socket.SOCK_DGRAM),
-    "talk to this computer's services": (socket.socket, socket.AF_UNIX),
+    "talk to this computer's services": (socket.socket, getattr(socket, "AF_UNIX", 1)),
     "end another process": (os.kill, os.getppid(), 0),
 }

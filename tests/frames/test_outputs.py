@@ -199,7 +199,7 @@ def test_catalogues_spare_what_is_there(night, capsys, monkeypatch) -> None:
     build = ["catalog", "build", "--sources", str(night.parent), "--out", str(night.parent)]
     assert main(build) == 2
     assert "names.tsv exists already" in capsys.readouterr().err
-    monkeypatch.setattr("platformdirs.user_data_path", lambda _: night.parent)
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_, **__: night.parent)
     (night.parent / "catalogs" / "deep").mkdir(parents=True)
     assert main(["catalog", "import", str(night), "--name", "deep"]) == 2
     assert "choose another --name, or add --overwrite" in capsys.readouterr().err

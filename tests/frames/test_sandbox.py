@@ -37,6 +37,10 @@ WHEN = datetime(2026, 3, 14, 20, 0, 0, 250_000, UTC)
 
 def gone(pid):
     """Whether the process has ended, or ends soon."""
+    if sys.platform == "win32":  # os.kill with 0 is Ctrl-C there
+        kernel = ctypes.windll.kernel32
+        process = kernel.OpenProcess(0x100000, False, pid)  # SYNCHRONIZE
+        return not process or kernel.WaitForSingleObject(process, 10_000) == 0
     for _ in range(200):
         try:
             os.kill(pid, 0)
@@ -118,13 +122,19 @@ def test_a_decoder_that_crashes_costs_a_sentence_and_the_next_file_nothing(odd):
     np.testing.assert_array_equal(read_frame(odd("quick_reader")).pixels, sky())
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="macOS bounds no process's memory")
+@pytest.mark.skipif(sys.platform not in ("linux", "win32"), reason="macOS bounds no process's memory")
 def test_a_decoder_may_not_fill_the_memory(odd, monkeypatch):
     monkeypatch.setattr(sandbox, "LEAST_BYTES", 400_000_000)
     monkeypatch.setattr(sandbox, "MOST_BYTES", 400_000_000)
     with pytest.raises(FrameError, match=r"night.odd does not fit into the 0.4 GB there is for reading it"):
         read_frame(odd("greedy_reader"))
     assert read_frame(odd("quick_reader")).pixels.shape == (48, 64)
+
+
+@pytest.mark.skipif(sys.platform != "win32", reason="of a job of Windows; Linux has Landlock and seccomp")
+def test_on_windows_a_decoder_starts_no_program(odd):
+    with pytest.raises(FrameError, match=r"^night.odd cannot be read: "):
+        read_frame(odd("starting_reader"))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the process's memory itself")

@@ -80,7 +80,7 @@ def test_coverage_refuses_what_cannot_be_counted(arguments, capsys):
 
 
 def test_a_name_that_was_not_imported_is_told_with_those_that_were(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr("platformdirs.user_data_path", lambda name: tmp_path)
+    monkeypatch.setattr("platformdirs.user_data_path", lambda *_, **__: tmp_path)
     assert main(["catalog", "info", "--catalog", "deep"]) == 2
     assert "'deep'; none was imported at all" in capsys.readouterr().err
     (tmp_path / "catalogs" / "gaia").mkdir(parents=True)

@@ -279,7 +279,14 @@ def find_ports() -> Task[list[PortInfo]]:
 
 def find_mounts(typed: str) -> Task[tuple[list[PortInfo], list[Diagnosis]]]:
     """Ask on every port, first on the one that was typed, which mount is there."""
-    listed = yield from find_ports()
+    try:
+        listed = yield from find_ports()
+    except PortError:
+        if not typed:  # then what answers in the network, if anything does
+            if served := find_served():
+                return [], served
+            raise
+        listed = []
     names = [typed] if typed else []
     names += [info.port for info in listed if info.port != typed]
     found = []

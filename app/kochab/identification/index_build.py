@@ -151,6 +151,7 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
 
     n = len(vectors)
     tree = cKDTree(vectors)
+    threads = os.cpu_count() or 1  # scipy's own -1 fails where the system does not say
     k = min(max(neighbours, AROUND), n - 1)
     most = min(max(k, poorest), n - 1)
     near = np.zeros((n, most + 1), dtype=np.int32)
@@ -158,7 +159,7 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
     for at in range(0, n, STARS_AT_ONCE):
         yield Progress("patterns", 0.5 * at / n, "grouping neighbours")
         here = vectors[at : at + STARS_AT_ONCE]
-        distance, number = (np.asarray(found) for found in tree.query(here, k=k + 1, workers=-1))
+        distance, number = (np.asarray(found) for found in tree.query(here, k=k + 1, workers=threads))
         near[at : at + len(here), : k + 1] = number
         # k stars lie in the disc out to the k-th, whose chord is its angle nearly enough
         stars_per_field = k / (np.pi * np.maximum(distance[:, k] / np.radians(field_deg), 1e-9) ** 2)
@@ -167,7 +168,7 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
         wanted[at : at + len(here)] = count
         poor = np.flatnonzero(count > k)
         if len(poor):
-            near[at + poor] = tree.query(here[poor], k=most + 1, workers=-1)[1]
+            near[at + poor] = tree.query(here[poor], k=most + 1, workers=threads)[1]
     del tree
     level = LevelQuads(
         vectors.astype(np.float32), near, wanted, neighbours, COMPACT * math.radians(field_deg), np.zeros(0, dtype=bool)

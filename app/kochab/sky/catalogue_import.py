@@ -196,7 +196,7 @@ def user_folder(name: str) -> Path:
 
     if not name or Path(name).name != name:
         raise CatalogueError("{name!r} cannot be the name of a catalogue.", name=name)
-    return user_data_path("kochab") / "catalogs" / name
+    return user_data_path("kochab", appauthor=False) / "catalogs" / name
 
 
 def read_foreign(path: Path) -> Task[ForeignStars]:

@@ -155,3 +155,32 @@ def test_usb_descriptions_become_hints() -> None:
 
 def test_the_list_of_ports_is_a_list() -> None:
     assert all(port.port for port in list_ports())
+
+
+@pytest.mark.parametrize(
+    "fault", [AttributeError("function 'CM_MapCrToWin32Err' not found"), OSError(5, "Access is denied")]
+)
+def test_a_system_that_lists_no_ports_is_one_sentence(monkeypatch, capsys, fault) -> None:
+    """As pyserial's listing fails on a Windows that lacks one function of it."""
+    from kochab.cli.main import main
+    from kochab.gear.mounts.probe import Diagnosis
+    from kochab.gear.session import find_mounts
+
+    def fail():
+        raise fault
+
+    monkeypatch.setattr("serial.tools.list_ports.comports", fail)
+    monkeypatch.setattr(probe, "find_served", list)
+    monkeypatch.setattr("kochab.gear.session.find_served", list)
+    with pytest.raises(PortError, match=r"^The serial ports cannot be listed \(.*\)\. Give the port by name"):
+        run(find_mounts(""))
+    assert main(["mount", "list"]) == 1
+    first, *others = capsys.readouterr().out.splitlines()
+    assert first.startswith("The serial ports cannot be listed")
+    assert others[0].startswith("drivers: ")
+    assert main(["mount", "list", "--json"]) == 1
+    assert '"error": "The serial ports cannot be listed' in capsys.readouterr().out
+    # A port that was typed is asked, and what answers in the network is found.
+    monkeypatch.setattr("kochab.gear.session.find_served", lambda: [Diagnosis("host:1/Mount", "indi", "Mount", "")])
+    assert [one.port for one in run(find_mounts("/nowhere/COM3"))[1]] == ["/nowhere/COM3", "host:1/Mount"]
+    assert [one.port for one in run(find_mounts(""))[1]] == ["host:1/Mount"]

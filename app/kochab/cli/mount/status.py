@@ -101,15 +101,25 @@ def _list(args: argparse.Namespace) -> int:
     from kochab.gear.mounts import DRIVERS
     from kochab.gear.mounts.probe import find_served, list_ports
 
-    ports, served = list_ports(), find_served()
+    trouble = ""
+    try:
+        ports = list_ports()
+    except PortError as error:  # what answers in the network is listed all the same
+        ports, trouble = [], str(error)
+    served = find_served()
     drivers = {name: driver.title for name, driver in DRIVERS.loaded().items()}
     lines = ["  ".join(x for x in (port.port, port.description, port.usb, port.hint) if x) for port in ports]
     lines += [f"{one.port}  {one.name}  ({one.driver})" for one in served]
-    lines = lines or [NO_PORTS]
+    lines = [*lines, trouble] if trouble else lines or [NO_PORTS]
     lines.append("drivers: " + "; ".join(f"{name} ({title})" for name, title in drivers.items()))
-    told = {"ports": [asdict(port) for port in ports], "servers": [asdict(one) for one in served], "drivers": drivers}
+    told: Json = {
+        "ports": [asdict(port) for port in ports],
+        "servers": [asdict(one) for one in served],
+        "drivers": drivers,
+        **({"error": trouble} if trouble else {}),
+    }
     tell(told, "\n".join(lines), args.json)
-    return 0
+    return 1 if trouble else 0
 
 
 def _probe(args: argparse.Namespace) -> int:

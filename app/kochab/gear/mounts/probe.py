@@ -217,10 +217,19 @@ class PortInfo:
 
 
 def list_ports() -> list[PortInfo]:
-    """Ports that have a device behind them, those on USB first."""
-    from serial.tools import list_ports as tools
+    """Ports that have a device behind them, those on USB first.
 
-    found = [port_info(p) for p in tools.comports() if p.vid is not None or p.hwid not in ("", "n/a")]
+    Raises PortError when the system does not list them: pyserial finds a part of the system missing or is refused.
+    """
+    try:
+        from serial.tools import list_ports as tools
+
+        listed = list(tools.comports())
+    except (OSError, ImportError, AttributeError) as error:  # ctypes tells of a missing function as an attribute
+        raise PortError(
+            "The serial ports cannot be listed ({error}). Give the port by name, such as COM3.", error=error
+        ) from None
+    found = [port_info(p) for p in listed if p.vid is not None or p.hwid not in ("", "n/a")]
     return sorted(found, key=lambda p: (not p.usb, p.port))
 
 

@@ -186,7 +186,9 @@ class ConnectBox(QWidget):
 
     def list_ports(self) -> None:
         """List the ports, without asking anything of them."""
-        self._jobs.run(equipment.find_ports(), "ports").succeeded.connect(self.show_ports)
+        job = self._jobs.run(equipment.find_ports(), "ports")
+        job.succeeded.connect(self.show_ports)
+        job.failed.connect(lambda sentence: self.message.emit(sentence, "muted"))
 
     def search(self) -> None:
         """Search every port for a mount."""
