@@ -2,6 +2,7 @@
 #
 #   make run      open the window           (make run ARGS="solve picture.jpg" for anything else)
 #   make test     every check, then the tests
+#   make test-windows   the tests under Wine, with a real Windows Python in a root that it makes (make test-windows TESTS=tests/cli)
 #   make test-any-day   tests that know of time, on other days and in other places (needs faketime)
 #   make house    what the house looks like: sizes of the rooms, circles of imports, the files of each walk
 #   make resolve  every dependency has a wheel for Python 3.11, 3.12 and 3.13
@@ -37,7 +38,7 @@ SEED ?= 1
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: catalogs house audit coverage evenings fuzz killed mutants nights resolve run test test-any-day translations lint style types patterns format bench system clean
+.PHONY: catalogs test-windows house audit coverage evenings fuzz killed mutants nights resolve run test test-any-day translations lint style types patterns format bench system clean
 
 run: SYSTEM = run
 run: system $(STAMP)
@@ -55,6 +56,11 @@ test: system style types $(if $(filter tests,$(TESTS)),patterns)
 test-any-day: SYSTEM = test
 test-any-day: system $(STAMP)
 	@$(BIN)/python -m tests.any_day $(ANY_DAY)
+
+# The first time makes the root (8 minutes, 3 GB, needs root and debootstrap). The whole takes hours on two cores.
+test-windows:
+	@tests/windows/root.sh make
+	@tests/windows/root.sh pytest -q -n 2 --dist worksteal $(TESTS)
 
 lint: style types
 

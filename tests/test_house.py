@@ -27,6 +27,7 @@ TOP_LEVEL = {
     "SECURITY.md",
     "app",
     "catalogs",
+    "packaging",
     "pyproject.toml",
     "resources",
     "tests",
