@@ -13,6 +13,8 @@ apart from what the board believes, and the supply can be cut while the port sta
 ``board.false_by_deg()`` the angle between. ``lose_stops``, ``lose_answers``, ``delay_answers``, ``clock_error_s`` (13
 years: ``board.clock_error_s = -13 * 31557600``) and ``site_deg`` spoil an evening; ``orders``, ``transcript`` and
 ``tube.path`` tell of it. Everything runs on ``board.clock``: `Night` by the computer's time, or ``speed`` times as fast.
+
+In a :func:`virtual_time` nobody waits for anything: ``served("onstep", time=time)``, and ``board.timing.sleep``.
 """
 
 import os
@@ -31,6 +33,7 @@ from .sky import LATITUDE_DEG, LONGITUDE_DEG, START, Frozen, Night
 from .skywatcher import SkyWatcher
 from .starbook import StarBook
 from .stargo import StarGo
+from .virtual_time import RealTime, virtual_time
 
 BOARDS = {
     "onstep": OnStep,
@@ -49,10 +52,19 @@ SITE = Site(LATITUDE_DEG, LONGITUDE_DEG)
 
 
 @contextmanager
-def served(kind, tcp=os.name == "nt", **settings):
-    """A board on a pseudo-terminal, or on a TCP port; ``board.port`` is what a driver opens."""
+def served(kind, tcp=os.name == "nt", time=None, start=START, **settings):
+    """A board on a pseudo-terminal, or on a TCP port; ``board.port`` is what a driver opens.
+
+    With a virtual ``time`` it is a port of its own, and its night begins at ``start``.
+    """
+    if time is not None:
+        board = BOARDS[kind](clock=time.night(start), **settings)
+        board.site, board.timing, board.driver = SITE, time, DRIVERS[kind]
+        board.port = time.port_of(board)
+        yield board
+        return
     board = {**BOARDS, **BEHIND_INDI}[kind](**settings)
-    board.site = SITE
+    board.site, board.timing = SITE, RealTime
     line = Line(board, tcp)
     board.port, board.line, board.driver = line.port, line, DRIVERS.get(kind, "indi")
     try:
@@ -82,4 +94,5 @@ __all__ = [
     "StarBook",
     "StarGo",
     "served",
+    "virtual_time",
 ]

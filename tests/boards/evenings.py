@@ -3,8 +3,10 @@
 An astronomer who solves every picture rightly slews, syncs, nudges, parks, goes home, stops, sets the clock and
 disconnects, while the mount's supply fails, answers and Stops are lost, and clocks are wrong. The boards know where the
 tube truly is, and what they see there is counted: see :data:`KINDS`. One line a violation, one a board, one in all;
-exit 0 when there was no violation. Evenings run by the computer's time, so a seed repeats what is done, not each
-millisecond.
+exit 0 when there was no violation.
+
+Evenings pass in a virtual time of their own and take a second or two; a seed repeats its evening to the byte. At the
+command line and at the window, and with ``--real-time``, they run by the computer's clock on lines of the system.
 """
 
 import argparse
@@ -12,12 +14,10 @@ import os
 import re
 import sys
 import tempfile
-import threading
-import time
 import traceback
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from math import inf
@@ -30,7 +30,7 @@ from kochab.gear.session import Meridian as Pier
 from kochab.gear.session import MountSelection, guarded, limits_at
 from kochab.workflows.nudge import nudge
 
-from . import BOARDS, SITE, Night, served
+from . import BOARDS, SITE, Night, RealTime, served, virtual_time
 from .mechanics import HOME_DEG
 from .sky import altaz_deg, apart_deg, half_turn, sidereal_deg, sun_deg
 
@@ -65,8 +65,9 @@ class Evening:
 class Astronomer:
     """One evening at one board. ``orders`` are how many things are done; the guard is the product's own."""
 
-    def __init__(self, kind, seed, orders=10):
+    def __init__(self, kind, seed, orders=10, time=None):
         self.kind, self.orders = kind, orders
+        self.virtual, self.time = time, time or RealTime
         self.random = Random(f"{kind} {seed}")
         self.evening = Evening(kind, seed)
         self.guard = None
@@ -85,7 +86,9 @@ class Astronomer:
             "keeps_clock": chance.random() < 0.4,
             "claims_home": chance.random() < 0.7,
         }
-        with served(self.kind, tcp=chance.random() < 0.3, clock=Night(start), **settings) as board:
+        line = {"tcp": chance.random() < 0.3}
+        line |= {"time": self.virtual, "start": start} if self.virtual else {"clock": Night(start)}
+        with served(self.kind, **line, **settings) as board:
             self.board = board
             if self.kind != "skywatcher":  # a motor board's evening begins at its home
                 board.align(*self._start())
@@ -134,7 +137,7 @@ class Astronomer:
             return
         if self.random.random() < 0.6:
             self._do("goto unattended", lambda: self.guard.goto(*self._target()))
-            time.sleep(self.random.uniform(0.0, 1.5))
+            self.time.sleep(self.random.uniform(0.0, 1.5))
         if self.random.random() < 0.5:
             self.board.lose_stops(1)
         self._disconnect()
@@ -157,7 +160,7 @@ class Astronomer:
     def _disconnect(self):
         guard, self.guard = self.guard, None
         self._do("disconnect", guard.close)
-        time.sleep(RUNS_OUT_S)
+        self.time.sleep(RUNS_OUT_S)
         if self.board.moving:
             self._against("running", "after the session's end")
             with self.board.lock:
@@ -207,11 +210,11 @@ class Astronomer:
             self.board.lose_stops(1)
         self._do(f"nudge {direction} {rate} {seconds:.1f}", lambda: self._order_nudge(direction, rate, seconds))
         if lost:
-            time.sleep(seconds)
+            self.time.sleep(seconds)
             if self._do("watch the nudge's end", self._look_on) is True and self.board.moving:
                 self._against("running", "after a nudge, and nothing was said")
         elif self.random.random() < 0.5:
-            time.sleep(seconds)  # and sometimes the next order comes while it runs out
+            self.time.sleep(seconds)  # and sometimes the next order comes while it runs out
         if self.random.random() < 0.3:
             self._sync()
 
@@ -231,7 +234,7 @@ class Astronomer:
 
     def _stop(self):
         if self._do("stop", self._stop_and_see) is True and self.board.moving:
-            time.sleep(RUNS_OUT_S)
+            self.time.sleep(RUNS_OUT_S)
             if self.board.moving:
                 self._against("running", "after a Stop that was said to work")
 
@@ -245,7 +248,7 @@ class Astronomer:
     def _look_on(self):
         """As the window does, twice a second."""
         for _ in range(8):
-            time.sleep(0.5)
+            self.time.sleep(0.5)
             self._look()
 
     def _put_home(self):
@@ -256,7 +259,7 @@ class Astronomer:
                 axis.lose_power()
                 axis.at_deg = home
         self._cut("put home", 0.5)
-        time.sleep(0.6 + self.board.boot_s)
+        self.time.sleep(0.6 + self.board.boot_s)
         with self.board.lock:
             self.board.parked = False
         if self.kind == "skywatcher":
@@ -277,7 +280,7 @@ class Astronomer:
     @contextmanager
     def _befalls(self, mishap):
         """At a moment of what is done here."""
-        timer = threading.Timer(self.random.uniform(0.2, 5.0), mishap or (lambda: None))
+        timer = self.time.Timer(self.random.uniform(0.2, 5.0), mishap or (lambda: None))
         timer.start()
         try:
             yield
@@ -336,7 +339,7 @@ class Astronomer:
         unknowable = self._unknowable()
         told = self._outcome(order)
         self._note(what, "->", "done" if told is True else told)
-        time.sleep(0.3)
+        self.time.sleep(0.3)
         if unknowable:
             return told
         low = self.board.lowest_deg(begun)
@@ -381,12 +384,11 @@ class Astronomer:
             except BaseException:
                 ended.append("".join(traceback.format_exc()))
 
-        thread = threading.Thread(target=go, daemon=True)
-        thread.start()
-        begun = still_since = time.monotonic()
+        thread = self.time.start(go)
+        begun = still_since = self.time.monotonic()
         while thread.is_alive():
-            thread.join(0.2)
-            now = time.monotonic()
+            self.time.sleep(0.02)
+            now = self.time.monotonic()
             still_since = now if self.board.moving or not self.board.powered else still_since
             if now - begun > HANG_S:
                 raise Hangs
@@ -412,14 +414,18 @@ class Hangs(Exception):  # noqa: N818 (ends an evening)
 
 
 def spend(kind, seed, orders=10, where=""):
-    """One evening, in a configuration of its own: in this program, at the "command line" or at the "window"."""
+    """One evening, in a configuration of its own: in this program, at the "command line" or at the "window".
+
+    Those two take the computer's time, and so does one ``where`` "real time" is asked for.
+    """
     from .command_line import AtTheCommandLine
     from .window import AtTheWindow
 
     person = {"command line": AtTheCommandLine, "window": AtTheWindow}.get(where, Astronomer)
     with tempfile.TemporaryDirectory(prefix="kochab-evening-", ignore_cleanup_errors=True) as folder:
         os.environ["KOCHAB_CONFIG"] = folder
-        return person(kind, seed, orders).spend()
+        with nullcontext() if where else virtual_time() as time:
+            return person(kind, seed, orders, time).spend()
 
 
 def main(arguments=None):
@@ -433,11 +439,20 @@ def main(arguments=None):
     at = parser.add_mutually_exclusive_group()
     at.add_argument("--command-line", action="store_true", help="every order by a `kochab mount` of its own")
     at.add_argument("--window", action="store_true", help="by the thread of the window's line")
+    at.add_argument("--real-time", action="store_true", help="by the computer's clock, on pseudo-terminals and TCP")
     parser.add_argument("--diary", action="store_true", help="print the whole of every evening with a violation")
     options = parser.parse_args(arguments)
     boards = [options.board] if options.board else list(BOARDS)
     deal = ((boards[k % len(boards)], options.seed + k // len(boards)) for k in range(options.count))
-    where = "command line" if options.command_line else "window" if options.window else ""
+    where = (
+        "command line"
+        if options.command_line
+        else "window"
+        if options.window
+        else "real time"
+        if options.real_time
+        else ""
+    )
     plans = [(*plan, options.orders, where) for plan in deal]
     counts = {board: Counter() for board in boards}
     with ProcessPoolExecutor(options.workers) as pool:

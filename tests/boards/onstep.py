@@ -206,10 +206,14 @@ class OnStep(Lx200Board):
         text = "" if self.tracking else "n"
         text += "" if self.going else "N"
         text += self._park_letter() + "e" + ("H" if self.at_home else "")
-        text += ("G" if self.guiding else "") + ("g" if self.by_hand else "")
+        text += self._guide_letters()
         text += {57.9: "(", 60.0: "O", 60.136: "k"}.get(self.hz, "")
         text += "E" + ("o" if self.at_home else "W" if self.beyond() else "T")
         return f"{text}2{self.select[0] or 0}{self.error}#".encode()
+
+    def _guide_letters(self):
+        """Nothing of a move: OnStep 4's Command.ino tells of pulses alone."""
+        return "G" if self.guiding else ""
 
     def tracking_hz(self, _):
         return f"{self.hz:.5f}#".encode() if self.tracking else b"0#"
@@ -324,6 +328,9 @@ class OnStepX(OnStep):
     def __init__(self, **settings):
         super().__init__(**settings)
         self.wakes_at = datetime.fromtimestamp(self.clock.unix(), UTC)  # the clock was set as the evening began
+
+    def _guide_letters(self):
+        return super()._guide_letters() + ("g" if self.by_hand else "")
 
     def set_time(self, text):
         answer = super().set_time(text)

@@ -287,9 +287,9 @@ def test_the_record_tells_the_lowest_altitude_and_the_sun():
 def test_a_port_stays_open_while_the_board_has_no_power():
     from kochab.core.errors import NoAnswerError
     from kochab.gear.mounts import open_mount
-    from tests.boards import served
+    from tests.boards import served, virtual_time
 
-    with served("ioptron") as board:
+    with virtual_time() as time, served("ioptron", time=time) as board:
         board.align(-40.0, 40.0)
         mount = open_mount(board.driver, board.port, site=board.site, clock=board.clock)
         board.cut_power(off_s=600.0)

@@ -1,11 +1,9 @@
 """The evenings see what goes wrong: each kind of violation, done to a board without any guard."""
 
-import time
-
 import pytest
 
 from kochab.core.errors import KochabError
-from tests.boards import BOARDS, served
+from tests.boards import BOARDS, served, virtual_time
 from tests.boards.evenings import Astronomer, Hangs, spend
 from tests.boards.sky import sidereal_deg
 
@@ -13,9 +11,9 @@ from tests.boards.sky import sidereal_deg
 @pytest.fixture(params=[kind for kind in BOARDS if kind != "skywatcher"])
 def astronomer(request):
     """Somebody with no guard, whose tube is well up."""
-    with served(request.param, slew_deg_s=30.0, acceleration_deg_s2=60.0) as board:
+    with virtual_time() as time, served(request.param, time=time, slew_deg_s=30.0, acceleration_deg_s2=60.0) as board:
         board.align(-40.0, 40.0)
-        someone = Astronomer(request.param, 1)
+        someone = Astronomer(request.param, 1, time=time)
         someone.board = board
         yield someone
 
@@ -33,7 +31,7 @@ def bare_goto(board, hour_angle_deg, dec_deg):
 
 def rests(board):
     while board.moving:
-        time.sleep(0.05)
+        board.timing.sleep(0.05)
 
 
 def test_a_slew_below_the_horizon_from_a_false_home_is_seen_as_both(astronomer):
@@ -56,7 +54,7 @@ def test_a_home_that_lost_its_power_and_is_called_done_is_seen(astronomer):
 
     def home():
         board.go_home()
-        time.sleep(0.5)
+        board.timing.sleep(0.5)
         board.cut_power(0.0)
 
     astronomer._mishap = lambda: None
@@ -73,7 +71,7 @@ def test_an_end_without_a_word_of_the_restart_is_seen(astronomer):
         with board.lock:
             board.align(-40.0, 40.0)
         bare_goto(board, -10.0, 40.0)
-        time.sleep(0.3)
+        board.timing.sleep(0.3)
         board.cut_power(0.0)
         with board.lock:
             board.transcript.append((board.clock.unix(), "<", b"#"))
@@ -110,15 +108,29 @@ def test_the_sun_a_hang_and_a_traceback_are_seen(astronomer, monkeypatch):
     astronomer._do("fault", lambda: 1 / 0)
     assert seen(astronomer) == {"sun", "fault"}
     with pytest.raises(Hangs):
-        astronomer._do("hang", lambda: time.sleep(5.0))
+        astronomer._do("hang", lambda: astronomer.time.sleep(5.0))
     assert seen(astronomer) == {"sun", "fault", "hang"}
 
 
-@pytest.mark.parametrize(
-    ("kind", "seed"), [("onstep", 6), ("onstepx", 3), ("am5", 1), ("ioptron", 4), ("nexstar", 6), ("skywatcher", 3)]
-)
-def test_a_short_evening_with_power_cuts_holds(kind, seed, monkeypatch):
-    """All but the last slewed from a false home before the guard watched for restarts."""
+@pytest.mark.parametrize("kind", BOARDS)
+def test_evenings_with_power_cuts_hold(kind, monkeypatch):
+    """Five of the boards slewed from a false home before the guard watched for restarts."""
     monkeypatch.setenv("KOCHAB_CONFIG", "")  # whatever it sets itself is put back
-    evening = spend(kind, seed, orders=5)
+    evenings = [spend(kind, seed) for seed in range(1, 9)]
+    assert sum(evening.cuts for evening in evenings) >= 5
+    assert not any(evening.violations for evening in evenings), "\n".join(
+        line for evening in evenings if evening.violations for line in evening.diary
+    )
+
+
+def test_an_evening_by_the_computers_clock_on_a_line_of_the_system_holds(monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", "")
+    evening = spend("onstep", 6, orders=5, where="real time")
+    assert evening.cuts
     assert not evening.violations, "\n".join(evening.diary)
+
+
+def test_a_seed_repeats_its_evening(monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", "")
+    first, again = (spend("am5", 1) for _ in range(2))
+    assert [line.split("board://")[0] for line in first.diary] == [line.split("board://")[0] for line in again.diary]

@@ -7,13 +7,13 @@ from kochab.core.mount import Direction
 from kochab.core.progress import run
 from kochab.gear.session import Meridian, MountSelection, guarded, limits_at
 from kochab.workflows.nudge import nudge
-from tests.boards import SITE, served
+from tests.boards import SITE, served, virtual_time
 
 
 @pytest.fixture(params=["onstep", "onstepx", "am5", "ioptron", "nexstar"])
 def nudged(request):
     """A board, and its guard."""
-    with served(request.param) as board:
+    with virtual_time() as time, served(request.param, time=time) as board:
         board.align(-20.0, 40.0)
         selection = MountSelection(board.port, board.driver)
         with guarded(selection, SITE, clock=board.clock, limits=limits_at(Meridian.FLIPS)) as guard:
@@ -28,6 +28,17 @@ def test_a_nudge_whose_end_is_lost_is_stopped(nudged):
     board, guard = nudged
     board.lose_stops(1)
     south(guard)
+    assert not board.moving
+
+
+def test_a_nudge_in_ra_at_the_pole_whose_end_is_lost_is_stopped(nudged):
+    """Where the sky does not move: the axis does, and so does the right ascension that it tells."""
+    board, guard = nudged
+    board.align(-60.0, 90.0)
+    begun = board.tube.axes[0].at_deg
+    board.lose_stops(1)
+    run(nudge(guard, Direction.EAST, 1800.0, rate_deg_s=0.5))
+    assert abs(board.tube.axes[0].at_deg - begun) > 0.2
     assert not board.moving
 
 

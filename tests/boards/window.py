@@ -18,8 +18,8 @@ TROUBLE = (events.StopFailed, events.NoReply, events.LineLost, events.LimitReach
 class AtTheWindow(Astronomer):
     """``guard`` is the line's own; it is asked only for its settings."""
 
-    def __init__(self, kind, seed, orders=10):
-        super().__init__(kind, seed, orders)
+    def __init__(self, kind, seed, orders=10, time=None):
+        super().__init__(kind, seed, orders, time)
         self.line = self.thread = None
         self.ended = SimpleQueue()
         self.troubles = []  # what the window would show

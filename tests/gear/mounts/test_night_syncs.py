@@ -12,7 +12,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.workflows.sync_mount import accept_sync, offer_sync
-from tests.boards import served
+from tests.boards import served, virtual_time
 from tests.gear.mounts.imaginary import NIGHT, SITE, Imaginary, at, guarded
 from tests.gear.mounts.test_guard import evidence
 from tests.workflows.mount_nights import bench, good
@@ -186,7 +186,7 @@ def test_no_offset_is_slewed_after_a_sync_that_was_taken(monkeypatch, answer) ->
 
 def test_a_board_whose_tube_coasts_takes_the_sync_of_the_place_where_it_stands() -> None:
     """OnStep slows down for 2.5 s after a nudge at 1 deg/s: a sync of then was called ignored."""
-    with served("onstep", acceleration_deg_s2=0.4) as board:
+    with virtual_time() as time, served("onstep", time=time, acceleration_deg_s2=0.4) as board:
         board.align(-40.0, 30.0)
         mount = open_mount("onstep", board.port, site=board.site, clock=board.clock)
         with Guard(mount, board.site, Limits(), clock=board.clock) as guard:

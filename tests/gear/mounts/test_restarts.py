@@ -1,6 +1,5 @@
 """The supply of a mount fails while its port stays open: boards that share nothing with the drivers."""
 
-import threading
 from functools import partial
 
 import pytest
@@ -14,7 +13,7 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.sync_needed import SyncNeeded
-from tests.boards import served
+from tests.boards import served, virtual_time
 from tests.boards.sky import sidereal_deg
 
 FORGETS = ("onstep", "onstepx", "am5", "ioptron")
@@ -23,7 +22,7 @@ FORGETS = ("onstep", "onstepx", "am5", "ioptron")
 @pytest.fixture(params=FORGETS)
 def board(request):
     """Aligned, tracking, well up in the east; its clock has a battery, so that it alone tells nothing."""
-    with served(request.param, slew_deg_s=4.0, keeps_clock=True) as one:
+    with virtual_time() as time, served(request.param, time=time, slew_deg_s=4.0, keeps_clock=True) as one:
         one.align(-50.0, 40.0)
         yield one
 
@@ -48,17 +47,14 @@ def said(order):
 
 def cut_when_it_moves(board):
     """Cut its power half a second after its motors have begun."""
-    over = threading.Event()
 
     def cut():
-        while not board.moving and not over.wait(0.05):
-            pass
-        over.wait(0.5)
+        while not board.moving:
+            board.timing.sleep(0.05)
+        board.timing.sleep(0.5)
         board.cut_power(0.5)
 
-    thread = threading.Thread(target=cut, daemon=True)
-    thread.start()
-    return thread
+    return board.timing.start(cut)
 
 
 def test_a_mount_that_lost_its_power_between_two_orders_is_not_slewed_from_its_false_home(board, guard) -> None:
@@ -75,11 +71,33 @@ def test_a_mount_that_lost_its_power_between_two_orders_is_not_slewed_from_its_f
 def test_a_slew_in_which_the_power_failed_ends_with_a_word_of_the_restart(board, guard) -> None:
     cutting = cut_when_it_moves(board)
     ended = said(lambda: run(guard.slew(*place(board, -10.0, 40.0))))
-    cutting.join()
+    board.timing.join(cutting)
     if "Sync first" not in ended:  # it was silent to the end: the next question tells
         ended = said(lambda: guard.goto(*place(board, -30.0, 50.0)))
     assert "switched off and on" in ended
     assert not board.false_slews()
+
+
+@pytest.mark.parametrize(("off_s", "word"), [(8.0, "Sync first"), (60.0, "CUT ITS POWER")])
+def test_a_slew_that_ends_in_silence_tells_of_the_power(off_s, word, board, guard) -> None:
+    """Three answers are missed, and Stop is sent; one that is back by then says where it takes itself to be."""
+    board.timing.Timer(2.0, lambda: board.cut_power(off_s)).start()
+    ended = said(lambda: run(guard.slew(*place(board, -10.0, 40.0))))
+    assert word in ended
+    assert "power" in ended or "switched off and on" in ended
+    board.timing.sleep(off_s)
+    assert "Sync first" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
+    assert not board.false_slews()
+
+
+def test_a_mount_that_says_for_a_minute_that_it_parks_and_stands_is_not_waited_for(guard, board) -> None:
+    if board.driver != "onstep":
+        pytest.skip("the others say that they move only while they do")
+    begun = board.timing.monotonic()
+    stuck = board.timing.Timer(2.0, lambda: setattr(board, "going", "") or [axis.stop() for axis in board.tube.axes])
+    stuck.start()
+    assert "stood still for 60 s" in said(lambda: run(guard.rest("park")))
+    assert board.timing.monotonic() - begun < 90.0
 
 
 @pytest.mark.parametrize("action", ["home", "park"])
@@ -88,7 +106,7 @@ def test_rest_is_not_done_by_a_mount_whose_power_failed_on_the_way(action, board
         pytest.skip("it has no such command that Kochab knows")
     cutting = cut_when_it_moves(board)
     ended = said(lambda: run(guard.rest(action)))
-    cutting.join()
+    board.timing.join(cutting)
     assert board.false_by_deg() > 5.0
     assert guard.policy.slew_block_reason or "did not answer" in ended
     assert "switched off and on" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
