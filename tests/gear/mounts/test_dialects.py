@@ -183,6 +183,12 @@ def test_the_last_digit_of_an_onstep_is_told_in_words(flags, fault) -> None:
     assert set(lx200.FAULTS) == set(range(1, 10))
 
 
+@pytest.mark.parametrize(("flags", "slewing"), [(b"NpgET080#", True), (b"NpGgET080#", False), (b"NpET080#", False)])
+def test_onstepx_tells_of_a_move_that_is_no_guide_pulse(flags, slewing) -> None:
+    """Status.command.cpp: g while anything guides, G beside it for a pulse."""
+    assert lx200.parse_flags(flags).slewing is slewing
+
+
 @pytest.mark.parametrize(("driver", "reason"), [("teenastro", "2"), ("onstep", "2")])
 def test_a_digit_means_what_its_own_make_says(driver, reason) -> None:
     """L25 and the notes of the documents: 2 is no target for a TeenAstro, and too high for an OnStepX."""

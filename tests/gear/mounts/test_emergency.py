@@ -9,7 +9,7 @@ import pytest
 from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import Direction, TrackingRate
 from kochab.core.progress import run
-from kochab.gear.mounts import emergency_stop, slew_supervisor
+from kochab.gear.mounts import slew_supervisor, standing
 from kochab.gear.mounts.emergency_stop import Watchdog
 from kochab.gear.mounts.serial_line import Conversation
 from kochab.gear.mounts.slew_supervisor import slew_limit_s
@@ -81,7 +81,7 @@ def test_a_silent_mount_is_not_waited_for_longer_than_a_moving_one(monkeypatch) 
     """Each answer is waited for 3 s: after two of them Stop is sent again."""
     guard, mount = guarded()
     now = [0.0]
-    monkeypatch.setattr(emergency_stop, "monotonic", lambda: now[0])
+    monkeypatch.setattr(standing, "monotonic", lambda: now[0])
 
     def silent():
         now[0] += 3.0

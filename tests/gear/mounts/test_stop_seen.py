@@ -8,7 +8,7 @@ import pytest
 from kochab.core.errors import LineLostError, NotStoppedError
 from kochab.core.mount import Direction, MountState
 from kochab.core.progress import run
-from kochab.gear.mounts import emergency_stop
+from kochab.gear.mounts import standing
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE
 from kochab.gear.mounts.guard import Guard
 from kochab.simulate.responders import RESPONDERS
@@ -139,7 +139,7 @@ def test_a_mount_that_ignores_stop_is_found_out(driver, monkeypatch) -> None:
         monkeypatch.setattr(
             BenchTelescope, name, lambda self, *a, n=name, **k: real[n](self, *a, **k) if heeds[n] else None
         )
-    monkeypatch.setattr(emergency_stop, "LOOK_S", 0.2)
+    monkeypatch.setattr(standing, "LOOK_S", 0.2)
     with simulated(driver, slew_deg_s=0.4) as bench:
         bench.driver, bench.mount = driver, bench.open()
         guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)

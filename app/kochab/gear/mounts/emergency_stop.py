@@ -9,16 +9,17 @@ from threading import Lock, Timer
 from time import monotonic
 
 from kochab.core import tr, tr_noop
-from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError
-from kochab.core.mount import SIDEREAL_DEG_S, Mount
+from kochab.core.mount import Mount
 from kochab.gear.journal import MotionLog
+from kochab.gear.mounts.standing import Reading, seen_to_stand
 
 CANNOT_STOP = tr_noop("Kochab can't stop the mount: cut its power.")
 MAY_STILL_MOVE = tr_noop("THE MOUNT MAY STILL MOVE: CUT ITS POWER.")
-LOOK_S, LOOKS = 0.7, 4  # motors run out of a slew within two seconds
+MOVES = tr_noop("It is still moving after two Stop commands.")
+MUTE = tr_noop("It does not answer after two Stop commands.")
+LOOKS = 4  # motors run out of a slew within two seconds
 LONG_S = 4.0  # no more checks after this time: a silent mount is as bad as a moving one
-STILL_DEG = 20.0 / 3600.0  # a mount that rounds to 15 arcsec may jump by that much
 
 logger = logging.getLogger(__name__)
 
@@ -116,44 +117,32 @@ class EmergencyStop:
         """
         try:
             # Some mounts lose a Stop while they slew: send one more before raising the alarm.
-            if not self._comes_to_rest():
+            if not self._comes_to_rest()[1]:
                 try:
                     self.halt()
                 finally:  # afterwards: a slow disk must not delay a Stop
                     self._log.add("stop", "failed", "The mount kept moving after a Stop.")
-                if not self._comes_to_rest():
+                last, stands = self._comes_to_rest()
+                if not stands:
                     self._log.add("stop", "failed", MAY_STILL_MOVE)
-                    raise NotStoppedError("{may} It is still moving after two Stop commands.", may=tr(MAY_STILL_MOVE))
+                    raise NotStoppedError("{may} {why}", may=tr(MAY_STILL_MOVE), why=tr(MOVES if last else MUTE))
         finally:
             self._confirmed = self._sent  # the outcome is reported once
         self._log.add("stop", "done")
 
-    def _comes_to_rest(self) -> bool:
-        """Whether it reports one position twice in a row, and not that it slews."""
-        # Two readings in a row must agree: one alone shows no motion, and a late reply may be of before the Stop.
-        begun, before = monotonic(), None
-        for look in range(LOOKS):
-            if look:
-                self.wait(LOOK_S)
-            sent, now = monotonic(), self._clock()
-            try:
-                slewing, here = self.mount.state().slewing, self.mount.position()
-            except LineLostError:
-                raise
-            except DeviceError:
-                before = None
-            else:
-                if before is not None and not slewing:
-                    then, at, there = before
-                    passed_s = max(sent - then, (now - at).total_seconds())
-                    moved = apart_deg((here.ra_deg, here.dec_deg), (there.ra_deg, there.dec_deg))
-                    # The position of a mount that does not track drifts at the sidereal rate.
-                    if moved <= STILL_DEG + 2.0 * SIDEREAL_DEG_S * passed_s:
-                        return True
-                before = sent, now, here
-            if monotonic() - begun > LONG_S:
-                break
-        return False
+    def _comes_to_rest(self) -> tuple[Reading | None, bool]:
+        return seen_to_stand(self._read, self.wait, LOOKS, LONG_S)
+
+    def _read(self) -> Reading | None:
+        """Past the guard, which would stop a motion that goes wrong: this one has been stopped."""
+        sent_s, now = monotonic(), self._clock()
+        try:
+            slewing = self.mount.state().slewing
+            return Reading(self.mount.position(), sent_s, now, slewing)
+        except LineLostError:
+            raise
+        except DeviceError:
+            return None
 
 
 class Watchdog:

@@ -29,7 +29,7 @@ from kochab.gear.mounts.motion_plan import Degrees, Limits, Plan, Preview, SyncE
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
-from kochab.gear.mounts.standing import place_of_rest
+from kochab.gear.mounts.standing import LOOKS, Reading, seen_to_stand
 from kochab.gear.mounts.sync_needed import SyncNeeded
 
 UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
@@ -252,7 +252,7 @@ class Guard:
 
     def _require_rest(self) -> Pointing:
         """Where the tube stands: a sync while it runs out of a motion would be of another place."""
-        here, stands = place_of_rest(self.position, self.emergency.wait)
+        here, stands = self._place_of_rest()
         if not stands:
             self._refuse("sync", tr("The telescope is still moving: wait until it stands, then sync."))
         return here
@@ -261,8 +261,18 @@ class Guard:
         """The state; a mount that does not say whether it moves is looked at twice."""
         state = self.state()
         if state.slewing is None:
-            state = replace(state, slewing=not place_of_rest(self.position, self.emergency.wait, looks=2)[1])
+            state = replace(state, slewing=not self._place_of_rest(looks=2)[1])
         return state
+
+    def _place_of_rest(self, looks: int = LOOKS) -> tuple[Pointing, bool]:
+        """The last position, and whether the tube stands there."""
+        last, stands = seen_to_stand(self._read, self.emergency.wait, looks)
+        assert last is not None  # a missed answer raises
+        return last.here, stands
+
+    def _read(self) -> Reading:
+        asked_s, asked = monotonic(), self.clock()
+        return Reading(self.position(), asked_s, asked)
 
     def _sync(self, before: Pointing, ra_deg: float, dec_deg: float) -> None:
         self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump
@@ -283,7 +293,7 @@ class Guard:
             if silent is not None:
                 raise silent
             # Only a position that stands where it stood shows that nothing was taken.
-            here, stands = place_of_rest(self.position, self.emergency.wait)
+            here, stands = self._place_of_rest()
             if not stands or 3600.0 * apart_deg(_degrees(here), _degrees(before)) > self.limits.read_back_arcsec:
                 self.log.add("sync", "failed", tr(DOUBTFUL_SYNC))
                 raise NoAnswerError(DOUBTFUL_SYNC)
@@ -359,15 +369,19 @@ class Guard:
 
     def _finish(self, action: str, arrival: Task[T]) -> Task[T]:
         """Wait for the end of a motion, which is stopped when it does not come."""
-        there = False
+        ended, restarts = False, self.supervisor.watch.restarts
         try:
             result = yield from arrival
-            there = True
+            ended = True
         except LineLostError:  # reconnect() sends its Stop
             self.emergency.unfinished = True
             raise
+        except NoAnswerError as error:
+            ended = True
+            self.halt()
+            raise self.supervisor.after_silence(error, restarts) from error
         finally:
-            if not there:
+            if not ended:
                 self.halt()
         self.emergency.end()
         self.log.add(action, "done")

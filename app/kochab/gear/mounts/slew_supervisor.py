@@ -17,10 +17,11 @@ from kochab.core.mount import MountState, PierSide, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
-from kochab.gear.mounts.emergency_stop import EmergencyStop
+from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
 from kochab.gear.mounts.motion_plan import Aim, Degrees, Plan, Severity
 from kochab.gear.mounts.motion_policy import MotionPolicy, crosses, horizon, sun
 from kochab.gear.mounts.restart_watch import RestartWatch
+from kochab.gear.mounts.standing import Reading
 
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
@@ -29,9 +30,15 @@ THERE_DEG = 0.5  # this near the target no position counts as a jump
 LOOK_S = 1.5  # how old the position of a moving mount may be before state() asks for it
 POLL_S = 0.2  # between two looks at a slew
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
+MUTED = tr_noop("The mount fell silent on its way and answers no more: it may have lost its power.")
 SLEPT_S = 10.0  # a wait that overran by this much means that the computer slept
 SLEPT = tr_noop(
     "The computer stood still for {:.0f} s while the mount moved, and Kochab stopped it: see where it points."
+)
+STANDS_S = 60.0  # of a mount that says it moves; the longest that one settles
+STANDS = tr_noop(
+    "The mount says that it moves, but it has stood still for {:.0f} s, and Kochab stopped it: see whether its axes are"
+    " free, then try again."
 )
 MISSES = 3  # positions that may be missed in a row during a slew; as often it may say that it is parked
 FAR_DEG, IDLE = 0.5, 8  # beyond FAR_DEG an idle mount may not have begun yet: it gets IDLE looks
@@ -263,6 +270,19 @@ class SlewSupervisor:
                     raise RefusedError("The mount stopped before it was parked.")
                 raise RefusedError("The mount stopped before it was at home.")
 
+    def after_silence(self, error: NoAnswerError, restarts: int) -> NoAnswerError:
+        """Why a motion ended in ``error``, asked once its Stop has gone out: a mount that is back tells of its restart.
+
+        ``restarts`` is their count as the motion began. One that is still silent may be without power: then, too, it
+        needs a sync.
+        """
+        try:
+            self.position()
+        except NoAnswerError:
+            self.restarted(tr(MUTED))
+            return NoAnswerError("{may} {why}", may=tr(MAY_STILL_MOVE), why=self._policy.slew_block_reason)
+        return error if self.watch.restarts == restarts else NoAnswerError(self._policy.slew_block_reason)
+
     def _parked_at(self, restarts: int) -> Degrees | None:
         """Where it is that says it is parked; None where it is silent then, as an Autostar is.
 
@@ -284,7 +304,7 @@ class SlewSupervisor:
     def _looks(self, what: str, limit_s: float, stops: int) -> Iterator[tuple[MountState, Pointing | None]]:
         """State and position again and again, no position when the answer was missed or the mount is parked."""
         end, restarts = monotonic() + limit_s, self.watch.restarts
-        misses, state = 0, MountState()
+        misses, state, stood = 0, MountState(), None
         while True:
             self.pause(self._emergency.wait, POLL_S)
             self.check_not_stopped(stops, what)
@@ -305,7 +325,19 @@ class SlewSupervisor:
                 if misses >= MISSES:
                     raise RefusedError("The mount was parked on its way. Unpark it, then try again.")
             self._require_no_restart(restarts)
+            stood = self._stood(stood, here, state)
             yield state, here
+
+    def _stood(self, since: Reading | None, here: Pointing | None, state: MountState) -> Reading | None:
+        """Since when a mount that says it moves has stood; `RefusedError` when that is too long."""
+        if here is None or not state.slewing:
+            return None
+        now = Reading(here, monotonic(), self._clock())
+        if since is None or not now.agrees(since):
+            return now
+        if now.asked_s - since.asked_s > STANDS_S:
+            raise RefusedError(tr(STANDS).format(STANDS_S))
+        return since
 
     def _state(self) -> MountState:
         self.watch.state = state = self._emergency.mount.state()

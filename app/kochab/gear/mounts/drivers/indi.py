@@ -23,7 +23,7 @@ from kochab.core.mount import (
 )
 from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
-from kochab.gear.mounts.emergency_stop import STILL_DEG
+from kochab.gear.mounts.standing import STILL_DEG
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.indi_link import CALL_S, PORT, POWER_UP_S, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
 

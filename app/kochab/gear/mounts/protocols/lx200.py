@@ -224,7 +224,8 @@ def parse_sync(reply: bytes, refusals: Mapping[int, str] = REFUSALS) -> str:
 def parse_flags(reply: bytes) -> MountState:
     """OnStep's ``:GU#``: n not tracking, N no goto, P parked, I parking, H at home, h on the way, T and W the side.
 
-    On its way to park or home it may say that there is no goto. Of its rates all but the sidereal one have a letter.
+    On its way to park or home it may say that there is no goto; g without G is a move, with it a pulse (OnStepX,
+    Status.command.cpp). Of its rates all but the sidereal one have a letter.
     """
     flags = parse_text(reply)
     require(re.fullmatch(r"[A-Za-z0-9/*+()&@^~\-_.'!<>:;,=?\"%$| ]+", flags) is not None, reply, "status")
@@ -232,7 +233,7 @@ def parse_flags(reply: bytes) -> MountState:
     side = {"T": PierSide.EAST, "W": PierSide.WEST}
     rates = {"(": TrackingRate.LUNAR, "O": TrackingRate.SOLAR, "k": TrackingRate.KING}
     return MountState(
-        slewing="N" not in flags or "I" in flags or "h" in flags,
+        slewing="N" not in flags or "I" in flags or "h" in flags or ("g" in flags and "G" not in flags),
         parked="P" in flags,
         tracking="n" not in flags,
         pier_side=next((side[f] for f in flags if f in side), None),
