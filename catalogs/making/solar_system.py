@@ -1,5 +1,6 @@
 """Make the Solar System's files of ``catalogs/``: an excerpt of JPL's DE421, asteroids and comets."""
 
+import csv
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -13,9 +14,10 @@ from kochab.sky.catalogue_file import write_container
 from kochab.sky.elements import Row, bodies_of, sbdb_json, sbdb_row
 from kochab.sky.ephemeris import Ephemeris, Series
 from kochab.sky.orbits import carried
+from kochab.sky.small_bodies import LEAST_K1
 
 AU_KM = 149597870.69962819  # DE421's
-FIRST_JD, LAST_JD = 2447892.5, 2470420.5  # 1990-01-01 to 2051-09-06: 11 times 2048 days
+FIRST_JD, LAST_JD = 2414912.5, 2470720.5  # 1899-09-15 to 2052-07-02: 109 times 512 days
 EXCERPT = {  # days of an interval, coefficients, au of the last digit: within a milliarcsecond from the Earth
     "sun": (64, 9, 1e-10),
     "mercury": (16, 13, 5e-10),
@@ -88,6 +90,10 @@ EPOCH_JD = 2461406.5
 LOST_JD = 2457000.5
 """Asteroids whose elements are older have not been seen again."""
 COMETS_TO_V = 16.0
+MORE = Path(__file__).with_name("more_elements.tsv")
+"""Near-Earth asteroids, and comets that JPL's tables of November 2022 lack or have by a return long ago."""
+OUTBURSTS = {"29P/Schwassmann-Wachmann 1": 4.0}
+"""M1 of a comet that stands where JPL has it and is brighter than its nucleus (Minor Planet Center)."""
 
 
 def write_small_bodies(asteroids: Path, comets: Path, source: Path, path: Path) -> Task[dict[str, int]]:
@@ -98,8 +104,13 @@ def write_small_bodies(asteroids: Path, comets: Path, source: Path, path: Path) 
     """
     rocks = [row for row in _rows(asteroids) if row["epoch"] > LOST_JD and row["name"] != "134340 Pluto"]
     rocks.sort(key=lambda row: float(row["epoch"]))
+    more = list(_more())
+    known = {row["name"] for row in more}
     ices = [row for row in _rows(comets) if row["epoch"] > FIRST_JD and "D/" not in row["name"]]
+    ices = [{**row, "mag": OUTBURSTS.get(row["name"], row["mag"])} for row in ices if row["name"] not in known]
     ices = [row for row in ices if _peak(row) < COMETS_TO_V]
+    rocks += [row for row in more if row["slope"] > -LEAST_K1]
+    ices += [row for row in more if row["slope"] <= -LEAST_K1]
     whole = read_spk(source)
     table = bodies_of([*rocks, *ices])
     for some in (table.epoch_jd == np.median(table.epoch_jd), table.epoch_jd != np.median(table.epoch_jd)):
@@ -115,6 +126,13 @@ def _rows(path: Path) -> Iterator[Row]:
     for given in sbdb_json(path, path.read_text(encoding="utf-8")):
         with suppress(ValueError, TypeError, KeyError):
             yield sbdb_row(given)
+
+
+def _more() -> Iterator[Row]:
+    """The rows of ``more_elements.tsv``."""
+    lines = MORE.read_text(encoding="utf-8").splitlines()
+    for cells in csv.DictReader(lines, delimiter="\t"):
+        yield {key: value if key == "name" else float(value) for key, value in cells.items()}
 
 
 def _peak(row: Row) -> float:

@@ -13,6 +13,7 @@ from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.sky.elements import bodies_of, read_elements, short_name
 from kochab.sky.ephemeris import GM, shipped_ephemeris
+from kochab.sky.landmarks import constellation_at
 from kochab.sky.orbits import carried, two_body
 from kochab.sky.small_bodies import (
     FRAGMENT,
@@ -20,6 +21,7 @@ from kochab.sky.small_bodies import (
     SOLVED_JD,
     SmallBodies,
     bodies_near,
+    body_called,
     magnitudes,
     read_small_bodies,
     shipped_small_bodies,
@@ -27,28 +29,87 @@ from kochab.sky.small_bodies import (
 from kochab.sky.solar_system import BodyKind
 from tests.sky.packages import CERES, COMET, FIELDS, ephemeris_file, small_body_file
 
-TRUTH = json.loads(Path(__file__).with_name("asteroids.json").read_text(encoding="utf-8"))["rows"]
+OTHERS = json.loads(Path(__file__).with_name("asteroids.json").read_text(encoding="utf-8"))
+TRUTH = OTHERS["rows"]
 COMETS = json.loads(Path(__file__).with_name("comets.json").read_text(encoding="utf-8"))
 TONIGHT = datetime(2026, 11, 23, 1, tzinfo=UTC)
 
 
 def test_asteroids_carried_to_other_years_are_where_stellarium_had_them_then():
     """Stellarium's elements of 2014 to 2017, by others, against JPL's of 2022 carried to 2027 and back from there."""
-    ephemeris, table = shipped_ephemeris(), shipped_small_bodies()
-    keys = ("q", "e", "i", "node", "peri", "tp")
-    off = []
-    for name, epoch, *elements in TRUTH:
-        there = bodies_of(
-            [{"name": name, "epoch": epoch, "mag": 0.0, "slope": 0.15, **dict(zip(keys, elements, strict=True))}]
-        )
-        row = [table.names.index(name)]
-        ours = run(carried(table.state[row], table.epoch_jd[row], epoch, ephemeris))
-        earth = (ephemeris("earth", there.epoch_jd) - ephemeris("sun", there.epoch_jd))[0]
-        gap = unit(ours[0, :3] - earth) - unit(there.state[0, :3] - earth)
-        off.append(np.degrees(np.linalg.norm(gap)) * 3600)
+    off = [off_arcsec(row) for row in TRUTH]
     assert len(off) == 21
     assert np.median(off) < 0.3
     assert max(off) < 5.0
+
+
+def test_near_earth_asteroids_are_where_stellarium_had_them_years_before():
+    """The Minor Planet Center's elements of 2024, shipped, against those that Stellarium 0.22.2 had for 2017 to 2020."""
+    off = {row[0]: off_arcsec(row) for row in OTHERS["near_earth"]}
+    assert off.keys() >= {"99942 Apophis", "3200 Phaethon", "101955 Bennu", "162173 Ryugu"}
+    assert np.median(list(off.values())) < 0.6
+    assert max(off.values()) < 2.0
+
+
+def off_arcsec(row):
+    """How far a shipped asteroid is from other elements at their date, seen from the Earth."""
+    name, epoch, *elements = row
+    ephemeris, table = shipped_ephemeris(), shipped_small_bodies()
+    keys = ("q", "e", "i", "node", "peri", "tp")
+    there = bodies_of(
+        [{"name": name, "epoch": epoch, "mag": 0.0, "slope": 0.15, **dict(zip(keys, elements, strict=True))}]
+    )
+    at = [table.names.index(name)]
+    ours = run(carried(table.state[at], table.epoch_jd[at], epoch, ephemeris))
+    earth = (ephemeris("earth", there.epoch_jd) - ephemeris("sun", there.epoch_jd))[0]
+    gap = unit(ours[0, :3] - earth) - unit(there.state[0, :3] - earth)
+    return np.degrees(np.linalg.norm(gap)) * 3600
+
+
+def test_apophis_is_told_until_it_passes_the_earth_in_2029():
+    everywhere = np.array([1.0, 0.0, 0.0])
+    for when, told in ((datetime(2029, 4, 12, tzinfo=UTC), True), (datetime(2029, 4, 15, tzinfo=UTC), False)):
+        names = [body.name for body in run(bodies_near(when, None, everywhere, np.pi, 14.0))]
+        assert ("99942 Apophis" in names) == told
+        assert (run(body_called("Apophis", when, None)) is not None) == told
+
+
+@pytest.mark.parametrize(
+    ("name", "when", "constellation", "v"),
+    [  # where the papers of those weeks sent people
+        ("12P", datetime(2024, 4, 10, tzinfo=UTC), "Ari", 4.5),
+        ("13P", datetime(2024, 6, 30, tzinfo=UTC), "Lyn", 7.5),
+        ("C/2023 A3", datetime(2024, 10, 15, 20, tzinfo=UTC), "Ser", 1.0),
+    ],
+)
+def test_comets_of_2024_are_told_where_people_saw_them(name, when, constellation, v):
+    comet = run(body_called(name, when, None))
+    assert constellation_at(comet.vector) == constellation
+    assert comet.magnitude == pytest.approx(v, abs=1.5)
+    assert comet.name in [body.name for body in run(bodies_near(when, None, comet.vector, 0.02, v + 2.0))]
+
+
+@pytest.mark.parametrize("row", COMETS["great"], ids=lambda row: row[0])
+def test_great_comets_of_the_past_are_where_stellarium_has_them_and_told(row):
+    """Hale-Bopp stands at elements of 2008 and was seen ever since 1995: it is as well known then as later."""
+    name, epoch, *elements = row
+    ephemeris, table = shipped_ephemeris(), shipped_small_bodies()
+    keys = ("q", "e", "i", "node", "peri", "tp")
+    given = {"name": name, "epoch": epoch, "mag": 0.0, "slope": np.nan, **dict(zip(keys, elements, strict=True))}
+    at, there = [table.names.index(name)], bodies_of([given])
+    for days in (-60.0, -20.0, 20.0, 60.0):
+        jd = elements[-1] + days
+        ours = run(carried(table.state[at], table.epoch_jd[at], jd, ephemeris))[:, :3]
+        theirs = run(carried(there.state, there.epoch_jd, jd, ephemeris))[:, :3]
+        earth = ephemeris("earth", np.array([jd])) - ephemeris("sun", np.array([jd]))
+        gap = np.degrees(np.linalg.norm(unit(ours - earth) - unit(theirs - earth))) * 3600
+        assert gap < table.sigma_arcsec(jd)[at[0]] < 110.0
+
+
+def test_schwassmann_wachmann_is_as_bright_as_people_see_it():
+    """About V 15 to 17 between its outbursts; JPL's M1 is of the nucleus, 20."""
+    comet = run(body_called("29P", datetime(2024, 1, 1, tzinfo=UTC), None))
+    assert 14.0 < comet.magnitude < 17.0
 
 
 @pytest.mark.parametrize("speed", [0.7, 1.0, 1.3, 2**0.5, 1.9])
@@ -159,19 +220,24 @@ def test_neowise_was_a_bright_comet_below_the_bear_in_july_2020():
 
 
 def test_dates_beyond_the_ephemeris_have_no_bodies():
-    assert run(bodies_near(datetime(1985, 1, 1, tzinfo=UTC), None, np.array([1.0, 0.0, 0.0]), np.pi, 9.0)) == []
+    assert run(bodies_near(datetime(1899, 1, 1, tzinfo=UTC), None, np.array([1.0, 0.0, 0.0]), np.pi, 9.0)) == []
 
 
-def test_a_table_is_made_written_and_read(tmp_path):
+def test_a_table_is_made_written_and_read(tmp_path, monkeypatch):
+    more = tmp_path / "more.tsv"
+    more.write_text(
+        "name\tepoch\tq\te\ti\tnode\tperi\ttp\tmag\tslope\n12P/Test\t2460574.5\t0.78\t0.95\t74\t255\t198\t2460421.6\t5\t-15\n"
+    )
+    monkeypatch.setattr("catalogs.making.solar_system.MORE", more)
     ephemeris_file(tmp_path / "de421.bsp")
     small_body_file(tmp_path / "asteroids.dat", CERES, (None,) * len(FIELDS))
     small_body_file(tmp_path / "comets.dat", COMET, ("3D/Biela", *COMET[1:]), (*COMET[:-1], None))
     sources = (tmp_path / "asteroids.dat", tmp_path / "comets.dat", tmp_path / "de421.bsp")
-    assert run(write_small_bodies(*sources, tmp_path / "table.kcat")) == {"asteroids": 1, "comets": 1}
+    assert run(write_small_bodies(*sources, tmp_path / "table.kcat")) == {"asteroids": 1, "comets": 2}
     table = read_small_bodies(tmp_path / "table.kcat")
-    assert table.names == ["1 Ceres", "67P/Churyumov-Gerasimenko"]
-    assert table.epoch_jd.tolist() == [2461406.5, 2459505.5]
-    assert table.comet.tolist() == [False, True]
+    assert table.names == ["1 Ceres", "67P/Churyumov-Gerasimenko", "12P/Test"]
+    assert table.epoch_jd.tolist() == [2461406.5, 2459505.5, 2460574.5]
+    assert table.comet.tolist() == [False, True, True]
 
 
 # -- Elements that people bring ---------------------------------------------------------------

@@ -52,8 +52,8 @@ def test_directions_are_those_of_erfas_own_theories(year):
 
 
 def test_leap_seconds_are_those_of_iers():
-    for days in range(0, 12_000, 53):
-        moment = datetime(1990, 1, 1, tzinfo=UTC) + timedelta(days=days)
+    for days in range(0, 19_000, 53):
+        moment = datetime(1972, 1, 2, tzinfo=UTC) + timedelta(days=days)
         if moment.year > 2022:
             break
         tt = (
@@ -96,10 +96,10 @@ def test_the_full_moon_is_full():
 
 
 def test_dates_that_the_ephemeris_does_not_reach_are_known():
-    assert covers(datetime(1990, 1, 5, tzinfo=UTC))
-    assert covers(datetime(2051, 1, 1, tzinfo=UTC))
-    assert not covers(datetime(1989, 12, 31, tzinfo=UTC))
-    assert not covers(datetime(2051, 9, 10, tzinfo=UTC))
+    assert covers(datetime(1900, 1, 1, tzinfo=UTC))
+    assert covers(datetime(2052, 1, 1, tzinfo=UTC))
+    assert not covers(datetime(1899, 9, 1, tzinfo=UTC))
+    assert not covers(datetime(2052, 7, 10, tzinfo=UTC))
 
 
 def test_phase_angle_is_at_the_body():
@@ -129,7 +129,7 @@ def test_the_shipped_excerpt_is_the_whole_de421_to_a_milliarcsecond():
     kernel = pytest.importorskip("jplephem.spk")
     data = pytest.importorskip("skyfield_data")
     with kernel.SPK.open(str(Path(data.__file__).with_name("data") / "de421.bsp")) as spk:
-        jd = np.sort(np.random.default_rng(5).uniform(2447893.0, 2470420.0, 2000))
+        jd = np.sort(np.random.default_rng(5).uniform(2414913.0, 2470720.0, 2000))
         ours, au = shipped_ephemeris(), 149597870.7
         for name, number in (("sun", 10), ("mercury", 1), ("venus", 2), ("mars", 4), ("jupiter", 5), ("saturn", 6)):
             gap = ours(name, jd) - spk[0, number].compute(jd).T / au

@@ -14,8 +14,18 @@ from kochab.core.arrays import Floats
 
 JD_UNIX = 2440587.5
 TT_MINUS_UTC_S = 69.184  # since 2017
-LEAP_DAYS_UNIX = (7670, 8217, 8582, 8947, 9496, 10043, 10592, 13149, 14245, 15522, 16617, 17167)
-"""Days since 1970 that began with one second more between TT and UTC, since 1990 (IERS Bulletin C)."""
+# fmt: off
+LEAP_DAYS_UNIX = (
+    912, 1096, 1461, 1826, 2191, 2557, 2922, 3287, 3652, 4199, 4564, 4929, 5660, 6574, 7305,
+    7670, 8217, 8582, 8947, 9496, 10043, 10592, 13149, 14245, 15522, 16617, 17167,
+)
+"""Days since 1970 that began with one second more between TT and UTC, since 1972 (IERS Bulletin C)."""
+UTC_BEGAN_UNIX = 730
+DELTA_T_YEAR = (1900.0, 1905.0, 1910.0, 1915.0, 1920.0, 1925.0, 1930.0, 1935.0, 1940.0, 1945.0, 1950.0, 1955.0, 1960.0,
+                1965.0, 1970.0, 1972.0)
+DELTA_T_S = (-2.8, 3.8, 10.5, 17.2, 21.2, 23.6, 24.0, 23.9, 24.3, 26.8, 29.1, 31.1, 33.2, 35.7, 40.2, 42.184)
+"""TT - UT in seconds before there was UTC (Astronomical Almanac 2020, K8): times of that age are taken for UT."""
+# fmt: on
 LIGHT_AU_DAY = 173.1446326846693
 
 
@@ -28,6 +38,8 @@ def julian_date_tt(time_utc: datetime) -> float:
     """Julian date in TT of an aware time."""
     # Unix time has 86400 s in every day, so leap seconds are counted separately: 12 s in 1990 are 6 arcsec of the Moon.
     days = time_utc.astimezone(UTC).timestamp() / 86400.0
+    if days < UTC_BEGAN_UNIX:
+        return JD_UNIX + days + float(np.interp(1970.0 + days / 365.2425, DELTA_T_YEAR, DELTA_T_S)) / 86400.0
     leaps_to_come = len(LEAP_DAYS_UNIX) - bisect_right(LEAP_DAYS_UNIX, days)
     return JD_UNIX + days + (TT_MINUS_UTC_S - leaps_to_come) / 86400.0
 

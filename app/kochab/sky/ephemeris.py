@@ -1,4 +1,4 @@
-"""Where the Sun, the Moon and the planets are: Chebyshev series of an excerpt of JPL's DE421, 1990 to 2051."""
+"""Where the Sun, the Moon and the planets are: Chebyshev series of an excerpt of JPL's DE421, 1899 to 2052."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -3,6 +3,7 @@
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import unit
 from kochab.core.progress import Progress, Task
 from kochab.sky.ephemeris import GM, Ephemeris
 
@@ -71,6 +72,20 @@ def period_years(state: Floats) -> Floats:
     # 1/a below this is a parabola within rounding: its period would be 1e13 years or more
     closed = bound > 1e-9
     return np.where(closed, np.where(closed, bound, 1.0) ** -1.5 * 2.0 * np.pi / np.sqrt(GM["sun"]) / 365.25, np.inf)
+
+
+def days_since_perihelion(state: Floats) -> Floats:
+    """Days (N,) since the perihelion of heliocentric states (N, 6), negative before it, as of parabolas: of comets.
+
+    Barker's equation; of an ellipse far from its perihelion it is a few per cent off.
+    """
+    places, speeds = state[:, :3], state[:, 3:]
+    p = np.sum(np.cross(places, speeds) ** 2, axis=1) / GM["sun"]
+    towards = np.cross(speeds, np.cross(places, speeds)) / GM["sun"] - unit(places)
+    q = p / (1.0 + np.linalg.norm(towards, axis=1))
+    half = np.sqrt(np.maximum(np.linalg.norm(places, axis=1) / q - 1.0, 0.0))  # tan(v / 2) of a parabola
+    days = np.sqrt(2.0 * q**3 / GM["sun"]) * (half + half**3 / 3.0)
+    return np.asarray(np.sign(np.einsum("na,na->n", places, speeds)) * days)
 
 
 def stumpff(z: Floats) -> tuple[Floats, Floats]:

@@ -204,11 +204,20 @@ MAGNITUDES = {  # V at 1 au from Sun and observer: up to a phase angle in degree
 """Planets: Mallama and Hilton 2018, Astronomy and Computing 25, 10; the Moon: Allen, *Astrophysical Quantities*."""
 
 
+CRESCENT_DEG, EARTHLIT_DEG = 150.0, 173.0
+"""Beyond the first the lit Moon fades with the third power of what is left of 180 deg (Samaha, Asaad and Mikhail 1969,
+Helwan Observatory Bulletin 84); beyond the second the Earth lights it more."""
+
+
 def magnitude(name: str, from_observer: Floats, from_sun: Floats, phase_angle: float) -> float:
     """V of the Sun, the Moon or a planet; spots, seasons and eclipses are left out."""
     distances = float(5.0 * np.log10(np.linalg.norm(from_observer)))
     if name == "sun":
         return -26.74 + distances
+    if name == "moon" and phase_angle > CRESCENT_DEG:
+        left = 180.0 - min(phase_angle, EARTHLIT_DEG)
+        distances += 7.5 * math.log10((180.0 - CRESCENT_DEG) / left)
+        phase_angle = CRESCENT_DEG
     powers = next(powers for limit, powers in MAGNITUDES[name] if phase_angle <= limit)
     value = float(np.polynomial.polynomial.polyval(phase_angle, powers)) + distances
     if name == "saturn":

@@ -34,7 +34,7 @@ from kochab.sky.sky_tables import sky_tables
 from kochab.sky.small_bodies import bodies_near, shipped_small_bodies
 from kochab.sky.solar_system import major_bodies, observer_at
 
-BEGIN, DAYS = datetime(1990, 3, 1, tzinfo=UTC), 22_200
+BEGIN, DAYS = datetime(1900, 3, 1, tzinfo=UTC), 55_500
 ERFA = ("mercury", "venus", "earth", "mars", "jupiter", "saturn", "uranus", "neptune")
 SKYFIELD = {"Sun": 10, "Moon": 301, "Mercury": 199, "Venus": 299, "Mars": 499, "Jupiter": 5, "Saturn": 6, "Uranus": 7}
 SKYFIELD |= {"Neptune": 8, "Pluto": 9}
