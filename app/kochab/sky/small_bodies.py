@@ -22,8 +22,8 @@ from kochab.sky.planet_moons import MOONS, planet_moons
 from kochab.sky.solar_system import Body, BodyKind, Moving, Observer, covers, lit_share, major_bodies, observer_at
 
 ASTEROID_SIGMA_ARCSEC, ASTEROID_PER_YEAR2 = 1.0, 0.008
-"""1 sigma of asteroids while their orbits were fitted, and its growth with the square of years, by which the masses of
-the others pull them. Against the Swiss Ephemeris Juno is 4" off in 2005, 8" in 1990 and 153" in 1900, Vesta 5, 3 and 12"."""
+"""1 sigma of asteroids while their orbits were fitted, and its growth with the square of years: others pull them, whose
+masses are left out. Juno is 4 arcsec off in 2005, 8 in 1990, 153 in 1900, Vesta 5, 3 and 12 (Swiss Ephemeris)."""
 NUMBERED, OTHERS = (20.0, 10.0), (100.0, 50.0)
 """1 sigma of comets, arcsec while their orbits were fitted and a year later, when they have a number and when not.
 
