@@ -95,7 +95,7 @@ def test_a_report_that_cannot_be_written_costs_no_number(night, capsys, tmp_path
 def test_people_get_words_and_the_true_pole_is_lower(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files[:2], "--pole", "true", "--site", "47,8,450")
-    assert code == 0
+    assert code == 3
     assert "true north pole at altitude 47.00°" in out
     assert not re.search("lower the axis|rotate the mount", out), "two frames give no bolt advice"
     assert "bolts     not yet: a third frame first" in out
@@ -186,7 +186,7 @@ def test_what_is_missing_is_said_in_one_sentence(night, capsys, tmp_path):
         code, _, err = polar(capsys, *stripped)
         assert (code, words in err) == (2, True), err
         assert "Traceback" not in err
-    assert polar(capsys, *stripped, "--site", "47,8,450")[0] == 0
+    assert polar(capsys, *stripped, "--site", "47,8,450")[0] == 3, "two frames"
     for site in ("47", "north", "91,0", "0,400", "47,8,99999", "nan,8"):
         code, _, err = polar(capsys, *files, "--site", site)
         assert code == 2
@@ -307,6 +307,31 @@ def test_a_folder_is_one_sentence(night, capsys, tmp_path):
     assert err.count("\n") == 1
 
 
+def test_what_somebody_said_and_no_header_bears_out_ends_in_doubt(night, capsys, tmp_path):
+    """The frames' own site and UTC: 0. A site by hand that they say too: 0. One that they don't say, or a clock: 3."""
+    from astropy.io import fits
+
+    _, files, _ = night
+    bare = []
+    for k, file in enumerate(files):
+        with fits.open(file) as hdus:
+            for key in [key for key in hdus[0].header if key.startswith(("SITE", "OBSGEO"))]:
+                del hdus[0].header[key]
+            bare.append(str(tmp_path / f"{k}.fits"))
+            hdus.writeto(bare[-1])
+    given = ("--site", "47,8,450")
+    for paths, options, code in (
+        (files, (), 0),
+        (files, given, 0),
+        (bare, given, 3),
+        (files, ("--utc-offset", "0"), 3),
+        (files[:2], (), 3),
+    ):
+        ended, out, err = polar(capsys, *paths, *options, "--json")
+        told = json.loads(out)
+        assert (ended, told["unsettled"], told["spoilt"]) == (code, code == 3, False), (options, err)
+
+
 def test_a_wrong_site_is_doubted(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files, "--site", "-30,8")
@@ -329,7 +354,7 @@ def test_a_file_that_is_not_there(capsys):
 def test_good_enough_is_said_for_the_frames_to_be_taken(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files, "--imaging", "600,3.76,300", "--utc-offset=0")
-    assert code == 0
+    assert code == 3, "nothing in the frames bears the clock out"
     assert re.search(r"enough\?   Guided: 2\d′ is enough\. Unguided: 59″\.", out), out
     _, out, _ = polar(capsys, *files, "--imaging", "50,9,10", "--json")
     assert json.loads(out)["good_enough"] == "Good enough: stop."
@@ -378,7 +403,7 @@ def erfa_icrs(matrix, site, when):
 def test_a_recorded_stream_that_nobody_turned_gives_the_axis_by_drift(capsys, tmp_path):
     given = ["--site", "40,10,300", "--json", "--pressure", "0", "--pole", "true", "--utc-offset", "0"]
     code, out, err = polar(capsys, stream(tmp_path), *given, "--guided", "no", "--imaging", "400 mm, 3.76 um, 60 s")
-    assert code == 0, err
+    assert code == 3, err
     told = json.loads(out)
     assert told["altitude_error_arcsec"] == pytest.approx(600.0, abs=10.0)
     assert told["azimuth_error_arcsec"] == pytest.approx(0.0, abs=3 * told["sigma_arcsec"][1] + 10.0)
@@ -516,7 +541,7 @@ def test_a_night_is_remembered_by_its_profile_not_by_the_cameras(capsys, tmp_pat
     assert main(["profile", "save", "garden", "--camera-profile", "mono", "--site", "40,10,300"]) == 0
     options = ["--profile", "garden", "--utc-offset=0", "--guided=no", "--pole=true"]
     code, _, err = polar(capsys, stream(tmp_path, minutes=60), *options)
-    assert code == 0, err
+    assert code == 3, err
     assert last_night(Site(40.0, 10.0, 300.0), "garden") is not None
     assert polar(capsys, "--profile", "garden")[0] == 0
 
@@ -525,7 +550,7 @@ def test_following_ends_when_the_axis_is_known(capsys, tmp_path):
     """Thirty minutes of a recorded session leave 33 arcsec open, an hour 18."""
     options = ["--site=40,10,300", "--utc-offset=0", "--guided=no", "--pole=true", "--json", "--follow"]
     code, out, err = polar(capsys, stream(tmp_path, minutes=60), *options)
-    assert code == 0, err
+    assert code == 3, err
     assert json.loads(out)["minutes_more"] == 0.0
 
 

@@ -23,8 +23,9 @@ from kochab.frames.wcs import wcs_text, write_wcs
 from kochab.polar.horizon import Pole
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
+from kochab.workflows.polar.site_and_clock import doubts_of
 from kochab.workflows.polar.solutions import solved_before
-from kochab.workflows.polar.sources import SolvedFile, doubts_of, sharpcap_time, sightings_of, unsigned_longitude
+from kochab.workflows.polar.sources import SolvedFile, sharpcap_time, sightings_of, unsigned_longitude
 from tests.house import REPOSITORY, SAMPLES
 
 ARCSEC = np.pi / 648000.0

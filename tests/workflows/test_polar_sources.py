@@ -22,10 +22,10 @@ from kochab.simulate.camera import CameraConfig
 from kochab.simulate.camera_source import SimulatedCamera
 from kochab.simulate.mechanics.geometry import MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
+from kochab.workflows.polar.site_and_clock import clock_doubts
 from kochab.workflows.polar.sources import (
     CameraSightings,
     SolvedFile,
-    clock_doubts,
     last_night,
     remember_night,
     sightings_of,

@@ -49,6 +49,7 @@ from kochab.workflows.polar.solutions import (
 from kochab.workflows.polar.sources import SolvedFile, last_night
 
 MANY = 5
+IN_DOUBT = 3  # the exit code of an axis that rests on what nothing bears out
 LOOK_S = 5.0  # between two looks at files that grow
 SAID_BY = {
     PolarFindingKind.CLOCK: "--utc-offset",
@@ -77,7 +78,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " Frames of one place, tracked and never turned, or a PHD2 guide log give the axis by drift."
         " A frame without a solution is left out where more others, two at least, have one."
         " Exit code: 0 measured, 1 a frame has no solution, there is no axis or the measurement is spoilt (don't turn a"
-        " bolt by it), 2 unusable input.",
+        " bolt by it), 2 unusable input, 3 measured in doubt: of two frames alone, or a --site or --utc-offset that the"
+        " frames' headers do not bear out would move the axis if it were wrong.",
     )
     parser.add_argument(
         "files",
@@ -195,7 +197,12 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
         history = History()
         history.measured(result)
         write_report(args.report, history)
-    return int(result.spoilt), result
+    return _code(result), result
+
+
+def _code(result: Measurement | Drift) -> int:
+    """What the program ends with, an axis in hand."""
+    return IN_DOUBT if result.unsettled else int(result.spoilt)
 
 
 def _last(args: argparse.Namespace) -> int:
@@ -239,6 +246,7 @@ def drift_as_json(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | N
         and [{"dec_sign": s} | _error_json(e) for s, e in (("+", error), ("-", drift.otherwise))],
         "frames": sum(len(s.attitudes) for s in drift.stretches),
         "spoilt": drift.spoilt,
+        "unsettled": drift.unsettled,
         "good_enough": good_enough(error, imaging) if imaging and drift.known and not drift.spoilt else None,
         **_findings_json(drift.findings, doubts),
     }
@@ -280,6 +288,7 @@ def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
         "chi2": m.fit.chi2,
         "degrees_of_freedom": m.fit.freedom,
         "spoilt": m.spoilt,
+        "unsettled": m.unsettled,
         "checked": m.checked,
         "good_enough": good_enough(error, imaging) if imaging and not m.spoilt else None,
         **_findings_json(m.findings, doubts),

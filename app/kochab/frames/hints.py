@@ -96,6 +96,13 @@ _POINTING = (
     ("RA_OBJ", "DEC_OBJ"),
     ("RA_TARG", "DEC_TARG"),
 )
+_HORIZONTAL = (
+    (("OBJCTRA", "OBJCTDEC"), ("OBJCTALT", "OBJCTAZ")),
+    (("RA", "DEC"), ("CENTALT", "CENTAZ")),
+    (("RA", "DEC"), ("TELALT", "TELAZ")),
+    (("TELRA", "TELDEC"), ("TELALT", "TELAZ")),
+)
+"""Where a program or its mount looked, and its altitude and azimuth (MaxIm DL, N.I.N.A., observatories)."""
 _LATITUDES = ("SITELAT", "LAT-OBS", "OBSGEO-B", "OBSLAT", "LATITUDE", "OBS-LAT", "LAT", "GEOLAT")
 _LONGITUDES = ("SITELONG", "LONG-OBS", "OBSGEO-L", "OBSLONG", "LONGITUD", "OBS-LONG", "LONG", "GEOLON")
 _HEIGHTS = ("SITEELEV", "ALT-OBS", "ELEV-OBS", "OBSGEO-H", "OBSALT", "ALTITUDE", "ELEVATIO")
@@ -201,6 +208,49 @@ def _centre(
             radius = min(_POINTING_RADIUS_DEG + field_deg, 180.0)
             return (*ra_dec, radius), f"{ra_name} and {dec_name}"
     return None, ""
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """A place on the sky, degrees, and where over the horizon a program or a mount had it: altitude, azimuth, degrees.
+
+    It is not where the frame looks, but it tells the sidereal time that they reckoned with, and their latitude.
+    """
+
+    ra_dec_deg: tuple[float, float]
+    altaz_deg: tuple[float, float]
+
+
+def aim_from_keywords(values: Keywords) -> Aim | None:
+    """What a header says of the horizon; None where it says nothing, or nonsense."""
+    for (ra_name, dec_name), (alt_name, az_name) in _HORIZONTAL:
+        ra_dec = _on_sky(_right_ascension(values.get(ra_name), ra_name, ""), _degrees(values.get(dec_name)))
+        altitude, azimuth = _degrees(values.get(alt_name)), _degrees(values.get(az_name))
+        if ra_dec is None or altitude is None or azimuth is None:
+            continue
+        if abs(altitude) <= 90.0 and 0.0 <= azimuth <= 360.0 and (altitude, azimuth) != (0.0, 0.0):
+            return Aim(ra_dec, (altitude, azimuth))
+    return None
+
+
+def zone_from_keywords(values: Keywords) -> float | None:
+    """Hours that a header's local time is ahead of UTC (DATE-LOC, or a zone in DATE-OBS); None where it is not said.
+
+    Zero is no local time: programs that only know UTC write it twice.
+    """
+    own, local = (_iso(values.get(name)) for name in ("DATE-OBS", "DATE-LOC"))
+    ahead = own.utcoffset() if own is not None else None
+    if own is not None and local is not None:
+        ahead = local.replace(tzinfo=None) - (own.astimezone(UTC) if own.tzinfo else own).replace(tzinfo=None)
+    quarters = round(ahead.total_seconds() / 900.0) if ahead is not None else 0
+    return quarters / 4.0 if 0 < abs(quarters) <= 56 else None
+
+
+def _iso(value: Any) -> datetime | None:
+    try:
+        return datetime.fromisoformat(str(value or "").strip())
+    except ValueError:
+        return None
 
 
 def _right_ascension(value: Any, name: str, comment: str) -> float | None:

@@ -104,6 +104,11 @@ class Drift:
         """Whether no bolt is to be turned after it."""
         return any(finding.spoils for finding in self.findings)
 
+    @property
+    def unsettled(self) -> bool:
+        """Whether it is good, but rests on what nothing bears out."""
+        return not self.spoilt and any(finding.unsettled for finding in self.findings)
+
     def tells(self, knob: Knob) -> bool:
         """Whether this bolt is known: to 2 arcmin, or to half of its error."""
         sigma = self.error.with_systematics.knob_sigma_arcsec(knob)

@@ -69,11 +69,15 @@ class PolarFindingKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class PolarFinding:
-    """One sentence for the person, and what it is about; no bolt is to be turned after one that ``spoils``."""
+    """One sentence for the person, and what it is about; no bolt is to be turned after one that ``spoils``.
+
+    ``unsettled`` says that the axis rests on two frames alone, or on a word of somebody's that nothing bears out.
+    """
 
     kind: PolarFindingKind
     text: str
     spoils: bool = False
+    unsettled: bool = False
 
 
 SMALL_TURN_DEG = 15.0  # the uncertainty goes as 1 / sin(turn / 2)
@@ -242,6 +246,7 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
                 "Two frames can't show whether declination, the camera or the tripod moved between them, or whether"
                 " both times are right. Take a third before you turn a bolt."
             ),
+            unsettled=True,
         )
     for fit in fits:
         if fit.chance < UNLIKELY:
@@ -406,6 +411,11 @@ class Measurement:
         return any(finding.spoils for finding in self.findings)
 
     @property
+    def unsettled(self) -> bool:
+        """Whether it is good, but rests on what nothing bears out."""
+        return not self.spoilt and any(finding.unsettled for finding in self.findings)
+
+    @property
     def checked(self) -> bool:
         """Whether the frames could have shown that something moved: two alone fit an axis whatever moved."""
         return all(finding.kind is not PolarFindingKind.UNCHECKED for finding in self.findings)
@@ -421,10 +431,10 @@ class Measurement:
         return float(np.degrees(_rho_rad(self.fit)))
 
 
-def axis_shift_arcsec(error: PolarError, site: Site, sky_deg: float) -> float:
-    """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 within its ellipse."""
+def axis_shift_arcsec(error: PolarError, site: Site, sky_deg: float, within: float = CHI2_95) -> float:
+    """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 ``within`` its ellipse."""
     axis = about(pole_direction(site, Pole.TRUE), np.radians(sky_deg)) @ error.axis
-    inside = error.with_systematics.distance2(axis) <= CHI2_95
+    inside = error.with_systematics.distance2(axis) <= within
     return 0.0 if inside else angle_between(axis, error.axis) / ARCSEC
 
 

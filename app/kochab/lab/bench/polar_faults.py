@@ -3,7 +3,9 @@
 Each run draws a sweep of :mod:`kochab.lab.bench.polar_sweeps` or light frames of a mount that tracked, lets one thing
 go wrong, solves the frames (stars with noise, fitted as the solver does) and asks for the axis as the command does. An
 answer is *silent* where it is wrong, outside its 95 % ellipse, and nothing said so: the exit code is 0 and bolts are
-told. Healthy sweeps are *accused* where the exit code is 1. The axis is the one at the last frame.
+told. What the frames can't show (site, clock, two frames alone) counts as said where it is a finding and the exit code
+that of doubt, 3: only there, for everything is in doubt that nothing bears out. Healthy sweeps are *accused* where the
+exit code is 1. The axis is the one at the last frame.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +31,7 @@ from kochab.workflows.polar.sources import SolvedFile
 
 SEED = 290_000
 FULL, QUICK = 200, 2
-MOST_SILENT, MOST_ACCUSED = 0.05, 0.01
+MOST_SILENT, MOST_ACCUSED, IN_DOUBT = 0.05, 0.01, 3
 
 
 def solved_files(sweep: Sweep, rng: Random) -> list[SolvedFile]:
@@ -137,7 +139,7 @@ def judge(kind: str, seed: int) -> Row:
     whole, truth = told.error.with_systematics, true_axis(sweep, told.error.pole)
     return {
         "bolts": not told.spoilt and (any(map(told.tells, Knob)) if isinstance(told, Drift) else told.checked),
-        "code": int(told.spoilt),
+        "code": IN_DOUBT if told.unsettled else int(told.spoilt),
         "inside": whole.distance2(truth) <= CHI2_95,
         "off_arcsec": angle_between(told.error.axis, truth) / sky.ARCSEC,
         "said_arcsec": whole.uncertainty_arcsec,
@@ -146,7 +148,7 @@ def judge(kind: str, seed: int) -> Row:
 
 
 ON_TRUST = ("clock an hour wrong", "site 1 deg wrong", "latitude sign", "longitude sign")
-"""What the frames themselves can't show: there a word that all rests on site and clock counts as a doubt."""
+"""What the frames themselves can't show: there the exit code of doubt, with a word of site and clock, is all."""
 
 
 def fault_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
@@ -159,7 +161,8 @@ def fault_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
 
 def _row(kind: str, own: Sequence[Row]) -> Row:
     trusted = kind in ON_TRUST
-    silent = [r["bolts"] and not r["inside"] and not (trusted and "ON_TRUST" in r["told"]) for r in own]
+    doubted = [trusted and r["code"] == IN_DOUBT and "ON_TRUST" in r["told"] for r in own]
+    silent = [r["bolts"] and not r["inside"] and not said for r, said in zip(own, doubted, strict=True)]
     off = [r["off_arcsec"] for r in own if r["bolts"]]
     return {
         "kind": f"evening: {kind}",
@@ -168,7 +171,8 @@ def _row(kind: str, own: Sequence[Row]) -> Row:
         "worst_arcsec": max(off, default=np.nan),
         "in_95": float(np.mean([r["inside"] for r in own])),
         "silent": float(np.mean(silent)),
-        "spoilt": float(sum(r["code"] for r in own)),
+        "spoilt": float(sum(r["code"] == 1 for r in own)),
+        "in_doubt": float(sum(r["code"] == IN_DOUBT for r in own)),
     }
 
 

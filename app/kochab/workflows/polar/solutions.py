@@ -30,12 +30,11 @@ from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
 from kochab.polar.rotations import ARCSEC, best_rotation
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.guide_logs import guide_log, is_guide_log
+from kochab.workflows.polar.site_and_clock import doubts_of, given_doubts
 from kochab.workflows.polar.sources import (
     GIVE_SITE,
     PolarNight,
     SolvedFile,
-    doubts_of,
-    given_doubts,
     last_night,
     remember_night,
     sightings_of,
@@ -332,7 +331,7 @@ def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[s
         return FilesAxis(result, named)
     doubts = doubts_of(files, result.error, site, told.site is not None, known)
     if sightings:
-        doubts += given_doubts(files, result.error, site, told.utc_offset_h)
+        doubts += given_doubts(files, result.error, site, told.utc_offset_h, told.site is not None)
     result = replace(result, findings=(*result.findings, *doubts))
     return FilesAxis(result, named, last_night(site, told.profile, result.time_utc))
 

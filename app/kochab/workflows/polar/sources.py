@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kochab.core import config_folder, number, tr, tr_noop
+from kochab.core import config_folder, tr, tr_noop
 from kochab.core.attitude import wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
@@ -22,11 +22,10 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.core.text_input import TextError, read_json, read_text
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.hints import NO_ZONE, aware_utc
+from kochab.frames.hints import NO_ZONE, Aim, aim_from_keywords, aware_utc, zone_from_keywords
 from kochab.polar.bolts import Pitches
 from kochab.polar.error import PolarError, angle_in_words
-from kochab.polar.horizon import Horizon, sun_altitude_deg
-from kochab.polar.measure import NIGHT_HOURS, MeasureSettings, PolarFinding, PolarFindingKind, axis_shift_arcsec
+from kochab.polar.measure import NIGHT_HOURS, MeasureSettings
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
@@ -36,7 +35,6 @@ from kochab.workflows.solve_frame import solve_file, solve_open_frame
 NEAR_DEG = 20.0
 SAME_SITE_DEG = 0.1
 FRAME_TIMEOUT_S = 2.0
-CLOCK_S, DAYS_S = 120.0, 130_000.0  # clocks that differ by less agree; frames older than that are played again
 ZONES_S, FARTHEST_ZONE_S = 900.0, 15.0 * 3600.0
 GIVE_SITE = tr_noop("give --site LAT,LON in degrees, east positive")
 UNSIGNED = ("LONG-OBS", "OBSLONG", "LONGITUD", "OBS-LONG", "LONG", "GEOLON")
@@ -53,7 +51,11 @@ class SightingSource(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedFile:
-    """A frame's file, its time and site, and its solution; ``unsigned`` is a longitude that may be west."""
+    """A frame's file, its time and site, and its solution.
+
+    ``unsigned`` is a longitude that may be west, ``aim`` what the header says of the horizon,
+    ``zone_h`` how far its local time is ahead of UTC.
+    """
 
     path: str
     result: Solution | NoSolution
@@ -61,6 +63,8 @@ class SolvedFile:
     site: Site | None
     warnings: tuple[str, ...] = ()
     unsigned: str = ""
+    aim: Aim | None = None
+    zone_h: float | None = None
 
 
 def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile]:
@@ -68,9 +72,9 @@ def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile
     solved = yield from solve_file(path, options)
     hint = solved.frame.hint
     time_utc = hint.time_utc or sharpcap_time(Path(path))
-    return SolvedFile(
-        str(path), solved.result, time_utc, hint.site, solved.frame.warnings, unsigned_longitude(solved.frame.header)
-    )
+    header = solved.frame.header
+    told = unsigned_longitude(header), aim_from_keywords(header), zone_from_keywords(header)
+    return SolvedFile(str(path), solved.result, time_utc, hint.site, solved.frame.warnings, *told)
 
 
 def sharpcap_time(path: Path) -> datetime | None:
@@ -91,125 +95,6 @@ def unsigned_longitude(header: Mapping[str, Any]) -> str:
     return next(
         (f"{name} {text}" for name, text in told if re.fullmatch(r"\d[\d\s:.]*", text) and text.strip("0:. ")), ""
     )
-
-
-def doubts_of(
-    files: Sequence[SolvedFile], error: PolarError, site: Site, site_given: bool, zone_given: bool
-) -> list[PolarFinding]:
-    """What the frames' headers may mean otherwise, and would move the axis past its ellipse."""
-    doubts = []
-    unsigned = "" if site_given else next((file.unsigned for file in files if file.unsigned), "")
-    west = replace(site, longitude_deg=-site.longitude_deg)
-    if unsigned and axis_shift_arcsec(error, site, 2.0 * site.longitude_deg) and _up_at(files, west):
-        text = tr(
-            "The longitude in the header, {longitude}, has no sign. Say whether it is east or west: give the site.",
-            longitude=unsigned,
-        )
-        doubts.append(PolarFinding(PolarFindingKind.LONGITUDE_SIGN, text, spoils=True))
-    hour = 3600.0 * SIDEREAL_DEG_S
-    times = [file.time_utc for file in files if file.time_utc is not None]
-    astray = max(axis_shift_arcsec(error, site, sky) for sky in (-hour, hour)) if times and not zone_given else 0.0
-    if astray:
-        unknown = any(NO_ZONE in file.warnings for file in files)
-        says = (
-            tr("The images have no time zone.")
-            if unknown
-            else tr("The frames' clock is taken as UTC ({time}).", time=f"{max(times):%H:%M}")
-        )
-        costs = tr("A one-hour clock error would shift the axis by {angle}: give the clock's UTC offset, 0 for UTC.")
-        text = f"{says} {costs.format(angle=angle_in_words(astray))}"
-        doubts.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=unknown))
-    return doubts
-
-
-LATEST_ZONE_H = 3.6  # of a zone from the Sun's own time: Kashgar and Pyongyang's summers are nearer
-DEGREE = 1.0
-UP_DEG = -1.0  # below, the brightest stars begin to show
-
-BY_DAY = tr_noop(
-    "The Sun would be up there at the time of {frame} ({high:.0f}° high). Check the site, its signs, the time and the"
-    " time zone."
-)
-OTHER_SITE = tr_noop(
-    "The frames say another site ({theirs}) than was given ({given}). The axis would be {angle} elsewhere: find out"
-    " which is right."
-)
-OTHER_ZONE = tr_noop(
-    "A clock {offset:+g} h from UTC does not fit the longitude, {longitude:+.0f}°. Check the signs of both (east is"
-    " positive)."
-)
-TRUSTED = tr_noop(
-    "Nothing in the frames tells whether site and clock are right. A degree of longitude wrong would move the axis by"
-    " {degree}, an hour by {hour}: check both."
-)
-
-
-def given_doubts(
-    files: Sequence[SolvedFile], error: PolarError, site: Site, utc_offset_h: float | None
-) -> list[PolarFinding]:
-    """What contradicts the site and the clock that somebody gave, and what it would cost if they were wrong.
-
-    The sky looks the same from everywhere at some time: a wrong longitude or clock turns the axis about the pole, and
-    nothing in the frames shows it but the Sun, their own headers and the time zone.
-    """
-    found = []
-    times = [file.time_utc for file in files if file.time_utc is not None]
-    high_deg, frame = max((sun_altitude_deg(site, f.time_utc), f.path) for f in files if f.time_utc is not None)
-    if high_deg > UP_DEG:
-        text = tr(BY_DAY, frame=Path(frame).name, high=high_deg)
-        found.append(PolarFinding(PolarFindingKind.SITE_OR_TIME, text, spoils=True))
-    theirs = next((file.site for file in files if file.site is not None), None)
-    if theirs is not None and (angle := _apart_arcsec(error, site, theirs)):
-        said = [f"{number(s.latitude_deg, '.2f')}°, {number(s.longitude_deg, '.2f')}°" for s in (theirs, site)]
-        text = tr(OTHER_SITE, theirs=said[0], given=said[1], angle=angle_in_words(angle))
-        found.append(PolarFinding(PolarFindingKind.SITE_OR_TIME, text, spoils=True))
-    zone_h = utc_offset_h or 0.0
-    if zone_h and abs(wrapped(15.0 * zone_h - site.longitude_deg)) > 15.0 * LATEST_ZONE_H:
-        text = tr(OTHER_ZONE, offset=zone_h, longitude=site.longitude_deg)
-        found.append(PolarFinding(PolarFindingKind.CLOCK, text, spoils=True))
-    hour_deg = 3600.0 * SIDEREAL_DEG_S
-    hour = max(axis_shift_arcsec(error, site, sky) for sky in (-hour_deg, hour_deg))
-    degree = max(axis_shift_arcsec(error, site, sky) for sky in (-DEGREE, DEGREE))
-    if times and (degree or (hour and utc_offset_h is not None)):
-        text = tr(TRUSTED, degree=angle_in_words(degree), hour=angle_in_words(hour))
-        found.append(PolarFinding(PolarFindingKind.ON_TRUST, text))
-    return found
-
-
-def _apart_arcsec(error: PolarError, site: Site, other: Site) -> float:
-    """How far the axis would be elsewhere at the other site, 0 within its ellipse or at about the same site."""
-    south = abs(other.latitude_deg - site.latitude_deg)
-    east = wrapped(other.longitude_deg - site.longitude_deg)
-    if max(south, abs(east)) < SAME_SITE_DEG:
-        return 0.0
-    # refraction apart, a site further south sees the same axis as far from its pole; across the equator another pole
-    return 3600.0 * south if site.latitude_deg * other.latitude_deg < 0.0 else axis_shift_arcsec(error, site, east)
-
-
-def clock_doubts(ahead_s: float, mount: str, error: PolarError, site: Site) -> list[PolarFinding]:
-    """What the clocks of camera, mount and computer say against each other.
-
-    ``ahead_s`` is how far the camera's is ahead of the computer's; ``mount`` says what the mount contradicts.
-    """
-    found = [PolarFinding(PolarFindingKind.CLOCK, mount)] if mount else []
-    apart_s = abs(ahead_s)
-    astray = axis_shift_arcsec(error, site, ahead_s * SIDEREAL_DEG_S) if CLOCK_S < apart_s < DAYS_S else 0.0
-    if astray:
-        text = tr("The camera's clock is {size} ahead of this computer's. If it is wrong, the axis is off by {angle}.")
-        if ahead_s < 0.0:
-            text = tr(
-                "The camera's clock is {size} behind this computer's. If it is wrong, the axis is off by {angle}."
-            )
-        hours, minutes = tr("{hours:.1f} h", hours=apart_s / 3600.0), tr("{minutes:.0f} min", minutes=apart_s / 60.0)
-        size = hours if apart_s > 3500.0 else minutes
-        found.append(PolarFinding(PolarFindingKind.CLOCK, text.format(size=size, angle=angle_in_words(astray))))
-    return found
-
-
-def _up_at(files: Sequence[SolvedFile], site: Site) -> bool:
-    """Whether all frames look at the sky, and not at the ground, from there."""
-    solved = [(f.result, f.time_utc) for f in files if isinstance(f.result, Solution) and f.time_utc is not None]
-    return all(Horizon(site, time).altaz_deg(result.centre_vector)[0] > 0.0 for result, time in solved)
 
 
 def sightings_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Sighting]:

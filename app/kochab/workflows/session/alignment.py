@@ -52,6 +52,7 @@ from kochab.workflows.polar.measure import (
     measure_drifting,
     optics_of,
 )
+from kochab.workflows.polar.site_and_clock import clock_doubts
 from kochab.workflows.polar.solutions import (
     FilesAxis,
     FilesTold,
@@ -63,7 +64,7 @@ from kochab.workflows.polar.solutions import (
     solutions_of,
     unsolved_of,
 )
-from kochab.workflows.polar.sources import CameraSightings, SolvedFile, clock_doubts, last_night
+from kochab.workflows.polar.sources import CameraSightings, SolvedFile, last_night
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.session.mount_camera import MountCamera
 
