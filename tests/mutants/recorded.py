@@ -29,6 +29,7 @@ KEPT = REPOSITORY / ".pytest_cache" / "mutants"
 PRELOADED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 LONGEST_TEST_S, LONGEST_FILE_S = 100.0, 400.0
 """A test that takes longer judges no change; so much time for the tests of one file, in their order."""
+MOST_FILES = 24  # of one group, the smallest
 FAR = ("window", "lab/bench")  # tests that look at other rooms from far above
 
 
@@ -172,25 +173,40 @@ def test_texts() -> dict[Path, str]:
     return {path: path.read_text(encoding="utf-8") for path in sorted(REPOSITORY.glob("tests/**/test_*.py"))}
 
 
-def _named(module: str) -> set[Path]:
-    parent, _, name = module.rpartition(".")
-    direct = rf"from {re.escape(module)} |import {re.escape(module)}\b|\b{re.escape(module)}\."
-    by_parent = rf"from {re.escape(parent)} import [^\n]*\b{name}\b"
-    return {path for path, text in test_texts().items() if re.search(f"{direct}|{by_parent}", text)}
+@cache
+def _names() -> dict[str, set[Path]]:
+    """The package's modules and what is in them -> the test files that name it."""
+    found: dict[str, set[Path]] = defaultdict(set)
+    for path, text in test_texts().items():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names)):
+                    found[name].add(path)
+        for name in re.findall(r"kochab(?:\.\w+)+", text):  # such as what is patched
+            for parent in (name, name.rpartition(".")[0]):
+                found[parent].add(path)
+    return found
 
 
+@cache
+def _named(module: str) -> frozenset[Path]:
+    return frozenset(_names().get(module, ()))
+
+
+@cache
 def _mirror(module: str) -> set[Path]:
     """The files of tests that bear the module's name, in its room's folder or one above."""
-    *rooms, name = module.split(".")[1:]
+    *rooms, name = module.split(".")[1:] or ["start"]
     folders = [REPOSITORY.joinpath("tests", *rooms[:k]) for k in range(len(rooms), -1, -1)]
     return {path for path in test_texts() if path.parent in folders and path.stem.startswith(f"test_{name}")}
 
 
+@cache
 def tests_of(module: str) -> list[list[Path]]:
     """The test files that judge a module, in the order in which they are asked.
 
-    Those that mirror it or name it in its own room; the others of its room; those elsewhere that name it, and the mirrors
-    of what imports it. What looks from far above comes last, and only where nothing else is.
+    Those that mirror it or name it in its own room; those of its room that name what imports it; those elsewhere that
+    name it, and the mirrors of what imports it. What looks from far above comes last, and only where nothing else is.
     """
     room = module.split(".")[1:]
     folders = [REPOSITORY.joinpath("tests", *room[:k]) for k in range(len(room), 0, -1)]
@@ -198,13 +214,15 @@ def tests_of(module: str) -> list[list[Path]]:
     inside = {path for path in test_texts() if own in path.parents}
     named = _named(module)
     first = _mirror(module) | (named & inside)
-    elsewhere = set().union(*(_mirror(other) for other in sources() if module in imports(other)), named)
+    above = [other for other in sources() if module in imports(other)]
+    inside = inside & set().union(first, *(_named(other) for other in above)) or inside
+    elsewhere = set().union(*(_mirror(other) for other in above), named)
     far = {path for path in elsewhere if any(REPOSITORY / "tests" / folder in path.parents for folder in FAR)}
     far -= inside
     groups: list[list[Path]] = []
     for group in (first, inside, elsewhere - far, far if not (first or elsewhere - far) else set()):
         before = {path for earlier in groups for path in earlier}
-        groups.append(sorted(group - before))
+        groups.append(sorted(group - before, key=lambda path: len(test_texts()[path]))[:MOST_FILES])
     return [group for group in groups if group]
 
 

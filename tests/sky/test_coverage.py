@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import UsageError
@@ -14,6 +15,8 @@ def test_even_points_are_even():
     assert np.linalg.norm(v, axis=1) == pytest.approx(1.0)
     assert v.mean(axis=0) == pytest.approx(0.0, abs=1e-3)
     assert np.mean(np.abs(v[:, 2]) < 0.5) == pytest.approx(0.5, abs=1e-3)
+    nearest = cKDTree(v).query(v, k=2)[0][:, 1]
+    assert nearest.min() > 0.7 * np.sqrt(4.0 * np.pi / 5000), "none is beside another"
 
 
 def test_the_hole_in_the_sky_is_found(tmp_path):

@@ -174,3 +174,9 @@ def test_a_name_in_several_words_needs_no_quotes(capsys):
 def test_places_of_stars_move_with_the_years():
     then, now = finder().still("Barnard's Star", 2000.0), finder().still("Barnard's Star", 2026.0)
     assert np.degrees(np.linalg.norm(now.vector - then.vector)) * 3600.0 == pytest.approx(10.39 * 26.0, rel=0.01)
+
+
+def test_a_star_is_found_where_it_is_at_the_time_asked_for():
+    """Barnard's Star goes 10.36 arcsec north a year (SIMBAD)."""
+    then, now = run(find("Barnard's Star")), run(find("Barnard's Star", datetime(2026, 1, 1, tzinfo=UTC)))
+    assert (now.dec_deg - then.dec_deg) * 3600.0 == pytest.approx(26.0 * 10.362, abs=0.5)

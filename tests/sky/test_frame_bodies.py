@@ -11,7 +11,8 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.core.progress import run
 from kochab.core.solution import NamedStar, Solution
-from kochab.sky.frame_bodies import bodies_in_frame, body_marks
+from kochab.sky import frame_bodies
+from kochab.sky.frame_bodies import FrameBodies, bodies_in_frame, body_marks
 from kochab.sky.solar_system import BodyKind
 
 ROW = json.loads(Path(__file__).with_name("solar_system.json").read_text(encoding="utf-8"))["rows"][4]
@@ -93,3 +94,18 @@ def test_a_bright_star_that_the_fit_left_out_is_not_unknown(field, catalogue):
 def test_no_zero_point_no_unknown(field, catalogue):
     solution, detections, _ = field
     assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()
+
+
+@pytest.mark.parametrize("exposure_s", [None, 30.0])
+def test_a_frame_of_unknown_exposure_is_taken_for_a_moment(field, monkeypatch, exposure_s):
+    asked = []
+
+    def none(*words):
+        asked.append(words)
+        return FrameBodies((), ())
+        yield
+
+    monkeypatch.setattr(frame_bodies, "bodies_in_frame", none)
+    frame = Frame(np.zeros((800, 1000), np.uint8), hint=Hint(time_utc=WHEN, site=PLACE, exposure_s=exposure_s))
+    assert run(body_marks(frame, field[0])) == ()
+    assert asked[0][-1] == (exposure_s or 0.0)

@@ -96,6 +96,9 @@ def test_the_sun_has_its_colour():
     assert bv == pytest.approx(0.63, abs=0.04)
 
 
+SIMPLE = b"SIMPLE  =                    T".ljust(80)
+
+
 @pytest.mark.parametrize(
     ("name", "data", "says"),
     [
@@ -107,6 +110,8 @@ def test_the_sun_has_its_colour():
         ("g.csv", b"\xff\xfe\x00", "cannot be read"),
         ("g.csv", GAIA.replace("2016.0\n2", "2015.5\n2").encode(), "mixes epochs"),
         ("x.fits", b"SIMPLE", "not an index"),
+        ("x.fits", SIMPLE + b"NAXIS   =           99999999".ljust(80), "more axes or columns than FITS allows"),
+        ("x.fits", SIMPLE + b"TFIELDS =               1000".ljust(80), "more axes or columns than FITS allows"),
         ("x.txt", b"hello", "no catalogue that can be imported"),
     ],
 )

@@ -11,6 +11,7 @@ from catalogs.making.solar_system import read_spk, write_ephemeris
 from kochab.core.attitude import apart_deg, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
+from kochab.sky import solar_system
 from kochab.sky.apparent import julian_date_tt
 from kochab.sky.ephemeris import read_ephemeris, shipped_ephemeris
 from kochab.sky.solar_system import BodyKind, covers, major_bodies, observer_at, phase_angle_deg
@@ -93,6 +94,27 @@ def test_the_full_moon_is_full():
     )
     assert moon.phase > 0.998
     assert -13.1 < moon.magnitude < -12.5
+
+
+@pytest.mark.parametrize(
+    ("name", "from_sun_au", "from_earth_au", "phase_deg", "v"),
+    [
+        ("mercury", 0.310295423552, 1.32182643625754, 1.1677, -2.477),
+        ("mercury", 0.413629222334, 0.92644808718613, 90.1662, 0.181),
+        ("mercury", 0.448947624811, 0.56004973217883, 178.7284, 7.167),
+        ("venus", 0.722722540169, 1.71607489554051, 1.3232, -3.917),
+        ("venus", 0.721480714554, 0.37762511206278, 124.1348, -4.916),
+        ("venus", 0.726166592736, 0.28889582420642, 179.1845, -3.090),
+        ("jupiter", 5.446231815414, 6.44985867459088, 0.2446, -1.667),
+        ("jupiter", 4.957681473205, 3.95393078136013, 0.3431, -2.934),
+    ],
+)
+def test_planets_are_as_bright_as_in_the_examples_of_mallama_and_hilton(name, from_sun_au, from_earth_au, phase_deg, v):
+    """The examples of the Ap_Mag program that was published with their paper."""
+    found = solar_system.magnitude(
+        name, np.array([from_earth_au, 0.0, 0.0]), np.array([from_sun_au, 0.0, 0.0]), phase_deg
+    )
+    assert found == pytest.approx(v, abs=6e-4)
 
 
 def test_dates_that_the_ephemeris_does_not_reach_are_known():
