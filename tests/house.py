@@ -178,7 +178,7 @@ from kochab.core.capture import CameraSource, CaptureLimits
 from kochab.sky.sky_tables import sky_tables
 from kochab.window.application import build
 from kochab.window.charts.plot_area import PlotArea
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.workflows.live import solve
 from kochab.workflows.session.live_stream import StreamRequest

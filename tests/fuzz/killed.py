@@ -106,7 +106,7 @@ def _exports(folder: Path) -> int:
     from kochab.core.errors import FrameError
     from kochab.core.solution import NamedStar
     from kochab.frames import read_frame
-    from kochab.window.shell.exports import EXPORTS
+    from kochab.window.frame.exports import EXPORTS
     from tests.fuzz.files import SOLUTION
 
     stars = tuple(NamedStar(k, k, f"HIP {k}", "Star", 3.0, 84.0, -2.0, 0.1) for k in range(500))

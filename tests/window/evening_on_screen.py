@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QAbstractItemView, QApplication, QFileDialog, QMen
 from kochab.core.attitude import apart_deg
 from kochab.sky.finder import finder
 from kochab.window.application import build
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.welcome import samples
 from kochab.workflows.session.wiring import Wiring

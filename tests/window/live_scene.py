@@ -18,7 +18,7 @@ from kochab.core.mount import Direction
 from kochab.simulate.camera_source import SimulatedCamera
 from kochab.simulate.rig import PracticeRig, through, tonight
 from kochab.window.application import build
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.workflows.session.live_stream import StreamRequest
 from kochab.workflows.session.wiring import Wiring

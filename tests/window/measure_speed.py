@@ -22,7 +22,7 @@ from kochab.simulate.star_images import RenderedStar, render
 from kochab.sky import open_catalogue
 from kochab.sky.layer import MARKS
 from kochab.window.application import build
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from tests.window.take_screenshots import pause
 

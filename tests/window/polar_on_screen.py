@@ -21,7 +21,7 @@ from kochab.server.phone_page import PhonePage
 from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import misaligned, through, tonight
 from kochab.window.application import build
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.workflows.session.wiring import Wiring
 from tests.window.take_screenshots import keep, pause

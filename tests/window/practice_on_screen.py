@@ -22,8 +22,8 @@ from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import misaligned, practice_night, through, tonight
 from kochab.sky.finder import finder
 from kochab.window.application import build
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.mount.pointing import SyncDialog
-from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.workflows.session.wiring import Wiring
 from tests.window.take_screenshots import keep, pause

@@ -20,7 +20,7 @@ from PySide6.QtWidgets import QApplication
 from kochab.__main__ import _practise
 from kochab.core.solution import Solution
 from kochab.window.application import build
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.welcome import samples
 from kochab.workflows.session.wiring import Wiring

@@ -5,9 +5,9 @@ from PySide6.QtGui import QImage
 
 from kochab.core.angle_text import breakable, short_name, unbroken
 from kochab.sky.layer import MARKS
+from kochab.window.image.thumbnails import HEIGHT, WIDTH
 from kochab.window.panels.hints_panel import LIMIT_S
 from kochab.window.shell.menus import SPECS
-from kochab.window.shell.welcome import HEIGHT, WIDTH
 from tests.window.fakes import FakeEngine, no_solution
 
 LONG = "light_" + "x" * 190 + "_0042.fits"

@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtCore import QPoint, QRect
 from PySide6.QtWidgets import QDialog, QLabel
 
-from kochab.window.mount.status import MountStatus
+from kochab.window.devices.mount_status import MountStatus
 from kochab.window.shell.views import VIEWS
 
 

@@ -9,7 +9,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QPushButton, QToolTip
 
 from kochab.core.frame import Frame
-from kochab.window.shell.dialogs import ask_frames, ask_save, tell
+from kochab.window.dialogs import ask_frames, ask_save, tell
 from kochab.window.shell.preferences import Preferences
 from kochab.window.themes import THEMES
 from tests.window.fakes import FakeEngine, no_solution, star_field

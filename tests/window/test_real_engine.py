@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from kochab.core.solution import NoSolution, Solution
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.shell.welcome import samples
 
 LIMIT_MS = 60_000

@@ -45,11 +45,11 @@ from kochab.identification import IDENTIFIERS
 from kochab.polar.report import History, report_html
 from kochab.server.phone_page import PhonePage
 from kochab.window.application import build, use_language
+from kochab.window.dialogs import tell
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.mount.pointing import SyncDialog
 from kochab.window.panels.log_panel import LogPanel
-from kochab.window.session import WorkflowEngine
 from kochab.window.shell import help_book
-from kochab.window.shell.dialogs import tell
 from kochab.window.shell.help_book import pages
 from kochab.window.shell.preferences import Preferences
 from kochab.window.shell.tour import CARDS, Tour

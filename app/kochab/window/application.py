@@ -14,12 +14,12 @@ from kochab.core import data_folder, speak, tr, tr_noop
 from kochab.core.progress import PREPARING, Progress
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
+from kochab.window.frame.presenter import Presenter
+from kochab.window.frame.session import Session, WorkflowEngine
 from kochab.window.job import Job, Jobs
-from kochab.window.session import Session, WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.commands import Commands
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import VIEWS
 from kochab.window.shell.welcome import Sample, samples
 from kochab.window.widgets import use_plain_numerals

@@ -18,9 +18,10 @@ from kochab.polar.horizon import Horizon, Refraction
 from kochab.sky.layer import in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import BodyKind
-from kochab.window.image.object_card import facts, heights, links
+from kochab.window.frame.search import sought
+from kochab.window.image.object_card import facts, heights
 from kochab.window.image.overlay import Overlay
-from kochab.window.shell.search import sought
+from kochab.window.image.place_menu import links
 from tests.window.fakes import fake_solution
 from tests.window.image.test_frame_view import jupiter_at, painted
 from tests.window.mount_bench import connected

@@ -18,8 +18,8 @@ from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.lab.laboratory import comparison, scene
 from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart
 from kochab.window.application import build
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.laboratory.setup import Hints, StarSource
-from kochab.window.session import WorkflowEngine
 from kochab.window.shell.welcome import samples
 from tests.window.fakes import assert_no_threads_left
 from tests.window.test_night import assert_red

@@ -16,10 +16,11 @@ from kochab.gear.actions import MountSituation, Need, reasons_against
 from kochab.gear.mounts import Diagnosis
 from kochab.gear.profiles import current_profile, save_selection
 from kochab.gear.session import MountSelection, search_text
+from kochab.window.devices.mount_status import words_of
 from kochab.window.mount.actions import SYNC_FIRST, outcome_text
 from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.controls import GoBox
-from kochab.window.mount.pointing import Offset, ring_arcsec, words_of
+from kochab.window.mount.pointing import Offset, ring_arcsec
 from kochab.window.themes import theme_colours
 from kochab.workflows.centre_target import Centring, CentringEnd
 from kochab.workflows.goto_target import parse_target

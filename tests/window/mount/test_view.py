@@ -24,9 +24,9 @@ from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import Progress
 from kochab.gear import actions as why
 from kochab.gear.profiles import current_profile
+from kochab.window.devices.mount_status import MountStatus, StopKey, mount_status_text
+from kochab.window.dialogs import ask_frames
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
-from kochab.window.mount.status import MountStatus, StopKey, mount_status_text
-from kochab.window.shell.dialogs import ask_frames
 from kochab.window.shell.views import VIEWS
 from kochab.window.widgets import field_value
 from tests.gear.mounts.bench import SITE, place, simulated

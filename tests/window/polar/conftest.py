@@ -4,7 +4,7 @@ import pytest
 
 from kochab.server.phone_page import PhonePage
 from kochab.window.application import build
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.session import WorkflowEngine
 from kochab.workflows.session.wiring import Wiring
 from tests.window.fakes import assert_no_threads_left
 

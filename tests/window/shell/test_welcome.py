@@ -5,7 +5,8 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 
-from kochab.window.shell.welcome import HEIGHT, WIDTH, Sample, as_pixmap, samples, thumbnail
+from kochab.window.image.thumbnails import HEIGHT, WIDTH, as_pixmap, thumbnail
+from kochab.window.shell.welcome import Sample, samples
 
 
 def test_samples_come_in_the_order_they_are_told_in(tmp_path):

@@ -23,8 +23,8 @@ from PySide6.QtWidgets import QApplication
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.frame import Frame, Hint
 from kochab.window.application import Garbage, build
+from kochab.window.frame.session import WorkflowEngine
 from kochab.window.live.view import LiveView
-from kochab.window.session import WorkflowEngine
 from kochab.window.settings import WindowSettings
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.live_stream import StreamRequest

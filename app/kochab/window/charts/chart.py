@@ -14,8 +14,8 @@ from kochab.frames.atomic_file import atomic_file, write_atomically
 from kochab.frames.export import csv_text
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.charts.series import ChartAxis, Series
+from kochab.window.dialogs import ask_save, save_task, tell
 from kochab.window.job import Job
-from kochab.window.shell.dialogs import ask_save, save_task, tell
 
 if TYPE_CHECKING:
     from kochab.window.charts.line_plot import LegendPlot, LinePlot

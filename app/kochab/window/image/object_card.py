@@ -1,19 +1,15 @@
 """An object, a star or a place of the frame: its card, with what it is and how high tonight, and its menu."""
 
 import re
-from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
-from functools import partial
 from typing import TYPE_CHECKING
-from urllib.parse import urlencode
 
 import numpy as np
-from PySide6.QtCore import QPoint, QUrl, Signal
-from PySide6.QtGui import QAction, QDesktopServices
-from PySide6.QtWidgets import QMenu, QWidget
+from PySide6.QtCore import QPoint, Signal
+from PySide6.QtWidgets import QWidget
 
 from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, arcsec_text, radec_plain, radec_text
+from kochab.core.angle_text import AngleStyle, arcsec_text, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
@@ -60,8 +56,6 @@ VARIABLES = {
     "ELL": tr_noop("ellipsoidal"),
 }
 """The GCVS's types in words."""
-SIMBAD, ALADIN = "https://simbad.cds.unistra.fr/simbad/", "https://aladin.cds.unistra.fr/AladinLite/"
-KNOWN = ("HIP ", "M ", "NGC ", "IC ")  # as Simbad spells them
 TURN_H = 23.9344696  # of clock time to a turn of the sky: a sidereal day
 MARGIN_PX, LETTERS = 12, 44
 
@@ -147,61 +141,6 @@ def heights(vector: Floats, horizon: "Horizon") -> tuple[str, str]:
 
 def _clock(when: datetime) -> str:
     return when.astimezone().strftime("%H:%M")
-
-
-def links(tables: SkyTables, mark: Mark, vector: Floats, width_deg: float) -> dict[str, str]:
-    """Addresses of pages about a mark at a direction (3,), by their titles; ``width_deg`` is that of an image."""
-    ra, dec = radec_deg(vector)
-    found = {"Aladin Lite": f"{ALADIN}?{urlencode({'target': f'{ra:.5f} {dec:+.5f}', 'fov': f'{width_deg:.2f}'})}"}
-    if mark.body is not None:
-        return found  # Simbad knows no Solar System
-    name = f"HIP {tables.stars.hip[mark.row]}" if mark.kind == "star" else mark.short
-    if not name.startswith(KNOWN):
-        around = {"Coord": f"{ra:.5f} {dec:+.5f}", "Radius": 5, "Radius.unit": "arcmin"}
-        return {"Simbad": f"{SIMBAD}sim-coo?{urlencode(around)}", **found}
-    return {"Simbad": f"{SIMBAD}sim-id?{urlencode({'Ident': name})}", **found}
-
-
-AIMS = {"goto": tr_noop("&Go to"), "centre": tr_noop("C&entre")}  # of a mount, at a place of an image
-
-
-def place_menu(
-    parent: QWidget,
-    name: str,
-    radec: tuple[float, float],
-    style: AngleStyle,
-    pages: Mapping[str, str],
-    against: Mapping[str, str],
-    go: Callable[[str, str], object],
-) -> QMenu:
-    """What can be done with something at ``radec``, ICRS degrees; ``go`` takes an action's name and coordinates.
-
-    ``against`` says why the mount cannot do each of `AIMS`. The network is used for a page that is chosen alone.
-    """
-    menu = QMenu(parent)
-    menu.addAction(name.replace("&", "&&") or radec_text(*radec, style)).setEnabled(False)
-    menu.addSeparator()
-    target = radec_plain(*radec, AngleStyle.DECIMAL)
-    for action, text in AIMS.items():
-        _add(menu, tr(text), partial(go, action, target)).setEnabled(not against[action])
-    for reason in dict.fromkeys(filter(None, map(against.__getitem__, AIMS))):
-        menu.addAction(reason).setEnabled(False)
-    menu.addSeparator()
-    _add(menu, tr("Copy &coordinates"), partial(copy_text, radec_plain(*radec, style)))
-    if name:
-        _add(menu, tr("Copy &name"), partial(copy_text, name))
-    online = menu.addMenu(tr("&Search online"))
-    for title, page in pages.items():
-        _add(online, tr("Open {page} in the browser", page=title), partial(QDesktopServices.openUrl, QUrl(page)))
-    for title, page in pages.items():
-        _add(online, tr("Copy the link to {page}", page=title), partial(copy_text, page))
-    return menu
-
-
-def _add(menu: QMenu, text: str, do: Callable[[], object]) -> QAction:
-    made = menu.addAction(text)
-    made.triggered.connect(lambda _=False: do())
-    return made
 
 
 class ObjectCard(QWidget):

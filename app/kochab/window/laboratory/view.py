@@ -13,10 +13,10 @@ from kochab.lab.laboratory.comparison import Choice, ComparedPart, field_plan
 from kochab.lab.laboratory.curves import curves, points_csv, trials_csv
 from kochab.lab.laboratory.scene import Scene, comparison, scene_of_frame, simulated_scene
 from kochab.window.charts.chart import image_of, write_image, write_text
+from kochab.window.dialogs import ask_save, tell
 from kochab.window.job import Job
 from kochab.window.laboratory.results import Plots, TrialTable
 from kochab.window.laboratory.setup import Hints, LaboratorySetupPanel, MethodsPanel
-from kochab.window.shell.dialogs import ask_save, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QAbstractSpinBox
 from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureLimits, CaptureSettings
 from kochab.gear.session import CameraSelection
-from kochab.window.cameras import CameraBox
+from kochab.window.devices.cameras import CameraBox
 from kochab.window.image.stretch_strip import AXIS_POWER, Histogram
 from kochab.window.live.rendering import Levels
 from kochab.window.live.status_text import fixed_settings, levels_text

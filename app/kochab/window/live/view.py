@@ -14,7 +14,8 @@ from PySide6.QtGui import QShowEvent
 from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureSettings
 from kochab.gear.profiles import current_profile
-from kochab.window.cameras import TITLES
+from kochab.window.devices.cameras import TITLES
+from kochab.window.dialogs import ask_folder
 from kochab.window.job import Job
 from kochab.window.live import status_text
 from kochab.window.live.camera_panel import CameraPanel
@@ -22,7 +23,6 @@ from kochab.window.live.frame_display import LiveDisplay
 from kochab.window.live.pointing_panel import PointingPanel
 from kochab.window.live.sky_points import sky_points
 from kochab.window.live.status_text import StreamStatus, recorded_text
-from kochab.window.shell.dialogs import ask_folder
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, column, label, row, scrolled, show_text, switch, tab_pages
 from kochab.workflows.live.solve import ProfiledTracker

@@ -8,8 +8,8 @@ from PySide6.QtCore import QObject, QTimer
 from kochab.core import tr, tr_noop
 from kochab.core.mount import Direction
 from kochab.gear.mount_events import OrderDone, OrderFailed
+from kochab.window.devices.mount_control import MountControl
 from kochab.window.mount.actions import MountActions
-from kochab.window.mount.connection import MountControl
 from kochab.window.mount.controls import HINT, NudgePad
 
 PACKAGE = tr_noop("Game controllers need one more package: pip install 'kochab-astro[gamepad]'.")

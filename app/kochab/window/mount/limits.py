@@ -11,7 +11,7 @@ from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.gear.mounts.motion_plan import Horizon, Limits
 from kochab.gear.profiles import BOUNDS, read_horizon
-from kochab.window.shell.dialogs import ask_frames
+from kochab.window.dialogs import ask_frames
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import button, column, draw_text, label, number_field, row
 

@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
 from kochab.core import tr, tr_noop
 from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
 from kochab.core.attitude import apart_deg, wrapped
-from kochab.core.mount import MountState
 from kochab.gear.mount_events import MountSnapshot
+from kochab.window.devices.mount_status import words_of
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import (
     Part,
@@ -179,30 +179,6 @@ def state_text(known: MountSnapshot) -> str:
         words.append(tr("no site: disconnect and set yours to allow motion"))
     trouble = " ".join(dict.fromkeys(t for t in (known.alarm, known.trouble) if t))
     return ", ".join(words) + (f". {trouble}" if trouble else "")
-
-
-def words_of(state: MountState) -> list[str]:
-    """What the mount reports; what it does not report is left out."""
-    words = []
-    if state.parked:
-        words.append(tr("parked"))
-    elif state.slewing:
-        words.append(tr("slewing"))
-    elif state.tracking is None:
-        # None is not reported, which is not the same as False.
-        words.append(tr("idle") if state.slewing is False else tr("idle or slewing (not reported)"))
-    else:
-        words.append(tr("tracking") if state.tracking else tr("idle, not tracking"))
-    if state.aligned is not None:
-        words.append(tr("aligned") if state.aligned else tr("not aligned"))
-    if state.home_confirmed is False:
-        words.append(tr("home NOT CONFIRMED (the position is a guess)"))
-    if state.pier_side is not None:
-        east = state.pier_side == "east"
-        words.append(tr("east of the pier") if east else tr("west of the pier"))
-    if state.fault:
-        words.append(tr("STOPPED: {fault}", fault=tr(state.fault)))
-    return words
 
 
 def _write(labels: tuple[QLabel, QLabel], place: tuple[float, float] | None, style: AngleStyle, empty: str) -> None:

@@ -12,15 +12,15 @@ from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
 from kochab.gear.profiles import current_profile, save_selection, saved_profiles
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
-from kochab.window.cameras import CameraBox
+from kochab.window.devices.cameras import CameraBox
+from kochab.window.devices.mount_status import MountStatus
+from kochab.window.frame.picture_age import PictureAge
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.connect_box import ConnectBox
 from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, TrackingChoice
 from kochab.window.mount.gamepad import Gamepad
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
-from kochab.window.mount.status import MountStatus
-from kochab.window.panels.picture_age import PictureAge
 from kochab.window.shell.views import Services
 from kochab.window.widgets import (
     Page,

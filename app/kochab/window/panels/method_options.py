@@ -12,7 +12,7 @@ from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.registry import Option, options_of
 from kochab.identification import IDENTIFIERS
-from kochab.window.shell.dialogs import redden_caret
+from kochab.window.dialogs import redden_caret
 from kochab.window.widgets import (
     Page,
     choice_box,

@@ -15,8 +15,8 @@ from kochab.polar.bolts import WHOLE_TURN_ARCSEC
 from kochab.polar.error import Knob
 from kochab.polar.report import History
 from kochab.polar.tutor import Instruction
+from kochab.window.devices.mount_control import PRACTISE_LATER, MountTask
 from kochab.window.job import Job
-from kochab.window.mount.connection import PRACTISE_LATER, MountTask
 from kochab.window.shell.views import Services
 from kochab.workflows.polar.sources import SolvedFile
 from kochab.workflows.polar.update import PolarControls, TurnInstruction

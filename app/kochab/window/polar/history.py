@@ -16,7 +16,7 @@ from kochab.polar.error import angle_in_words
 from kochab.polar.report import Entry, History, report_html, write_report
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
-from kochab.window.shell.dialogs import ask_save, save_task, tell
+from kochab.window.dialogs import ask_save, save_task, tell
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, button, choice_box, column, label, row
 

@@ -19,9 +19,9 @@ from kochab.gear.session import CameraSelection, MountSelection
 from kochab.polar.bolts import Base
 from kochab.polar.error import Imaging
 from kochab.polar.horizon import Pole, name_of
-from kochab.window.cameras import CameraBox
+from kochab.window.devices.cameras import CameraBox
+from kochab.window.dialogs import ask_frames
 from kochab.window.polar.alignment_run import NO_MOUNT
-from kochab.window.shell.dialogs import ask_frames
 from kochab.window.shell.views import Services
 from kochab.window.widgets import (
     Page,

@@ -13,10 +13,11 @@ from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
 from kochab.gear.session import Practice
 from kochab.polar.report import History
+from kochab.window.devices.mount_control import MountTask
+from kochab.window.devices.mount_status import StopKey
+from kochab.window.dialogs import dropped_files
+from kochab.window.frame.picture_age import PictureAge
 from kochab.window.job import Job
-from kochab.window.mount.connection import MountTask
-from kochab.window.mount.status import StopKey
-from kochab.window.panels.picture_age import PictureAge
 from kochab.window.polar.alignment_run import AlignmentRun, PracticeAdjuster
 from kochab.window.polar.bolts_view import BoltsView
 from kochab.window.polar.error_display import AlignPage
@@ -24,7 +25,6 @@ from kochab.window.polar.history import HistoryPage
 from kochab.window.polar.phone import PhonePanel
 from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
 from kochab.window.polar.sound_cues import Cues, SoundCues
-from kochab.window.shell.dialogs import dropped_files
 from kochab.window.shell.views import Services
 from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 from kochab.workflows.polar.sources import SolvedFile

@@ -9,10 +9,10 @@ from shiboken6 import isValid
 
 from kochab.core import tr
 from kochab.sky.layer import AMOUNTS, MARKS, SHOWN
-from kochab.window.shell.dialogs import redden_caret
+from kochab.window.dialogs import redden_caret
+from kochab.window.frame.presenter import Presenter
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.menus import colour_icons
-from kochab.window.shell.presenter import Presenter
 from kochab.window.themes import HUES, THEMES, apply_theme, theme_colours
 
 

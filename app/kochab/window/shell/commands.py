@@ -19,21 +19,23 @@ from kochab.gear.actions import reasons_against
 from kochab.gear.journal import save_report
 from kochab.sky.elements import ENDINGS, keep_elements
 from kochab.sky.layer import MARKS
+from kochab.window.devices.equipment import Equipment
+from kochab.window.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
+from kochab.window.frame.batch import Batch, FileState, images_in
+from kochab.window.frame.exports import FrameExporter
+from kochab.window.frame.film_strip import Blink, FilmStrip, results_table
+from kochab.window.frame.presenter import Presenter
+from kochab.window.frame.search import Search
 from kochab.window.image.frame_image import FrameImage
-from kochab.window.image.object_card import AIMS, links, place_menu, vector_of
+from kochab.window.image.object_card import vector_of
+from kochab.window.image.place_menu import AIMS, links, place_menu
+from kochab.window.image.thumbnails import thumbnails
 from kochab.window.shell.appearance import Appearance
-from kochab.window.shell.batch import Batch, FileState, images_in
-from kochab.window.shell.dialogs import ask_folder, ask_frames, ask_save, save_task, tell, without_icons
-from kochab.window.shell.equipment import Equipment
-from kochab.window.shell.exports import FrameExporter
-from kochab.window.shell.film_strip import Blink, FilmStrip, results_table
 from kochab.window.shell.menus import SPECS, colour_icons
-from kochab.window.shell.presenter import Presenter
-from kochab.window.shell.search import Search
-from kochab.window.shell.undo import Undo
 from kochab.window.shell.views import VIEWS, Services, Views
-from kochab.window.shell.welcome import Sample, thumbnails
+from kochab.window.shell.welcome import Sample
 from kochab.window.themes import theme_colours
+from kochab.window.undo import Undo
 from kochab.window.widgets import Part, column, grid, label, row
 from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solution_text import results_csv
@@ -358,7 +360,7 @@ class Commands(QObject):
 
     def show_atlas(self) -> None:
         """Open the chart of the sky, or bring it to the front."""
-        from kochab.window.shell.atlas import Atlas
+        from kochab.window.atlas.dialog import Atlas
 
         atlas = self.window.findChild(Atlas) or Atlas(self.presenter, self.services, self.aim)
         atlas.show()

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
 from PySide6.QtWidgets import QDialog, QListWidget, QTextBrowser, QWidget
 
 from kochab.core import data_folder, tr
-from kochab.window.shell.dialogs import is_red
+from kochab.window.dialogs import is_red
 from kochab.window.shell.menus import NEWS
 from kochab.window.widgets import column, label, named, row, text_field
 

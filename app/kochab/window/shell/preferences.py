@@ -17,11 +17,11 @@ from kochab.gear.journal import journal_folder
 from kochab.gear.profiles import current_profile, saved_profiles
 from kochab.gear.quick_stop import profile_folder
 from kochab.sky.layer import AMOUNTS, MARKS
+from kochab.window.devices.equipment import Equipment
+from kochab.window.dialogs import ask_folder, without_icons
+from kochab.window.frame.presenter import Presenter
 from kochab.window.panels.solution_panel import STYLES
 from kochab.window.settings import languages
-from kochab.window.shell.dialogs import ask_folder, without_icons
-from kochab.window.shell.equipment import Equipment
-from kochab.window.shell.presenter import Presenter
 from kochab.window.shell.views import Services
 from kochab.window.themes import HUES, TEXT_SIZE_TITLES, THEME_TITLES
 from kochab.window.widgets import (

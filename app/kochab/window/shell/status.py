@@ -1,16 +1,10 @@
 """The bar above the image: menus, the file and what is done with it. The bar below: what is under the cursor."""
 
-import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
 
-from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, altaz_text, radec_text
-from kochab.core.attitude import radec_deg
-from kochab.core.frame import Frame, Site
+from kochab.core import tr, tr_noop
 from kochab.core.progress import Progress
-from kochab.core.solution import Solution
-from kochab.polar.horizon import horizon_of
 from kochab.window.widgets import ElidedLabel, ProgressBar, button, label, row
 
 STAGE_TEXT = {
@@ -90,29 +84,3 @@ class Status(QStatusBar):
         """Size of the open frame, and its reader's warnings."""
         self.frame.setText(f"{text} ⚠" if tip else text)
         self.frame.setToolTip(tip)
-
-
-def readout(
-    frame: Frame, solution: Solution | None, x: float, y: float, style: AngleStyle, site: Site | None = None
-) -> str:
-    """Text for a place: RA/Dec of a solved frame, the pixel (0, 0 is the centre of the first), its value.
-
-    With refracted altitude and azimuth when the frame has a time, and a site or else ``site``.
-    """
-    pixel = tr("x {x:.1f}  y {y:.1f}  value {value}", x=x, y=y, value=value_at(frame, x, y))
-    if solution is None:
-        return pixel
-    vector = solution.sky_at(np.array([[x, y]]))[0]
-    horizon = horizon_of(frame, site)
-    local = f"    {altaz_text(*horizon.altaz_deg(vector))}" if horizon is not None else ""
-    return f"{radec_text(*radec_deg(vector), style)}{local}    {pixel}"
-
-
-def value_at(frame: Frame, x: float, y: float) -> str:
-    """The value of the pixel at (x, y), as text; empty outside."""
-    # Whole numbers are the centres of pixels.
-    column, row = int(np.floor(x + 0.5)), int(np.floor(y + 0.5))
-    if not (0 <= column < frame.width and 0 <= row < frame.height):
-        return ""
-    value = frame.pixels[row, column]
-    return number(value, ".5g") if np.issubdtype(frame.pixels.dtype, np.floating) else f"{value}"

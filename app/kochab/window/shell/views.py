@@ -12,20 +12,21 @@ from PySide6.QtWidgets import QDockWidget, QWidget
 
 from kochab.core import tr, tr_noop
 from kochab.gear.actions import MountSituation
+from kochab.window.devices.equipment import Equipment
+from kochab.window.frame.session import Session
+from kochab.window.frame.workspace import Workspace
 from kochab.window.job import Jobs
-from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.appearance import Appearance
-from kochab.window.shell.equipment import Equipment
-from kochab.window.shell.main_window import MainWindow, Workspace
-from kochab.window.shell.undo import Undo
+from kochab.window.shell.main_window import MainWindow
+from kochab.window.undo import Undo
 from kochab.window.widgets import scrolled
 from kochab.workflows.session.wiring import Wiring
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue
-    from kochab.window.cameras import Cameras
-    from kochab.window.mount.connection import MountControl
+    from kochab.window.devices.cameras import Cameras
+    from kochab.window.devices.mount_control import MountControl
 
 
 @dataclass(frozen=True)
@@ -50,13 +51,13 @@ class Services:
     @cached_property
     def mount(self) -> "MountControl":
         """The mount of this window, the same for every view; made when first used."""
-        from kochab.window.mount.connection import MountControl
-        from kochab.window.mount.status import MountStatus
+        from kochab.window.devices.mount_control import MountControl
+        from kochab.window.devices.mount_status import MountStatus
 
         control = MountControl(self.settings, self.session, self.jobs, self.wiring, self.cameras)
         window = self.panes.window()
         assert isinstance(window, MainWindow)
-        MountStatus(control, window)
+        window.bar.add(MountStatus(control, window.closing))
         control.changed.connect(lambda: self.equipment.lock(control.known.phase != "off"))
         self.equipment.changed.connect(control.compare_site)
         self.panes.hints.site_given.connect(control.compare_site)
@@ -65,7 +66,7 @@ class Services:
     @cached_property
     def cameras(self) -> "Cameras":
         """The cameras of this window, shared by its views; made when first used."""
-        from kochab.window.cameras import Cameras
+        from kochab.window.devices.cameras import Cameras
 
         return Cameras(self.jobs)
 

@@ -14,8 +14,8 @@ from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.polar.horizon import horizon_of
 from kochab.sky.finder import Found, NotFound, find
+from kochab.window.frame.presenter import Presenter
 from kochab.window.shell.menus import SPECS
-from kochab.window.shell.presenter import Presenter
 from kochab.window.widgets import column, label, text_field
 
 WAYS = (

@@ -19,7 +19,7 @@ from kochab.gear.profiles import (
     saved_profiles,
 )
 from kochab.window.settings import WindowSettings
-from kochab.window.shell.undo import Undo
+from kochab.window.undo import Undo
 
 LONGEST = 24  # letters of a name in the bar
 LOCKED = tr_noop("Disconnect the mount before you choose other equipment.")

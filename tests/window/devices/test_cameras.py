@@ -7,7 +7,7 @@ from kochab.core.errors import PortError
 from kochab.core.frame import Frame
 from kochab.gear.mount_events import FrameTaken
 from kochab.gear.session import CameraSelection
-from kochab.window.cameras import CameraBox
+from kochab.window.devices.cameras import CameraBox
 from kochab.workflows.session.live_stream import StreamRequest
 from kochab.workflows.session.mount_camera import MountCamera
 from tests.window.fakes import fake_solution

@@ -15,8 +15,8 @@ from PySide6.QtWidgets import QDialog, QTableWidget
 
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
-from kochab.window.shell.batch import FileState, images_in
-from kochab.window.shell.film_strip import ORDERS
+from kochab.window.frame.batch import FileState, images_in
+from kochab.window.frame.film_strip import ORDERS
 from kochab.workflows.solution_text import CSV_TITLES, RESULT_TITLES
 from tests.window.fakes import FakeEngine, FakeSolved, no_solution, star_field
 from tests.window.test_night import assert_red

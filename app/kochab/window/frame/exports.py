@@ -17,10 +17,10 @@ from kochab.frames.export import stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
 from kochab.sky.elements import kept_elements
+from kochab.window.dialogs import ask_save, save_task, tell
+from kochab.window.frame.session import Session
 from kochab.window.image.overlay import Overlay
-from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
-from kochab.window.shell.dialogs import ask_save, save_task, tell
 from kochab.window.shell.main_window import MainWindow
 from kochab.workflows.annotated_image import annotate, objects_csv, sky_regions, write_stellarium
 from kochab.workflows.session.wiring import ToJson

@@ -19,14 +19,14 @@ from kochab.sky.finder import finder
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.solver import UNKNOWN_YEAR
+from kochab.window.frame.readout import readout
+from kochab.window.frame.session import Known, Session
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.object_card import ObjectCard, facts
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import RenderedFrame
-from kochab.window.session import Known, Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.status import readout
 
 HOVER_PX = 10.0  # of the screen: so near, the cursor is on a star
 

@@ -3,8 +3,8 @@
 import pytest
 
 from kochab.window.application import build
-from kochab.window.panels.picture_age import OLD_S, PictureAge, picture_words
-from kochab.window.session import WorkflowEngine
+from kochab.window.frame.picture_age import OLD_S, PictureAge, picture_words
+from kochab.window.frame.session import WorkflowEngine
 from kochab.workflows.session.wiring import Wiring
 from tests.window.fakes import star_field
 

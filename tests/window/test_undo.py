@@ -8,9 +8,9 @@ from kochab.__main__ import main
 from kochab.core.angle_text import AngleStyle
 from kochab.gear.profiles import current_profile, load_profile, saved_profiles
 from kochab.sky.layer import AMOUNTS
+from kochab.window.devices.equipment import LOCKED
 from kochab.window.settings import languages
 from kochab.window.shell import preferences
-from kochab.window.shell.equipment import LOCKED
 from kochab.window.shell.preferences import Preferences
 from kochab.window.themes import HUES
 from tests.window.fakes import FakeEngine

@@ -14,9 +14,9 @@ from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames import SUFFIXES
 from kochab.solver import SolveOptions
+from kochab.window.frame.session import Session, WorkflowEngine
+from kochab.window.image.thumbnails import small_picture
 from kochab.window.job import Job
-from kochab.window.session import Session, WorkflowEngine
-from kochab.window.shell.welcome import small_picture
 
 if TYPE_CHECKING:
     from kochab.workflows.solve_frame import SolvedFrame

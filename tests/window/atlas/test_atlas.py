@@ -16,7 +16,8 @@ from PySide6.QtWidgets import QApplication
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.camera import Camera, ChartCamera
 from kochab.core.frame import Hint, Site
-from kochab.window.shell.atlas import Atlas, Mosaic, border, frame_at
+from kochab.window.atlas.dialog import Atlas
+from kochab.window.atlas.mosaic import Mosaic, border, frame_at
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
 from tests.window.test_night import assert_red
@@ -164,7 +165,7 @@ def test_the_middle_is_centred_by_a_mount_that_can(monkeypatch, atlas, opened):
     monkeypatch.setattr(atlas, "_aim", lambda *order: sent.append(order))
     assert not atlas.centre.isEnabled()
     assert atlas.centre.toolTip()  # says why not
-    monkeypatch.setattr("kochab.window.shell.atlas.reasons_against", lambda _: {"centre": "", "goto": ""})
+    monkeypatch.setattr("kochab.window.atlas.dialog.reasons_against", lambda _: {"centre": "", "goto": ""})
     atlas.chart.look(BELT)
     assert atlas.centre.isEnabled()
     atlas.centre.click()

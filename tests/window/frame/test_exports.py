@@ -111,7 +111,7 @@ def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, mo
         asked.append(start)
         return tmp_path / "chosen.reg"
 
-    monkeypatch.setattr("kochab.window.shell.exports.ask_save", ask)
+    monkeypatch.setattr("kochab.window.frame.exports.ask_save", ask)
     menu = {a.objectName(): a for a in commands.window.menus.export.actions()}
     with qtbot.waitSignal(commands.exporter.wrote, timeout=60_000):
         menu["export_regions"].trigger()

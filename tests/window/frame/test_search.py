@@ -10,7 +10,7 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Hint, Site
 from kochab.sky.elements import kept_elements
 from kochab.sky.finder import NotFound
-from kochab.window.shell.search import nothing_called, outside, sought
+from kochab.window.frame.search import nothing_called, outside, sought
 from tests.patterns import REPOSITORY
 from tests.window.fakes import fake_solution
 

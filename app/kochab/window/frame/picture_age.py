@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from kochab.core import tr
 from kochab.core.angle_text import age_text
-from kochab.window.session import Session
+from kochab.window.frame.session import Session
 from kochab.window.widgets import label, show_text
 
 OLD_S, LOOK_MS = 6.0, 1000  # as old as the polar error may be without a word; from one look to the next

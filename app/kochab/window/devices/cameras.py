@@ -12,8 +12,8 @@ from kochab.core.progress import Progress, Task
 from kochab.gear.cameras import SOURCES
 from kochab.gear.cameras.shared_cameras import Share, SharedCameras
 from kochab.gear.session import CameraSelection
+from kochab.window.dialogs import ask_folder
 from kochab.window.job import Job, Jobs
-from kochab.window.shell.dialogs import ask_folder
 from kochab.window.widgets import (
     button,
     choice_box,

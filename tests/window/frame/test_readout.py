@@ -9,7 +9,8 @@ import pytest
 from kochab.core.angle_text import AngleStyle, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
-from kochab.window.shell.status import horizon_of, readout
+from kochab.polar.horizon import horizon_of
+from kochab.window.frame.readout import readout
 from tests.window.fakes import fake_solution, star_field
 
 MUNICH = Site(48.14, 11.58, 520.0)

@@ -34,9 +34,9 @@ from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.profiles import current_profile, keep_profile
 from kochab.gear.session import CameraSelection, MountSelection, Opening, Practice, PracticeOpening, port_opening
 from kochab.solver.disagreement import MountSighting
-from kochab.window.cameras import Cameras
+from kochab.window.devices.cameras import Cameras
+from kochab.window.frame.session import Session
 from kochab.window.job import Job, Jobs
-from kochab.window.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.workflows.session.mount_camera import MountCamera, close_camera, frame_solver
 from kochab.workflows.session.wiring import Wiring

@@ -22,10 +22,10 @@ from PySide6.QtWidgets import (
 from kochab.core import tr, tr_n, tr_noop
 from kochab.core.angle_text import AngleStyle, short_name
 from kochab.core.solution import Solution
+from kochab.window.frame.batch import Batch, FileState
 from kochab.window.image.frame_image import FrameImage
-from kochab.window.shell.batch import Batch, FileState
+from kochab.window.image.thumbnails import HEIGHT, WIDTH, as_pixmap
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.welcome import HEIGHT, WIDTH, as_pixmap
 from kochab.window.themes import draw_glyph, theme_colours
 from kochab.window.widgets import ProgressBar, button, choice_box, column, label, named, row, switch
 from kochab.workflows.solution_text import RESULT_TITLES, result_cells

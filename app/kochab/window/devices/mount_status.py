@@ -4,16 +4,15 @@ from collections.abc import Callable
 from time import monotonic
 from weakref import WeakSet
 
-from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtCore import QEvent, QObject, Qt, SignalInstance
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QApplication, QMainWindow, QWidget
 
 from kochab.core import tr, tr_noop
+from kochab.core.mount import MountState
 from kochab.gear.actions import action
 from kochab.gear.mount_events import MountSnapshot
-from kochab.window.mount.connection import MountControl
-from kochab.window.mount.pointing import words_of
-from kochab.window.shell.main_window import MainWindow
+from kochab.window.devices.mount_control import MountControl
 from kochab.window.widgets import ElidedLabel, button, row, set_role
 
 KEY = "Esc"
@@ -64,7 +63,7 @@ ALARM = tr_noop("THE MOUNT MAY STILL MOVE: CUT ITS POWER")
 class MountStatus(QWidget):
     """The state of the mount in the bar above every view, Stop at its end, and the Stop key."""
 
-    def __init__(self, control: MountControl, window: MainWindow) -> None:
+    def __init__(self, control: MountControl, closing: SignalInstance) -> None:
         super().__init__()
         self._control = control
         self.text = ElidedLabel()
@@ -72,9 +71,8 @@ class MountStatus(QWidget):
         tip = tr("Stop the mount now ({key} from anywhere)", key=KEY)
         self.stop = button(tr("STOP  {key}", key=KEY), control.stop, "alarm", tip)
         row(self.text, self.stop, on=self, spacing=8, margins=(4, 0, 0, 0))
-        window.bar.add(self)
         self._key = StopKey(self._pressed, self)
-        window.closing.connect(lambda: self._key.listen(False))
+        closing.connect(lambda: self._key.listen(False))
         control.changed.connect(self._show)
         self._show()
 
@@ -119,5 +117,29 @@ def _closes_something() -> bool:
     return (
         QApplication.activePopupWidget() is not None
         or QApplication.activeModalWidget() is not None
-        or (window is not None and not isinstance(window, MainWindow) and window.isFullScreen())
+        or (window is not None and not isinstance(window, QMainWindow) and window.isFullScreen())
     )
+
+
+def words_of(state: MountState) -> list[str]:
+    """What the mount reports; what it does not report is left out."""
+    words = []
+    if state.parked:
+        words.append(tr("parked"))
+    elif state.slewing:
+        words.append(tr("slewing"))
+    elif state.tracking is None:
+        # None is not reported, which is not the same as False.
+        words.append(tr("idle") if state.slewing is False else tr("idle or slewing (not reported)"))
+    else:
+        words.append(tr("tracking") if state.tracking else tr("idle, not tracking"))
+    if state.aligned is not None:
+        words.append(tr("aligned") if state.aligned else tr("not aligned"))
+    if state.home_confirmed is False:
+        words.append(tr("home NOT CONFIRMED (the position is a guess)"))
+    if state.pier_side is not None:
+        east = state.pier_side == "east"
+        words.append(tr("east of the pier") if east else tr("west of the pier"))
+    if state.fault:
+        words.append(tr("STOPPED: {fault}", fault=tr(state.fault)))
+    return words

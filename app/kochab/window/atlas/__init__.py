@@ -1,0 +1,1 @@
+"""A chart of the sky with the open frame on it."""

@@ -1,0 +1,244 @@
+"""The star chart: turned and zoomed from a hemisphere to the frame.
+
+It is drawn by the layers that lie over images, over a camera of its own.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from PySide6.QtCore import QPoint, QPointF, Qt, Signal
+from PySide6.QtGui import (
+    QColor,
+    QContextMenuEvent,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPen,
+    QPolygonF,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QWidget
+
+from kochab.core import tr
+from kochab.core.arrays import Floats
+from kochab.core.attitude import unit
+from kochab.core.camera import ChartCamera
+from kochab.core.solution import Solution
+from kochab.frames.sky_grid import pieces
+from kochab.sky.catalogue import Catalogue
+from kochab.sky.frame_bodies import body_mark
+from kochab.sky.layer import MARKS, Layers, Mark, inside
+from kochab.sky.sky_tables import SkyTables
+from kochab.sky.solar_system import Body, BodyKind
+from kochab.window.atlas.mosaic import Mosaic, border, frame_at
+from kochab.window.image.frame_view import CLICK_PX, PANS_PX
+from kochab.window.image.overlay import Overlay
+from kochab.window.image.screen_image import Viewport
+from kochab.window.themes import theme_colours, translucent
+
+WIDEST_DEG, CLOSEST_DEG = 180.0, 0.1
+
+
+WIDE_DEG, WIDE_MAG, WIDE_RANK = 60.0, 5.0, 8.0  # wider, a chart names no more, and leaves boundaries out
+
+
+AROUND, LEAST_DEG = 4.0, 25.0  # so many times the frame is shown at first, and so much at least
+
+
+STARS = 1500  # of one chart, the brightest
+
+
+STAR_PX, PX_A_MAG, LARGEST_PX = 1.1, 0.75, 7.0  # the faintest star's diameter, and how they grow
+
+
+SHOWN = ("objects", "names", "bodies", "figures", "boundaries", "ecliptic", "grid")
+
+
+MOONS_DEG = 3.0  # wider, moons of planets are not
+
+
+REACH_PX = 14.0  # so near, the cursor is on a mark
+
+
+DRAG_STEPS = 8  # each leaves a part of the way: north up turns the chart meanwhile
+
+
+NO_STARS = np.empty((0, 2))
+
+
+class StarChart(QWidget):
+    """The chart: dragged, it turns; the wheel zooms; a click names what is there."""
+
+    moved = Signal()
+    clicked = Signal(object)  # what is there, a mark or nothing
+    menu_wanted = Signal(object, QPoint)  # screen place, and where on the screen
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setMinimumSize(320, 260)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setAccessibleName(tr("Sky chart"))
+        self.setAccessibleDescription(tr("Plus and minus zoom, arrow keys pan, 0 shows the open frame."))
+        self.overlay = Overlay(Layers(on={name: name in SHOWN for name in MARKS}))
+        self.frame: Solution | None = None
+        self.mosaic: Mosaic | None = None
+        self.catalogue: Catalogue | None = None
+        self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
+        self._tables: SkyTables | None = None
+        self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
+        self._key: object = None
+        self._stars: tuple[Floats, Floats] = NO_STARS, np.empty(0)
+        self._bodies: list[Body] = []
+        self._pressed: QPointF | None = None
+        self._dragged = False
+
+    @property
+    def sheet(self) -> Solution:
+        """The chart as a frame, north up and east to the left."""
+        key = self.centre.tobytes(), self.field_deg, self.width(), self.height()
+        if key != self._key or self.overlay.solution is None:
+            camera = ChartCamera.of(self.width(), self.height(), self.field_deg)
+            self._key, sheet = key, frame_at(camera, self.centre)
+            self.overlay.tables = self._wide if self.field_deg > WIDE_DEG else self._tables
+            self.overlay.show(NO_STARS, sheet)
+            self.overlay.show_bodies(tuple(self._marks(sheet)))
+            if self.catalogue is not None:
+                # The chart shows a hemisphere at most.
+                radius = min(sheet.radius_rad, np.pi / 2.0)
+                rows = self.catalogue.brightest(self.centre, radius, STARS)
+                self._stars = sheet.pixels_of(self.catalogue.vectors(rows)), self.catalogue.mag(rows)
+        assert self.overlay.solution is not None, "shown above"
+        return self.overlay.solution
+
+    def fill(self, tables: SkyTables, catalogue: Catalogue) -> None:
+        """The sky has been read."""
+        self._tables, self.catalogue, self._key = tables, catalogue, None
+        lines = {kind: chains for kind, chains in tables.lines.items() if kind != "boundaries"}
+        stars = tables.stars.take(np.flatnonzero(tables.stars.mag < WIDE_MAG))
+        ranks = np.where(tables.ranks < WIDE_RANK, tables.ranks, np.inf)
+        self._wide = replace(tables, lines=lines, stars=stars, ranks=ranks)
+        self.update()
+
+    def show_bodies(self, bodies: list[Body]) -> None:
+        """Draw bodies of the Solar System."""
+        self._bodies, self._key = bodies, None
+        self.update()
+
+    def _marks(self, sheet: Solution) -> Iterator[Mark]:
+        """Bodies in sight."""
+        vectors = np.array([body.vector for body in self._bodies]).reshape(-1, 3)
+        xy = sheet.pixels_of(vectors)
+        for k in np.flatnonzero(inside(sheet, xy)).tolist():
+            if self._bodies[k].kind is not BodyKind.SATELLITE or self.field_deg < MOONS_DEG:
+                yield body_mark(sheet, self._bodies[k], k, xy[k])
+
+    def look(self, centre: Floats, field_deg: float | None = None) -> None:
+        """Bring an ICRS unit vector (3,) to the middle."""
+        self.centre = np.asarray(centre)
+        self.field_deg = float(np.clip(self.field_deg if field_deg is None else field_deg, CLOSEST_DEG, WIDEST_DEG))
+        self.moved.emit()
+        self.update()
+
+    def show_frame(self) -> None:
+        """The open frame in the middle, with the sky around it."""
+        if self.frame is not None:
+            self.look(self.frame.centre_vector, max(LEAST_DEG, AROUND * max(self.frame.camera.fov_deg)))
+
+    def zoom(self, factor: float) -> None:
+        self.look(self.centre, self.field_deg / factor)
+
+    def sky_at(self, at: QPointF) -> Floats:
+        """The ICRS unit vector (3,) at a place of the widget."""
+        return np.asarray(self.sheet.sky_at(np.array([[at.x() - 0.5, at.y() - 0.5]]))[0])
+
+    def mark_at(self, at: QPointF) -> Mark | None:
+        """What is at a place of the widget."""
+        return self.overlay.mark_at(at.x() - 0.5, at.y() - 0.5, REACH_PX)
+
+    def drag(self, before: QPointF, after: QPointF) -> None:
+        """Turn the sky so that what was at one place comes to another, with north up."""
+        held, camera, centre = self.sky_at(before), self.sheet.camera, self.centre
+        place = np.array([[after.x() - 0.5, after.y() - 0.5]])
+        for _ in range(DRAG_STEPS):
+            centre = unit(centre + held - frame_at(camera, centre).sky_at(place)[0])
+        self.look(centre)
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        painter, colours, sheet = QPainter(self), theme_colours(), self.sheet
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.fillRect(self.rect(), QColor(colours.sky))
+        view = Viewport(self.width(), self.height())
+        self._paint_stars(painter, view, colours.star)
+        self.overlay.paint(painter, view)
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.setPen(QPen(translucent(colours.figure, 150), 1.0))
+        horizon_px = 2.0 * sheet.camera.focal_px  # a quarter of the sky from the middle
+        painter.drawEllipse(QPointF(self.width() / 2.0, self.height() / 2.0), horizon_px, horizon_px)
+        for panel in () if self.mosaic is None else self.mosaic.panels(self.centre):
+            self._outline(painter, view, panel, QPen(QColor(colours.centre), 1.4))
+        if self.frame is not None:
+            self._outline(painter, view, self.frame, QPen(QColor(colours.identified), 2.0))
+        if self.hasFocus():
+            painter.setPen(self.palette().highlight().color())
+            painter.drawRect(self.rect().adjusted(0, 0, -1, -1))
+        painter.end()
+
+    def _paint_stars(self, painter: QPainter, view: Viewport, colour: str) -> None:
+        """Discs by magnitude, those of one size at once."""
+        xy, mags = self._stars
+        if not len(xy):
+            return
+        sizes = np.clip(STAR_PX + PX_A_MAG * (mags.max() - mags), STAR_PX, LARGEST_PX)
+        steps = np.rint(2.0 * sizes)
+        at = view.to_screen(xy)
+        for step in np.unique(steps).tolist():
+            chosen = at[(steps == step) & np.isfinite(at[:, 0])]
+            painter.setPen(QPen(QColor(colour), step / 2.0, c=Qt.PenCapStyle.RoundCap))
+            painter.drawPoints(QPolygonF([QPointF(x, y) for x, y in chosen.tolist()]))
+
+    def _outline(self, painter: QPainter, view: Viewport, frame: Solution, pen: QPen) -> None:
+        painter.setPen(pen)
+        for part in pieces(self.sheet.pixels_of(border(frame))):
+            painter.drawPolyline(QPolygonF([QPointF(x, y) for x, y in view.to_screen(part).tolist()]))
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        self.zoom(1.25 ** (event.angleDelta().y() / 120.0))
+        event.accept()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        if event.button() == Qt.MouseButton.LeftButton:
+            self._pressed, self._dragged = event.position(), False
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        if self._pressed is None:
+            return
+        here = event.position()
+        if self._dragged or (here - self._pressed).manhattanLength() >= CLICK_PX:
+            self._dragged = True
+            self.drag(self._pressed, here)
+            self._pressed = here
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self._pressed is not None and not self._dragged:
+            self.overlay.picked = self.mark_at(event.position())
+            self.clicked.emit(self.overlay.picked)
+            self.update()
+        self._pressed = None
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        by_mouse = event.reason() == QContextMenuEvent.Reason.Mouse
+        at = QPointF(event.pos()) if by_mouse else QPointF(self.rect().center())
+        self.menu_wanted.emit(at, event.globalPos())
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        key, middle = event.key(), QPointF(self.rect().center())
+        if key in PANS_PX:
+            self.drag(middle, middle + QPointF(*PANS_PX[Qt.Key(key)]))
+        elif key in (Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus):
+            self.zoom(1 / 1.5 if key == Qt.Key.Key_Minus else 1.5)
+        elif key in (Qt.Key.Key_0, Qt.Key.Key_Home):
+            self.show_frame()
+        else:
+            super().keyPressEvent(event)
