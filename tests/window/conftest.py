@@ -99,5 +99,5 @@ def opened(qtbot, make_window, engine, a_file):
     """A window that has opened and solved a frame."""
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.idle):
-        commands.open(a_file)
+        commands.files.open(a_file)
     return window, commands

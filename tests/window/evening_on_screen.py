@@ -108,10 +108,10 @@ def ten_images(window, commands, files):
 
 
 def centred(window, commands, picture):
-    commands.practise()
+    commands.views.practise()
     control = commands.views.docks["mount"].view.control
     until(lambda: control.known.report is not None, "the connection")
-    commands.open(picture)
+    commands.files.open(picture)
     until(lambda: solved(window, commands), "a pointing")
     commands.views.show("image")
     until(lambda: commands.presenter.overlay.tables is not None, "the sky")

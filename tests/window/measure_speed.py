@@ -101,7 +101,7 @@ def main() -> None:
         for _ in range(OPENS + 1):
             done.clear()
             begun = time.monotonic()
-            commands.open(path)
+            commands.files.open(path)
             while not done:
                 app.processEvents()
                 assert time.monotonic() < begun + 60.0, "it was not solved"

@@ -76,8 +76,8 @@ def main(folder, *arguments):
         window.resize(1360, 860)
         window.show()
         theme = "night" if "--night" in arguments else "light" if "--light" in arguments else "dark"
-        commands.looks.use_theme(theme)
-        while not commands.looks.settled:
+        commands.appearance.use_theme(theme)
+        while not commands.appearance.settled:
             pause(50)
         commands.views.show("polar")
         commands.actions["fill"].trigger()

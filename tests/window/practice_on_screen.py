@@ -102,7 +102,7 @@ def night_out(window, commands, folder):
     pause(700)
     keep(window, folder / "mount.png")
     commands.actions["night"].trigger()
-    until(lambda: commands.looks.settled, "the night")
+    until(lambda: commands.appearance.settled, "the night")
     pause(400)
     keep(window, folder / "mount-night.png")
     away = apart_deg(truth.ra_dec_deg, radec_deg(finder().still("M 42").vector)) * 3600.0

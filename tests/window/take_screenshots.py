@@ -77,7 +77,7 @@ def main(folder, *arguments):
         window.resize(1360, 860)
         window.show()
         window.activateWindow()
-        commands.add_thumbnails()
+        commands.window.welcome.load_pictures(commands.session.jobs, lambda: commands.looks.is_night)
         for _ in range(60):  # on a busy machine they take a while
             pause(500)
             if not any(made.icon().isNull() for made in window.welcome.samples):
@@ -88,7 +88,7 @@ def main(folder, *arguments):
         commands.session.idle.connect(loop.quit)
         QTimer.singleShot(LIMIT_MS, loop.quit)
         path = frame or next(s.path for s in samples() if "pleiades" in s.path.name)
-        commands.open(Path(path))
+        commands.files.open(Path(path))
         loop.exec()
         while commands.presenter.overlay.tables is None or window.workspace.card.title.text() == "Solved":
             pause(100)  # until the sky is drawn and the field has its name
@@ -97,7 +97,7 @@ def main(folder, *arguments):
         if "--laboratory" in arguments:
             show_laboratory(commands, folder / "laboratory.png")
         commands.actions["night"].trigger()
-        while not commands.looks.settled:
+        while not commands.appearance.settled:
             pause(100)
         pause(300)
         keep(window, folder / "night.png")

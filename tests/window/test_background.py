@@ -18,7 +18,7 @@ def test_the_first_start_prepares_and_says_how_far(qtbot, make_window, a_file):
         engine.gate.set()
     assert shown.text() == ""
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
 
 
 def test_the_time_that_is_left_is_estimated(qtbot, make_window, monkeypatch):

@@ -7,7 +7,7 @@ from kochab.core.angle_text import breakable, short_name, unbroken
 from kochab.sky.layer import MARKS
 from kochab.window.image.thumbnails import HEIGHT, WIDTH
 from kochab.window.panels.hints_panel import LIMIT_S
-from kochab.window.shell.menus import SPECS
+from kochab.window.shell.actions import COMMANDS
 from tests.window.fakes import FakeEngine, no_solution
 
 LONG = "light_" + "x" * 190 + "_0042.fits"
@@ -32,7 +32,7 @@ def test_the_menu_shows_what_is_switched_on(qtbot, opened):
 
 
 def test_every_switch_leaves_room_for_its_tick(opened):
-    for spec in SPECS:
+    for spec in COMMANDS:
         if spec.switch:
             assert not opened[1].actions[spec.name].isIconVisibleInMenu(), spec.name
 
@@ -42,7 +42,7 @@ def test_a_very_long_name_leaves_the_window_as_it_is(qtbot, make_window, tmp_pat
     long.write_bytes(b"")
     window, commands = make_window(FakeEngine())
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(long)
+        commands.files.open(long)
     before = window.workspace.tabs.minimumSizeHint().width()
     commands.session._engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
@@ -73,16 +73,16 @@ def test_without_a_frame_there_is_nothing_to_zoom(qtbot, make_window, a_file, tm
     zooms = [commands.actions[name] for name in ("fit", "one", "in", "out")]
     assert not any(action.isEnabled() for action in zooms)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert all(action.isEnabled() for action in zooms)
     assert commands.actions["fit"].iconText().startswith("Fit 1")
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(tmp_path / "missing.fits")
+        commands.files.open(tmp_path / "missing.fits")
     assert not any(action.isEnabled() for action in zooms)
     assert not window.workspace.strip.isEnabled()
     assert (window.status.frame.text(), commands.actions["fit"].iconText()) == ("", "Fit")
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert window.workspace.strip.isEnabled()
 
 
@@ -159,7 +159,7 @@ def test_a_fits_copy_is_offered_of_fits_alone(qtbot, make_window, tmp_path):
         path = tmp_path / name
         path.write_bytes(b"not read by the fake engine")
         with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-            commands.open(path)
+            commands.files.open(path)
         assert copy.isEnabled() == able, name
     assert all(a.isEnabled() for a in window.menus.export.actions())
 
@@ -192,5 +192,5 @@ def test_the_place_under_the_cursor_is_not_that_of_the_frame_before(qtbot, opene
     window.workspace.view.hovered.emit((10.0, 10.0))
     assert "x 10.0" in window.status.place.text()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert not window.status.place.text()

@@ -40,8 +40,8 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
     """At 1024 x 700 no RA and Dec could be seen after a solve; at 1600 the image was 390 px wide."""
     window, commands = opened
     panes, card = window.workspace, window.workspace.card
-    commands.looks.use_theme(text_size=letters)
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme(text_size=letters)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     for name in ("image", "details", *VIEWS):
         commands.views.show(name)
         resize(qtbot, window, *size)
@@ -58,8 +58,8 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
         beside = [commands.views.docks[n].width() for n in commands.views.docked]
         if letters == "normal" and name != "laboratory":
             assert panes.view.width() > max(beside, default=0), name
-    commands.looks.use_theme(text_size="normal")
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme(text_size="normal")
+    qtbot.waitUntil(lambda: commands.appearance.settled)
 
 
 @pytest.mark.parametrize("letters", ["normal", "huge"])
@@ -67,11 +67,12 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
 def test_stop_is_whole_however_much_the_bars_have_to_say(qtbot, opened, name, letters, monkeypatch):
     """At scale 2 the window grew to 1,673 x 700 on a screen of 1024 x 700, and Stop was outside."""
     window, commands = opened
-    commands.looks.use_theme(text_size=letters)
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme(text_size=letters)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     if name is not None:
         commands.views.show(name)
-    status = MountStatus(commands.services.mount, window)
+    status = window.findChild(MountStatus)
+    status.show()  # as the first view with a mount does
     status.stop.setVisible(True)
     status.text.setText("Practice mount: centring the target")
     window.status.background.setText("Building the small-field index: 42 %, about 38 s left")
@@ -92,8 +93,8 @@ def test_stop_is_whole_however_much_the_bars_have_to_say(qtbot, opened, name, le
     assert status.text.width() >= status.text.sizeHint().width()  # the alarm is never cut
     monkeypatch.undo()
     status._show()
-    commands.looks.use_theme(text_size="normal")
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme(text_size="normal")
+    qtbot.waitUntil(lambda: commands.appearance.settled)
 
 
 def test_a_page_that_is_not_seen_takes_no_room(opened):
@@ -107,8 +108,8 @@ def test_a_page_that_is_not_seen_takes_no_room(opened):
 
 def test_the_list_of_keys_is_whole_with_huge_letters(qtbot, opened):
     window, commands = opened
-    commands.looks.use_theme(text_size="huge")
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme(text_size="huge")
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     commands.actions["keys"].trigger()
     (dialog,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
     qtbot.wait(50)
@@ -117,5 +118,5 @@ def test_the_list_of_keys_is_whole_with_huge_letters(qtbot, opened):
     dialog.close()
     widest = max(made.sizeHint().width() for made in window.welcome.samples)
     assert window.welcome._inside.maximumWidth() >= widest
-    commands.looks.use_theme(text_size="normal")
+    commands.appearance.use_theme(text_size="normal")
     qtbot.waitUntil(lambda: window.welcome._inside.maximumWidth() == 680)

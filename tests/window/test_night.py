@@ -42,11 +42,11 @@ def colour_frame():
 def night(qtbot, make_window, a_file, colour_frame):
     window, commands = make_window(FakeEngine(colour_frame))
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     yield window, commands
-    commands.looks.use_theme("dark", "normal")
+    commands.appearance.use_theme("dark", "normal")
 
 
 def test_day_is_not_red(opened):
@@ -66,12 +66,12 @@ def test_every_pane_is_red(qtbot, night):
 def test_the_welcome_page_and_a_failure_are_red(qtbot, make_window, a_file):
     window, commands = make_window(FakeEngine(result=no_solution()))
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     assert_red(window)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert_red(window)
-    commands.looks.use_theme("dark")
+    commands.appearance.use_theme("dark")
 
 
 def test_menus_lists_boxes_and_tips_are_red(qtbot, night):
@@ -102,7 +102,7 @@ def test_menus_lists_boxes_and_tips_are_red(qtbot, night):
 def test_the_menu_of_a_place_and_the_layers_in_the_preferences_are_red(qtbot, night):
     window, commands = night
     qtbot.waitUntil(lambda: commands.presenter.overlay.tables is not None)
-    menu = commands.show_place_menu((300.0, 200.0, 5.0), QPoint(20, 20))
+    menu = commands.menu.show((300.0, 200.0, 5.0), QPoint(20, 20))
     assert_red(menu)
     online = next(action.menu() for action in menu.actions() if action.menu() is not None)
     online.popup(QPoint(30, 30))
@@ -110,7 +110,7 @@ def test_the_menu_of_a_place_and_the_layers_in_the_preferences_are_red(qtbot, ni
     menu.close()
     commands.actions["layers"].trigger()
     dialog = window.findChild(Preferences)
-    box = dialog.colours["figures"]
+    box = dialog.layers.colours["figures"]
     box.setCurrentIndex(3)
     box.activated.emit(3)
     box.showPopup()
@@ -195,12 +195,12 @@ def test_the_corners_of_a_field_are_as_dark_as_what_is_around_it(qtbot, night):
 
 def test_night_is_left_for_the_theme_of_before(qtbot, night):
     window, commands = night
-    commands.looks.use_theme("light")
+    commands.appearance.use_theme("light")
     commands.actions["night"].trigger()
     assert commands.looks.is_night
     commands.actions["night"].trigger()
     assert commands.settings.text("theme", "") == "light"
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     assert colours(window)[..., :2].max() > 150
 
 
@@ -253,12 +253,12 @@ def test_the_screen_shows_the_new_theme_and_goes_on_to_be_painted(qtbot, opened)
     qtbot.wait(100)
     painted = Painted(window.workspace.view)
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     qtbot.waitUntil(lambda: painted.times > 0)
     before = painted.times
     window.workspace.view.update()
     qtbot.waitUntil(lambda: painted.times > before)
-    commands.looks.use_theme("dark", "normal")
+    commands.appearance.use_theme("dark", "normal")
 
 
 def test_no_dialog_shows_the_icons_of_the_system(qtbot, night):

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from kochab.window.shell.menus import SPECS
+from kochab.window.shell.actions import COMMANDS
 
 REACHABLE = (QAbstractButton, QComboBox, QLineEdit, QPlainTextEdit, QSlider, QTableView)
 
@@ -83,9 +83,9 @@ def test_every_control_says_what_it_is(opened, tab):
 
 
 def test_no_two_actions_share_a_key():
-    for a, b in combinations([s for s in SPECS if s.keys], 2):
+    for a, b in combinations([s for s in COMMANDS if s.keys], 2):
         assert not set(a.keys.split()) & set(b.keys.split()), (a.name, b.name)
-    for spec in SPECS:
+    for spec in COMMANDS:
         for key in spec.keys.split():
             assert not QKeySequence(key).isEmpty()
 
@@ -170,8 +170,8 @@ def test_help_boxes_open_and_close_by_key(qtbot, opened):
 def test_text_size_changes_everything(qtbot, opened, size):
     window, commands = opened
     before = window.bar.doing.fontMetrics().height()
-    commands.looks.use_theme(text_size=size)
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme(text_size=size)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     after = window.bar.doing.fontMetrics().height()
     assert (after < before) if size == "small" else (after > before * 1.3)
-    commands.looks.use_theme(text_size="normal")
+    commands.appearance.use_theme(text_size="normal")

@@ -25,7 +25,7 @@ def real(make_window):
 
 def open_and_wait(qtbot, commands, path):
     with qtbot.waitSignal(commands.session.idle, timeout=LIMIT_MS):
-        commands.open(path)
+        commands.files.open(path)
     return commands.session.known.result
 
 
@@ -59,7 +59,7 @@ def test_what_is_no_picture_is_one_sentence(qtbot, real, tmp_path, content):
     path = tmp_path / "broken.fits"
     path.write_bytes(content)
     with qtbot.waitSignal(commands.session.failed, timeout=LIMIT_MS) as told:
-        commands.open(path)
+        commands.files.open(path)
     qtbot.waitUntil(lambda: not commands.session.busy, timeout=LIMIT_MS)
     assert window.workspace.card.text.text() == told.args[0]
     assert "\n" not in told.args[0]
@@ -97,6 +97,6 @@ def test_closing_in_the_middle_of_a_real_solve(qtbot, real, tmp_path):
     path = tmp_path / "stars.png"
     Image.fromarray(frame.clip(0, 65535).astype(np.uint16)).save(path)
     with qtbot.waitSignal(commands.session.solving, timeout=LIMIT_MS):
-        commands.open(path)
+        commands.files.open(path)
     window.close()
     assert commands.session.jobs.join(20.0)

@@ -83,7 +83,18 @@ SHOWS = {
     *("setTitle", "setPrefix", "setSuffix", "setSpecialValueText", "setStatusTip", "setIconText", "setTabText"),
     *("addItem", "addMenu", "addAction", "addTab", "showMessage", "drawText", "draw_text", "QLabel", "QPushButton"),
     *("QAction", "QGroupBox", "label", "button", "switch", "named", "text_field", "number_field", "value_label"),
-    *("choice_box", "narrow_box", "tab_pages", "form", "show_text", "tell", "say", "StreamStatus", "TrialCell", "Spec"),
+    *(
+        "choice_box",
+        "narrow_box",
+        "tab_pages",
+        "form",
+        "show_text",
+        "tell",
+        "say",
+        "StreamStatus",
+        "TrialCell",
+        "Command",
+    ),
 }
 """What shows a text that it is given."""
 SILENT = {
@@ -96,13 +107,8 @@ A_SENTENCE = re.compile(r"[A-Za-z’']{2,},? [a-z]|[A-Z][a-z]+ [a-z]|^&?[A-Z][&a
 A_WORD = re.compile(r"[A-Za-z]{3,}")
 NAMES = {
     "kochab.window.themes": {"Base", "Light", "Text"},  # Qt's own names of colours
-    "kochab.window.image.object_card": {
-        "Neb",
-        "Simbad",
-        "Coord",
-        "Radius",
-        "Ident",
-    },  # OpenNGC’s kind; a page, its words
+    "kochab.window.image.object_card": {"Neb"},  # OpenNGC’s kind
+    "kochab.window.frame.place_menu": {"Simbad", "Coord", "Radius", "Ident"},  # a page, its words
     "kochab.window.live.pointing_panel": {"Uncertainty", "Age", "Rates", "Frame rate", "Latency", "Lens"},  # keys
     "kochab.window.live.sky_points": {"Catalogue"},  # a type
     "kochab.window.panels.star_table": {"Zubeneschamali"},  # a star, the longest name
@@ -421,7 +427,7 @@ NAMES_SHOWN = {
 def solved_abroad(qtbot, abroad, make_window, engine, a_file):
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.idle):
-        commands.open(a_file)
+        commands.files.open(a_file)
     return window, commands
 
 
@@ -444,13 +450,13 @@ def dialogs_of(window: QWidget) -> list[QWidget]:
 
 NEAR_ORION = (86.0, -1.5)  # RA and Dec of date, near the fake engine's answer
 DIALOGS = {
-    "Preferences": lambda c: c.show_preferences(),
+    "Preferences": lambda c: c.tools.show_preferences(),
     "keyboard": lambda c: c.actions["keys"].trigger(),
     "about": lambda c: c.actions["about"].trigger(),
-    "search": lambda c: c.search(),
-    "help": lambda c: c.show_help(),
-    "results": lambda c: c.show_results(),
-    "atlas": lambda c: c.show_atlas(),
+    "search": lambda c: c.tools.search(),
+    "help": lambda c: c.help.show(),
+    "results": lambda c: c.files.show_results(),
+    "atlas": lambda c: c.tools.show_atlas(),
     "a sentence": lambda c: tell(c.window, tr("Results"), tr("no profile")),
 }
 
@@ -473,7 +479,7 @@ def test_every_text_of_a_dialog_is_translated(qtbot, solved_abroad, help_abroad,
     DIALOGS[name](commands)
     (dialog,) = dialogs_of(window)
     if isinstance(dialog, Preferences):
-        qtbot.waitUntil(lambda: dialog.data.text() != "")
+        qtbot.waitUntil(lambda: dialog.folders.data.text() != "")
     left = unmarked(dialog, NAMES_SHOWN | QT_TRANSLATES | {page.title for page in pages()})
     assert not left, "\n".join(left)
     qtbot.wait(50)
@@ -483,7 +489,7 @@ def test_every_text_of_a_dialog_is_translated(qtbot, solved_abroad, help_abroad,
 
 def test_every_card_of_the_tour_is_translated(qtbot, solved_abroad):
     window, commands = solved_abroad
-    commands.show_tour()
+    commands.help.show_tour()
     (tour,) = dialogs_of(window)
     for _ in CARDS:
         left = unmarked(tour, NAMES_SHOWN)
@@ -603,7 +609,7 @@ def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, align
 
 def test_every_text_of_a_practice_mount_is_translated(qtbot, aligning):
     _, commands = aligning
-    commands.practise()
+    commands.views.practise()
     view, left = commands.views.docks["mount"].view, []
     for act, done in (
         (lambda: None, lambda known: known.report is not None),

@@ -27,9 +27,9 @@ def own_profiles(tmp_path, monkeypatch):
 @pytest.fixture
 def dialog(opened):
     window, commands = opened
-    commands.show_preferences()
+    commands.tools.show_preferences()
     yield window.findChild(Preferences)
-    commands.looks.use_theme("dark", "normal")
+    commands.appearance.use_theme("dark", "normal")
 
 
 def choose(box, data):
@@ -51,16 +51,16 @@ def test_before_anything_was_changed_there_is_nothing_to_undo(opened):
 def test_colours_and_amounts_of_layers_come_back(opened, dialog):
     commands = opened[1]
     layers, undo, redo = commands.presenter.overlay.layers, commands.actions["undo"], commands.actions["redo"]
-    dialog.amounts["names"].setValue(90)
-    choose(dialog.colours["grid"], HUES["Pink"])
+    dialog.layers.amounts["names"].setValue(90)
+    choose(dialog.layers.colours["grid"], HUES["Pink"])
     assert undo.text() == "&Undo: change a colour"
-    dialog.reset.click()
+    dialog.layers.reset.click()
     assert (layers.amount, layers.colour) == (AMOUNTS, {})
-    assert (dialog.amounts["names"].value(), dialog.colours["grid"].currentText()) == (50, "Default")
+    assert (dialog.layers.amounts["names"].value(), dialog.layers.colours["grid"].currentText()) == (50, "Default")
     undo.trigger()
     assert (layers.amount["names"], layers.colour) == (0.9, {"grid": HUES["Pink"]})
-    assert (dialog.amounts["names"].value(), dialog.colours["grid"].currentText()) == (90, "Pink")
-    dialog.amounts["names"].setValue(20)
+    assert (dialog.layers.amounts["names"].value(), dialog.layers.colours["grid"].currentText()) == (90, "Pink")
+    dialog.layers.amounts["names"].setValue(20)
     undo.trigger()
     assert (layers.amount["names"], layers.colour) == (0.2, {})
     redo.trigger()
@@ -115,12 +115,12 @@ def test_a_film_strip_that_another_file_closed_comes_back_with_its_results(qtbot
     paths = [tmp_path / f"{name}.fits" for name in "abc"]
     for path in paths:
         path.write_bytes(b"")
-    commands.open_all(paths)
+    commands.files.open_all(paths)
     qtbot.waitUntil(lambda: not commands.batch.waiting and not commands.session.busy)
-    commands.open(paths[1])
+    commands.files.open(paths[1])
     qtbot.waitUntil(lambda: not commands.session.busy)
     results = [state.result for state in commands.batch.files.values()]
-    commands.open(a_file)
+    commands.files.open(a_file)
     qtbot.waitUntil(lambda: commands.session.known.path == a_file and not commands.session.busy)
     assert not commands.films.isVisible()
     assert commands.actions["undo"].text() == "&Undo: close the film strip (3 files)"
@@ -138,13 +138,13 @@ def test_a_film_strip_that_another_file_closed_comes_back_with_its_results(qtbot
 def test_preferences_are_undone_where_they_were_changed_and_after(qtbot, opened, dialog):
     window, commands = opened
     card = window.workspace.card
-    choose(dialog.angles, AngleStyle.DECIMAL)
-    choose(dialog.theme, "light")
-    choose(dialog.text, "large")
+    choose(dialog.general.angles, AngleStyle.DECIMAL)
+    choose(dialog.general.theme, "light")
+    choose(dialog.general.text, "large")
     dialog.activateWindow()
     for _ in range(2):
         qtbot.keyClick(dialog, Qt.Key.Key_Z, CTRL)
-    assert (dialog.text.currentData(), dialog.theme.currentData()) == ("normal", "dark")
+    assert (dialog.general.text.currentData(), dialog.general.theme.currentData()) == ("normal", "dark")
     assert card.ra.text() == "84.05000°"
     dialog.close()
     qtbot.waitUntil(lambda: not window.findChildren(Preferences))
@@ -156,14 +156,14 @@ def test_preferences_are_undone_where_they_were_changed_and_after(qtbot, opened,
 def test_the_folder_of_images_is_undone(opened, dialog, tmp_path):
     _, commands = opened
     before = commands.settings.image_folder
-    dialog.fixed.click()
-    dialog._begin_in(str(tmp_path / "nights"))
-    assert (dialog.folder.text(), dialog.fixed.isChecked()) == (str(tmp_path / "nights"), True)
+    dialog.folders.fixed.click()
+    dialog.folders._begin_in(str(tmp_path / "nights"))
+    assert (dialog.folders.folder.text(), dialog.folders.fixed.isChecked()) == (str(tmp_path / "nights"), True)
     commands.undo.undo()
     assert commands.settings.text("start_folder", "") == str(before)
-    assert dialog.fixed.isChecked()
+    assert dialog.folders.fixed.isChecked()
     commands.undo.undo()
-    assert (commands.settings.text("start_folder", ""), dialog.fixed.isChecked()) == ("", False)
+    assert (commands.settings.text("start_folder", ""), dialog.folders.fixed.isChecked()) == ("", False)
 
 
 def test_frames_to_measure_that_were_cleared_come_back_in_their_sweeps(opened, tmp_path):
@@ -183,9 +183,9 @@ def test_frames_to_measure_that_were_cleared_come_back_in_their_sweeps(opened, t
 def test_equipment_is_undone_in_its_own_profile(qtbot, opened, dialog):
     window, commands = opened
     commands.equipment.choose("Newton")
-    type_in(qtbot, dialog.focal, "750")
-    type_in(qtbot, dialog.focal, "760")
-    type_in(qtbot, dialog.site, "48.1, 11.6")
+    type_in(qtbot, dialog.equipment.focal, "750")
+    type_in(qtbot, dialog.equipment.focal, "760")
+    type_in(qtbot, dialog.equipment.site, "48.1, 11.6")
     assert window.workspace.hints.site.text() == "48.1, 11.6"
     commands.equipment.choose("RedCat")
     commands.undo.undo()
@@ -193,7 +193,7 @@ def test_equipment_is_undone_in_its_own_profile(qtbot, opened, dialog):
     commands.undo.undo()
     assert window.workspace.hints.site.text() == ""
     commands.undo.undo()
-    assert (dialog.focal.text(), load_profile("Newton").focal_length_mm) == ("750", 750.0)
+    assert (dialog.equipment.focal.text(), load_profile("Newton").focal_length_mm) == ("750", 750.0)
     commands.undo.redo()
     assert load_profile("Newton").focal_length_mm == 760.0
     assert load_profile("RedCat").focal_length_mm == 760.0  # begun with what was used then
@@ -201,17 +201,17 @@ def test_equipment_is_undone_in_its_own_profile(qtbot, opened, dialog):
 
 def test_a_removed_profile_comes_back_whole(qtbot, opened, dialog):
     _, commands = opened
-    assert not dialog.remove.isEnabled()
+    assert not dialog.equipment.remove.isEnabled()
     commands.equipment.choose("Newton & Co")
-    type_in(qtbot, dialog.focal, "750")
+    type_in(qtbot, dialog.equipment.focal, "750")
     before = load_profile("Newton & Co")
-    dialog.remove.click()
+    dialog.equipment.remove.click()
     assert load_profile("Newton & Co") is None
-    assert (dialog.profile.currentText(), dialog.remove.isEnabled()) == ("", False)
+    assert (dialog.equipment.profile.currentText(), dialog.equipment.remove.isEnabled()) == ("", False)
     assert commands.actions["undo"].text() == "&Undo: remove the profile Newton && Co"
     commands.actions["undo"].trigger()
     assert load_profile("Newton & Co") == before
-    assert (dialog.profile.currentText(), dialog.focal.text()) == ("Newton & Co", "750")
+    assert (dialog.equipment.profile.currentText(), dialog.equipment.focal.text()) == ("Newton & Co", "750")
     commands.actions["redo"].trigger()
     assert saved_profiles() == ([], [])
 
@@ -238,12 +238,12 @@ def test_nothing_that_a_mount_does_is_undone_and_its_equipment_stays(qtbot, open
 
 def test_a_language_is_offered_where_there_is_one_and_kept_for_the_next_start(tmp_path, monkeypatch, opened):
     _, commands = opened
-    commands.show_preferences()
+    commands.tools.show_preferences()
     assert "Language" not in [text.text() for text in commands.window.findChild(Preferences).findChildren(QLabel)]
     (tmp_path / "kochab_de.qm").write_bytes(b"")
     monkeypatch.setattr(preferences, "languages", lambda: languages(tmp_path))
-    dialog = Preferences(commands.presenter, commands.services, commands.equipment)
-    box = dialog.language
+    dialog = Preferences(commands.window, commands.services, commands.appearance)
+    box = dialog.general.language
     assert [box.itemText(i) for i in range(box.count())] == ["As the system", "English", "Deutsch"]
     choose(box, "de")
     assert commands.settings.text("language", "") == "de"

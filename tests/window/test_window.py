@@ -76,7 +76,7 @@ def test_the_card_says_how_high_a_dated_frame_stood(qtbot, make_window, settings
     dated = Hint(time_utc=datetime(2026, 1, 15, 22, 0, tzinfo=UTC))
     window, commands = make_window(FakeEngine(frame=replace(star_field(), hint=dated)))
     facts = window.workspace.card.facts
-    commands.open(a_file)
+    commands.files.open(a_file)
     qtbot.waitUntil(lambda: "Az" in facts.text())
     altitude, azimuth = map(float, re.search(r"Alt\s\+([\d.]+)°\s+Az\s([\d.]+)°", facts.text()).groups())
     place = SkyCoord(84.05 * deg, -1.2 * deg)  # the fake engine's answer
@@ -128,7 +128,7 @@ def test_another_file_clears_the_pointing_of_the_one_before(qtbot, opened, engin
     window, commands = opened
     engine.result = no_solution()
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(tmp_path / "missing.fits" if broken else a_file)
+        commands.files.open(tmp_path / "missing.fits" if broken else a_file)
     assert not window.workspace.card.ra.isVisible()
     assert not commands.actions["copy"].isEnabled()
     assert commands.session.known.last_good is None
@@ -138,14 +138,14 @@ def test_another_file_clears_the_pointing_of_the_one_before(qtbot, opened, engin
 def test_a_first_failure_has_no_old_pointing(qtbot, make_window, a_file):
     window, commands = make_window(FakeEngine(result=no_solution()))
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert not window.workspace.card.ra.isVisible()
 
 
 def test_a_file_that_cannot_be_read_is_one_sentence(qtbot, make_window, engine, tmp_path):
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(tmp_path / "missing.fits")
+        commands.files.open(tmp_path / "missing.fits")
     assert window.workspace.card.text.text() == "There is no file missing.fits."
     assert commands.settings.recent == []
 
@@ -178,7 +178,7 @@ def test_a_cancelled_solve_still_shows_the_frame(qtbot, make_window, a_file):
     engine = FakeEngine(frame=star_field(1500, 1100), gate=threading.Event())
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.solving, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert commands.session.known.picture is None
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.session.cancel()
@@ -190,7 +190,7 @@ def test_cancel_stops_a_solve(qtbot, make_window, a_file):
     engine = FakeEngine(gate=threading.Event())
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.solving, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     qtbot.waitUntil(lambda: commands.session.known.picture is not None, timeout=10_000)
     assert window.bar.cancel.isVisible()
     assert commands.actions["cancel"].isEnabled()
@@ -205,7 +205,7 @@ def test_closing_in_the_middle_of_a_solve_ends_its_thread(qtbot, make_window, a_
     engine = FakeEngine(gate=threading.Event())
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.solving, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     window.close()
     assert engine.stopped.wait(5)
     assert not any(t.name.startswith("kochab-") for t in threading.enumerate())
@@ -215,12 +215,12 @@ def test_opening_another_frame_in_the_middle_drops_the_first(qtbot, make_window,
     engine = FakeEngine(gate=threading.Event())
     _, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.solving, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     other = tmp_path / "other.fits"
     other.touch()
     answers = []
     commands.session.solved.connect(answers.append)
-    commands.open(other)
+    commands.files.open(other)
     engine.gate.set()
     qtbot.waitUntil(lambda: not commands.session.busy, timeout=10_000)
     assert commands.session.known.path == other
@@ -248,12 +248,12 @@ def test_a_typed_field_is_understood_anew_for_each_frame(qtbot, opened, engine, 
     window.workspace.hints.fov.setText("12")
     engine.frame = star_field(1200, 300)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     low, high = engine.asked[-1].hint.scale_arcsec_px
     assert low < 12 * 3600 / 1200 < high
     window.workspace.hints.fov.setText("nonsense")
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert engine.asked[-1].hint is None
 
 
@@ -272,11 +272,11 @@ def test_an_impossible_hint_is_said_on_the_pane_and_nothing_runs(opened, engine)
 def test_recent_files_and_settings_survive_a_restart(qtbot, make_window, engine, a_file):
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     commands.actions["grid"].trigger()
     commands.actions["stretch"].trigger()
     window.workspace.solution.style_box.setCurrentIndex(2)
-    commands.looks.use_theme("light", "large")
+    commands.appearance.use_theme("light", "large")
     window.close()
     again, new = make_window(engine)
     assert new.settings.recent == [a_file]
@@ -343,13 +343,13 @@ def test_a_report_is_saved_from_the_help_menu(qtbot, opened, tmp_path, monkeypat
     journal.mkdir()
     (journal / "journal.log").write_text("a line of the journal\n", "utf-8")
     monkeypatch.setattr("kochab.gear.journal.journal_folder", lambda: journal)
-    monkeypatch.setattr("kochab.window.shell.commands.ask_save", lambda *_: path)
+    monkeypatch.setattr("kochab.window.shell.help_book.ask_save", lambda *_: path)
     commands.actions["report"].trigger()
     qtbot.waitUntil(lambda: window.status.currentMessage().startswith("Saved report.zip"), timeout=10_000)
     with zipfile.ZipFile(path) as report:
         assert "a line of the journal" in report.read("journal.log").decode()
         assert "theme" in report.read("settings.json").decode()
-    monkeypatch.setattr("kochab.window.shell.commands.ask_save", lambda *_: tmp_path / "nowhere" / "r.zip")
+    monkeypatch.setattr("kochab.window.shell.help_book.ask_save", lambda *_: tmp_path / "nowhere" / "r.zip")
     commands.actions["report"].trigger()
     qtbot.waitUntil(lambda: window.findChildren(QMessageBox) != [], timeout=10_000)
     assert window.findChildren(QMessageBox)[0].text().startswith("Can't write r.zip")

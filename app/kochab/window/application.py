@@ -14,14 +14,31 @@ from kochab.core import data_folder, speak, tr, tr_noop
 from kochab.core.progress import PREPARING, Progress
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
+from kochab.window.devices.cameras import Cameras
+from kochab.window.devices.equipment import Equipment
+from kochab.window.devices.mount_control import MountControl
+from kochab.window.devices.mount_status import MountStatus
+from kochab.window.frame.exports import FrameExporter
+from kochab.window.frame.field import SkyField
+from kochab.window.frame.files import Files
+from kochab.window.frame.looks import FrameLooks
+from kochab.window.frame.picker import Picker
+from kochab.window.frame.place_menu import FrameMenu
 from kochab.window.frame.presenter import Presenter
 from kochab.window.frame.session import Session, WorkflowEngine
 from kochab.window.job import Job, Jobs
+from kochab.window.services import Services
 from kochab.window.settings import WindowSettings
-from kochab.window.shell.commands import Commands
+from kochab.window.shell.appearance import Appearance
+from kochab.window.shell.commands import Commands, Parts
+from kochab.window.shell.frame_title import FrameTitle
+from kochab.window.shell.help_book import Help
+from kochab.window.shell.layout import Layout
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.shell.views import VIEWS
+from kochab.window.shell.tools import Tools
+from kochab.window.shell.views import VIEWS, Views
 from kochab.window.shell.welcome import Sample, samples
+from kochab.window.undo import Undo
 from kochab.window.widgets import use_plain_numerals
 from kochab.workflows.session.wiring import Wiring
 
@@ -120,7 +137,7 @@ class Garbage(QObject):
 
 def whole_engine() -> WorkflowEngine:
     """The engine that loads, in a thread, the views and what they need: opening one holds up nobody."""
-    return WorkflowEngine([*(made_by.partition(":")[0] for _, _, made_by in VIEWS.values()), *LIBRARIES])
+    return WorkflowEngine([*(mode.made_by.partition(":")[0] for mode in VIEWS.values()), *LIBRARIES])
 
 
 def build(
@@ -128,12 +145,59 @@ def build(
     settings: WindowSettings,
     sample_frames: list[Sample] | None = None,
     wiring: Wiring | None = None,
-) -> tuple[MainWindow, Commands]:
+) -> tuple[MainWindow, Parts]:
     """A window wired to ``engine``; it is not shown yet."""
     offered = samples() if sample_frames is None else sample_frames
+    wiring = Wiring() if wiring is None else wiring
     window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)
-    presenter = Presenter(window, Session(engine, Jobs(window, window.closing)), settings)
-    return window, Commands(presenter, offered, wiring)
+    panes, actions = window.workspace, window.actions_by_name
+    jobs = Jobs(window, window.closing)
+    session = Session(engine, jobs)
+    undo = Undo(actions["undo"], actions["redo"], window)
+    field = SkyField(session, settings)
+    presenter = Presenter(session, panes, field, settings)
+    FrameTitle(window, session)
+    picker = Picker(session, panes, field.overlay, settings)
+    looks = FrameLooks(panes, field, settings, window.say)
+    cameras = Cameras(jobs)
+    mount = MountControl(settings, session, jobs, wiring, cameras)
+    mount_status = MountStatus(mount, window.closing)
+    mount_status.hide()
+    window.bar.add(mount_status)
+    equipment = Equipment(window.bar.equipment, settings, actions["preferences"], undo)
+    equipment.follow(mount)
+    panes.hints.site_given.connect(mount.compare_site)
+    services = Services(
+        settings, session, panes, looks, mount, mount_status.stop, cameras, equipment, jobs, window.say, undo, wiring
+    )
+    appearance = Appearance(window, settings, looks)
+    exporter = FrameExporter(window, window.menus.export, session, settings, field.overlay, wiring.to_json, window.say)
+    files = Files(session, panes, settings, undo)
+    views = Views(window, services, appearance, mount_status)
+    layout = Layout(window, views, session, settings)
+    layout.restore()
+    parts = Parts(
+        window=window,
+        settings=settings,
+        session=session,
+        services=services,
+        field=field,
+        presenter=presenter,
+        picker=picker,
+        files=files,
+        exporter=exporter,
+        menu=FrameMenu(window, session, settings, picker, lambda: mount.situation, views.aim),
+        looks=looks,
+        appearance=appearance,
+        equipment=equipment,
+        undo=undo,
+        views=views,
+        layout=layout,
+        tools=Tools(window, services, appearance, picker, views),
+        help=Help(window, views, settings, jobs),
+    )
+    Commands(parts)
+    return window, parts
 
 
 def use_language(app: QApplication, wanted: str = "", folder: Path | None = None) -> None:
@@ -166,16 +230,16 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     settings = WindowSettings()
     use_language(app, language or settings.text("language", ""))
     engine = whole_engine()
-    window, commands = build(engine, settings, wiring=wiring)
+    window, parts = build(engine, settings, wiring=wiring)
     garbage = Garbage()  # it has no parent: this name keeps it
     background = Background(window, engine)
     window.show()
     if paths:
-        commands.open_all([Path(path) for path in paths])
+        parts.files.open_all([Path(path) for path in paths])
     else:
-        commands.add_thumbnails()
-        if not commands.settings.flag("toured", False):
-            QTimer.singleShot(AFTER_MS, window, commands.show_tour)
+        window.welcome.load_pictures(parts.session.jobs, lambda: parts.looks.is_night)
+        if not settings.flag("toured", False):
+            QTimer.singleShot(AFTER_MS, window, parts.help.show_tour)
     # A terminal that is closed must not leave a mount moving. One that is ignored, as nohup has it, stays so.
     for number in [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]:
         if signal.getsignal(number) is not signal.SIG_IGN:

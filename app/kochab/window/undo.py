@@ -38,8 +38,6 @@ class Undo(QUndoStack):
         super().__init__(parent)
         self._actions = undo, redo
         self.setUndoLimit(MOST_STEPS)
-        undo.triggered.connect(lambda _=False: self.undo())
-        redo.triggered.connect(lambda _=False: self.redo())
         self.indexChanged.connect(self._show)
         self._show()
 

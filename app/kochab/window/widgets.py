@@ -293,6 +293,13 @@ class Page(QWidget):
         self.setObjectName("page")
 
 
+def bring_to_front(window: QWidget) -> None:
+    """Show a window, before all others."""
+    window.show()
+    window.raise_()
+    window.activateWindow()
+
+
 def page() -> QWidget:
     """A part of the window with its background, which Qt paints for its own class alone."""
     made = QWidget()

@@ -188,15 +188,15 @@ def test_its_menu_names_the_object_and_brings_it_to_the_middle(atlas):
 def test_at_night_it_is_red(qtbot, atlas, opened):
     commands = opened[1]
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     atlas.framing.setChecked(True)
     assert_red(atlas)
-    commands.looks.use_theme("dark")
+    commands.appearance.use_theme("dark")
 
 
 def test_a_later_frame_leaves_the_chart_where_it_was_turned(atlas):
     atlas.chart.look(unit_vectors(10.0, 40.0), 30.0)
-    atlas._presenter.session.solved.emit(fake_solution(300, 200))
+    atlas._services.session.solved.emit(fake_solution(300, 200))
     assert radec_deg(atlas.chart.centre) == pytest.approx((10.0, 40.0))
     assert atlas.chart.frame.camera.width == 300
 

@@ -82,7 +82,7 @@ def test_polar_alignment_connects_the_mount_for_every_view(qtbot, polar):
 def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
     nights = Nights(rate=1.0)
     commands, view = polar(nights)
-    commands.practise()
+    commands.views.practise()
     mount = commands.views.docks["mount"].view
     qtbot.waitUntil(lambda: mount.control.known.report is not None, timeout=30_000)
     commands.views.show("polar")
@@ -105,7 +105,7 @@ def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
 def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, polar):
     nights = Nights()
     commands, view = polar(nights)
-    commands.practise()
+    commands.views.practise()
     mount = commands.views.docks["mount"].view
     qtbot.waitUntil(lambda: mount.control.known.report is not None, timeout=30_000)
     turning(view)

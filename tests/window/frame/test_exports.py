@@ -18,7 +18,7 @@ def commands(qtbot, settings, engine, a_file):
     window, commands = build(engine, settings, [], wiring=Wiring(lambda f, s: to_line(as_json(f, s))))
     qtbot.addWidget(window)
     with qtbot.waitSignal(commands.session.idle, timeout=60_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     yield commands
     window.close()
 
@@ -123,7 +123,7 @@ def test_nothing_is_exported_without_a_solution(qtbot, make_window, a_file, tmp_
     window, commands = make_window(FakeEngine(result=no_solution()))
     assert not window.menus.export.isEnabled()
     with qtbot.waitSignal(commands.session.idle, timeout=60_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert not window.menus.export.isEnabled()
     commands.exporter.write(commands.exporter.kinds["csv"], tmp_path / "a.csv")
     assert not (tmp_path / "a.csv").exists()

@@ -96,7 +96,7 @@ def test_a_folder_that_cannot_be_read_is_told(monkeypatch, make_window, files):
 
     monkeypatch.setattr(Path, "iterdir", refuse)  # tests that run as root may read every folder
     window, commands = make_window(ByName())
-    commands.open_all([files[0].parent])
+    commands.files.open_all([files[0].parent])
     assert window.status.currentMessage() == "Can't open night: Permission denied."
     assert not commands.batch.files
 
@@ -140,7 +140,7 @@ def test_the_newest_comes_first_and_what_cannot_be_looked_at_last(files):
 def test_a_broken_file_does_not_stop_the_others(qtbot, make_window, files):
     files[1].unlink()
     _, commands = make_window(ByName())
-    commands.open_all(files)
+    commands.files.open_all(files)
     qtbot.waitUntil(lambda: done(commands))
     assert [state.words for state in commands.batch.files.values()][:2] == ["solved", "There is no file b-cloud.fits."]
     assert commands.films.count.text() == "4 files, 3 solved, 1 failed"
@@ -151,7 +151,7 @@ def test_cancel_stops_and_the_rest_is_solved_on_request(qtbot, make_window, tmp_
     slow.touch()
     engine = ByName()
     _, commands = make_window(engine)
-    commands.open_all([files[0], slow, files[2]])
+    commands.files.open_all([files[0], slow, files[2]])
     qtbot.waitUntil(lambda: commands.batch.at == slow)
     assert commands.films.cancel.isVisible()
     commands.films.cancel.click()
@@ -176,7 +176,7 @@ def test_another_solve_of_the_open_file_changes_its_state(qtbot, strip, files):
 def test_another_file_ends_the_strip(qtbot, strip, a_file):
     _, commands, films = strip
     with qtbot.waitSignal(commands.session.idle):
-        commands.open(a_file)
+        commands.files.open(a_file)
     assert not films.isVisible()
     assert not commands.actions["next"].isEnabled()
 
@@ -192,8 +192,8 @@ def test_the_results_stand_in_a_table_and_in_csv(qtbot, strip, files, tmp_path, 
     assert table.item(1, 2) is None
     dialog.close()
     path = tmp_path / "results.csv"
-    monkeypatch.setattr("kochab.window.shell.commands.ask_save", lambda *_: path)
-    commands.save_results()
+    monkeypatch.setattr("kochab.window.frame.files.ask_save", lambda *_: path)
+    commands.files.save_results()
     qtbot.waitUntil(path.exists)
     rows = list(csv.DictReader(io.StringIO(path.read_text("utf-8"))))
     assert list(rows[0]) == CSV_TITLES.split(",")
@@ -230,10 +230,10 @@ def test_blinking_shows_both_images_and_marks_neither(qtbot, strip):
 def test_the_strip_is_red_at_night(qtbot, strip):
     window, commands, films = strip
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     assert_red(window)
     assert np.any([not films.list.item(at).icon().isNull() for at in range(4)])
-    commands.looks.use_theme("dark")
+    commands.appearance.use_theme("dark")
 
 
 def test_everything_on_the_strip_has_a_name(strip):

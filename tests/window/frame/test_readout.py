@@ -80,7 +80,7 @@ def test_a_typed_site_is_kept_and_used(qtbot, make_window, engine, a_file):
     engine.frame = replace(engine.frame, hint=Hint(time_utc=WHEN))
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     field = window.workspace.hints.site
     field.setText("east of the barn")
     field.editingFinished.emit()

@@ -49,19 +49,19 @@ def test_where_a_place_outside_lies(move, way):
 def test_the_keyboard_alone_finds(qtbot, opened):
     window, commands = opened
     qtbot.waitUntil(lambda: commands.presenter.overlay.tables is not None)
-    search = commands.search()
+    search = commands.tools.search()
     qtbot.keyClicks(search.field, "Alnitak")
     qtbot.keyClick(search.field, Qt.Key.Key_Return)
     assert not search.isVisible()
     assert commands.presenter.overlay.picked.text == "Alnitak"
-    search = commands.search()
+    search = commands.tools.search()
     qtbot.keyClicks(search.field, "Vega")
     qtbot.keyClick(search.field, Qt.Key.Key_Return)
     assert search.isVisible()
     assert "outside the frame" in search.answer.accessibleName()
     qtbot.keyClick(search.field, Qt.Key.Key_Escape)
     assert not search.isVisible()
-    search = commands.search()
+    search = commands.tools.search()
     grid = window.actions_by_name["grid"]
     before = grid.isChecked()
     qtbot.keyClicks(search.field, "grid")
@@ -81,12 +81,12 @@ def test_dropped_elements_are_kept_and_their_bodies_looked_for(qtbot, opened, tm
     monkeypatch.setattr("kochab.sky.frame_bodies.body_marks", marks)
     window, commands = opened
     before = commands.session.known.path
-    commands.open_all([REPOSITORY / "tests" / "sky" / "iridium-2025-01-05.tle"])
+    commands.files.open_all([REPOSITORY / "tests" / "sky" / "iridium-2025-01-05.tle"])
     qtbot.waitUntil(lambda: asked != [])
     assert [len(table.names) for table in asked] == [30]
     assert window.status.currentMessage() == "Objects from iridium-2025-01-05.tle now appear in dated images."
     (tmp_path / "iridium-2025-01-05.tle").write_text("nothing")
-    commands.open_all([tmp_path / "iridium-2025-01-05.tle"])
+    commands.files.open_all([tmp_path / "iridium-2025-01-05.tle"])
     qtbot.waitUntil(lambda: window.status.currentMessage().startswith("Can't read iridium-2025-01-05.tle: "))
     assert [len(table.names) for table in kept_elements()] == [30]  # what was good stays
     assert commands.session.known.path == before

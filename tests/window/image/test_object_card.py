@@ -18,10 +18,10 @@ from kochab.polar.horizon import Horizon, Refraction
 from kochab.sky.layer import in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import BodyKind
+from kochab.window.frame.place_menu import links
 from kochab.window.frame.search import sought
 from kochab.window.image.object_card import facts, heights
 from kochab.window.image.overlay import Overlay
-from kochab.window.image.place_menu import links
 from tests.window.fakes import fake_solution
 from tests.window.image.test_frame_view import jupiter_at, painted
 from tests.window.mount_bench import connected
@@ -139,15 +139,15 @@ def test_a_click_opens_the_card_and_one_beside_it_closes_it(qtbot, opened):
     star = next(mark for mark in presenter.overlay.sky.marks if mark.short == "Alnilam")
     x, y = view.viewport.to_screen(star.xy)
     qtbot.mouseClick(view, Qt.MouseButton.LeftButton, pos=QPoint(round(x), round(y)))
-    assert presenter.object_card.isVisible()
-    assert presenter.object_card.title.text() == "Alnilam"
-    assert "HIP 26311" in presenter.object_card.body.text()
-    card = presenter.object_card
+    assert commands.picker.card.isVisible()
+    assert commands.picker.card.title.text() == "Alnilam"
+    assert "HIP 26311" in commands.picker.card.body.text()
+    card = commands.picker.card
     assert card.height() >= card.title.height() + card.body.heightForWidth(card.body.width())  # nothing is cut off
     view.hovered.emit(tuple(star.xy))
     assert window.status.place.text().startswith("Alnilam")
     view.clicked.emit(-500.0, -500.0, 14.0)
-    assert not presenter.object_card.isVisible()
+    assert not commands.picker.card.isVisible()
 
 
 def entries(menu):
@@ -220,12 +220,11 @@ def test_bare_sky_has_coordinates_and_no_name(qtbot, sky):
 
 def test_without_a_mount_the_menu_says_why_nothing_goes_there(qtbot, sky):
     _window, commands = sky
-    commands.presenter.find(300.0, 200.0, 5.0)
-    menu = commands.show_place_menu(None, QPoint(50, 50))  # by the keyboard
+    commands.picker.find(300.0, 200.0, 5.0)
+    menu = commands.menu.show(None, QPoint(50, 50))  # by the keyboard
     offered = entries(menu)
     assert (offered["Go to"].isEnabled(), offered["Centre"].isEnabled()) == (False, False)
     assert tr(CONNECT).replace("&", "") in offered
-    assert "mount" not in vars(commands.services)  # to ask makes no owner of a mount
     menu.close()
 
 
@@ -255,7 +254,7 @@ def test_a_body_of_another_night_is_no_target(qtbot, sky):
             frame = commands.session.known.frame
             commands.session.known.frame = replace(frame, hint=replace(frame.hint, time_utc=taken))
             window.workspace.view.repaint()
-            menu = commands.show_place_menu((150.0, 100.0, 5.0), QPoint(50, 50))
+            menu = commands.menu.show((150.0, 100.0, 5.0), QPoint(50, 50))
             offered = entries(menu)
             assert next(iter(offered)) == "Jupiter"
             assert offered["Go to"].isEnabled() == able
@@ -264,6 +263,6 @@ def test_a_body_of_another_night_is_no_target(qtbot, sky):
             menu.close()
         trail = ((84.0, 0.0), (85.0, 1.0))
         commands.presenter.overlay.show_bodies((replace(planet, body=replace(planet.body, trail=trail)),))
-        menu = commands.show_place_menu((150.0, 100.0, 5.0), QPoint(50, 50))
+        menu = commands.menu.show((150.0, 100.0, 5.0), QPoint(50, 50))
         assert not entries(menu)["Go to"].isEnabled()  # a satellite is gone within seconds
         menu.close()

@@ -44,7 +44,7 @@ def lab(qtbot, settings):
     yield make
     for window, commands in made:
         window.close()
-        commands.looks.use_theme("dark", "normal")
+        commands.appearance.use_theme("dark", "normal")
         assert commands.session.jobs.join()
     assert_no_threads_left()
 
@@ -103,7 +103,7 @@ def test_methods_on_the_open_frame_with_its_solution_for_the_truth(qtbot, lab):
     commands, view = lab()
     path = next(s.path for s in samples() if "orion" in s.path.name)
     with qtbot.waitSignal(commands.session.idle, timeout=LIMIT_MS):
-        commands.open(path)
+        commands.files.open(path)
     view.methods.tick(["patterns", "voting"])
     view.setup.hints.setCurrentText(Hints.NOTHING)
     view.run_comparison()
@@ -143,7 +143,7 @@ def test_detectors_and_estimators_on_the_open_frame(qtbot, lab):
     commands, view = lab()
     path = next(s.path for s in samples() if "pleiades" in s.path.name)
     with qtbot.waitSignal(commands.session.idle, timeout=LIMIT_MS):
-        commands.open(path)
+        commands.files.open(path)
     for kind, first, extra in (
         (ComparedPart.DETECTOR, "auto", "Found"),
         (ComparedPart.ATTITUDE, "fit", "From the fit"),
@@ -450,7 +450,7 @@ def test_it_is_red_at_night_also_when_it_came_after(qtbot, lab):
     view.run_comparison()
     wait_for(qtbot, view)
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     tops = view.findChildren(type(view.tabs))
     for top in tops:
         for index in range(top.count()):

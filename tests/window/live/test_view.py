@@ -259,7 +259,7 @@ def test_opening_a_file_ends_it(qtbot, live, a_file):
     run(view, Stars(0.03))
     wait_drawn(qtbot, view)
     with qtbot.waitSignal(commands.session.solved, timeout=10_000):
-        commands.open(a_file)
+        commands.files.open(a_file)
     wait_idle(qtbot, view)
     assert commands.session.known.path == a_file
     assert "another frame" in view.message.text()
@@ -481,7 +481,7 @@ def test_without_what_writes_recordings_the_switch_says_so(live):
 def test_it_is_red_at_night(qtbot, live, tab):
     view, commands = live
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     run(view, Stars(0.05))
     wait_drawn(qtbot, view, 4)
     view.tabs.setCurrentIndex(tab)
@@ -493,7 +493,7 @@ def test_it_is_red_at_night(qtbot, live, tab):
     view.pointing.doubt.setVisible(True)
     view.end()
     assert_red(commands.window)
-    commands.looks.use_theme("dark")
+    commands.appearance.use_theme("dark")
 
 
 def test_a_stretch_that_is_moved_shows_in_the_next_frame(qtbot, make_window):

@@ -165,7 +165,7 @@ def test_practice_is_offered_only_where_there_is_a_simulated_telescope(qtbot, ma
     window, commands = make_window(engine)
     assert window.welcome.practice.isHidden()
     assert not window.menus.practice.isVisible()
-    commands.practise()
+    commands.views.practise()
     view = commands.views.docks["mount"].view
     assert "No simulated telescope" in view.message.text()
     assert not view.connect_box.practice_button.isVisible()

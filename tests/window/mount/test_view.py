@@ -416,7 +416,7 @@ def test_practice_is_not_begun_over_a_connected_mount(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands) as mount:
         object.__setattr__(commands.services.wiring, "practice", lambda **_: 1 / 0)
-        commands.practise()
+        commands.views.practise()
         qtbot.waitUntil(lambda: any("Disconnect it" in s for s in mount.said), timeout=5_000)
         assert mount.control.known.phase == "on"
         mount.view.leave.click()
@@ -550,7 +550,7 @@ def test_solve_after_slew_comes_back_as_it_was_left(make_window, engine, setting
 def test_the_view_and_its_dialog_are_red_at_night(qtbot, opened):
     window, commands = opened
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         assert_red(window)
         mount.view.sync.click()
@@ -564,7 +564,7 @@ def test_the_view_and_its_dialog_are_red_at_night(qtbot, opened):
         mount.bench.line.plug()
     qtbot.waitUntil(lambda: mount.control.known.phase == "off", timeout=15_000)
     assert_red(mount.view)
-    commands.looks.use_theme("dark", "normal")
+    commands.appearance.use_theme("dark", "normal")
 
 
 KINDS = (QAbstractButton, QComboBox, QLineEdit, QDoubleSpinBox)

@@ -26,6 +26,6 @@ def polar(qtbot, settings):
     yield make
     for window, commands in made:
         window.close()
-        commands.looks.use_theme("dark", "normal")
+        commands.appearance.use_theme("dark", "normal")
         assert commands.session.jobs.join()
     assert_no_threads_left("kochab-", "polar-")

@@ -420,7 +420,7 @@ def test_every_control_can_be_reached_and_says_what_it_is(polar):
 def test_red_light_alone_at_night(qtbot, polar, frames):
     commands, view = polar(Nights())
     commands.actions["night"].trigger()
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     choose_files(view, frames[:2])
     for index in range(view.tabs.count()):
         view.tabs.setCurrentIndex(index)

@@ -7,8 +7,8 @@ from PySide6.QtCore import Qt, QUrl
 from PySide6.QtGui import QTextDocument
 
 from kochab import __version__
+from kochab.window.shell.actions import COMMANDS, NEWS
 from kochab.window.shell.help_book import HelpBook, pages
-from kochab.window.shell.menus import NEWS, SPECS
 from kochab.window.shell.tour import CARDS, Tour
 from kochab.window.shell.views import VIEWS
 from tests.patterns import REPOSITORY
@@ -59,7 +59,7 @@ def test_what_is_new_is_the_changelog(opened):
 def test_its_pictures_and_keys_are_those_of_the_program(page):
     """The pictures are those that the scripts of the tests take."""
     assert all((SCREENSHOTS / name).exists() for name in re.findall(r"!\[.*?\]\((.*?)\)", page.text))
-    keys = {key for spec in SPECS for key in spec.keys.split()} | {key for _, key, _ in VIEWS.values()}
+    keys = {key for spec in COMMANDS for key in spec.keys.split()} | {mode.key for mode in VIEWS.values()}
     keys |= {"F7", "Esc"}
     named = re.findall(r"\b(?:Ctrl\+(?:Shift\+)?(?:\w+|,)|Alt\+\d|Shift\+F\d+|F\d{1,2})(?!\w)", page.text)
     assert set(named) <= keys
@@ -67,20 +67,20 @@ def test_its_pictures_and_keys_are_those_of_the_program(page):
 
 def test_its_pictures_are_shown_and_red_at_night(qtbot, opened):
     window, commands = opened
-    commands.looks.use_theme("night")
-    qtbot.waitUntil(lambda: commands.looks.settled)
+    commands.appearance.use_theme("night")
+    qtbot.waitUntil(lambda: commands.appearance.settled)
     commands.actions["help"].trigger()
     book = window.findChild(HelpBook)
     picture = book.browser.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl("window.png"))
     assert 0 < picture.width() <= book.browser.width()
     assert_red(book)
-    commands.looks.use_theme("dark")
+    commands.appearance.use_theme("dark")
 
 
 def test_the_tour_is_four_cards_by_keyboard_once(qtbot, opened):
     window, commands = opened
     window.activateWindow()
-    commands.show_tour()
+    commands.help.show_tour()
     tour = window.findChild(Tour)
     for at, (title, _) in enumerate(CARDS, 1):
         assert (tour.title.text(), tour.count.text()) == (title, f"{at} of 4")

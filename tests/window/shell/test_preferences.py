@@ -29,7 +29,7 @@ def shown(qtbot, opened):
     qtbot.keyClick(window, Qt.Key.Key_Comma, Qt.KeyboardModifier.ControlModifier)
     qtbot.waitUntil(lambda: window.findChild(Preferences) is not None)
     yield window, commands, window.findChild(Preferences)
-    commands.looks.use_theme("dark", "normal")
+    commands.appearance.use_theme("dark", "normal")
 
 
 def choose(box, data):
@@ -57,16 +57,16 @@ def test_angles_theme_and_layers_are_applied_at_once_and_kept(qtbot, shown, tmp_
     window, commands, dialog = shown
     card = window.workspace.card
     assert card.ra.text() == "05h 36m 12.00s"
-    choose(dialog.angles, AngleStyle.DECIMAL)
+    choose(dialog.general.angles, AngleStyle.DECIMAL)
     assert card.ra.text() == "84.05000°"
-    choose(dialog.theme, "night")
+    choose(dialog.general.theme, "night")
     assert commands.looks.is_night
     assert commands.actions["night"].isChecked()
-    choose(dialog.text, "large")
-    dialog.layers["grid"].click()
+    choose(dialog.general.text, "large")
+    dialog.layers.layers["grid"].click()
     assert not commands.presenter.overlay.layers.on["grid"]
     commands.actions["detected"].trigger()  # by its own key, the box follows
-    assert dialog.layers["detected"].isChecked() == commands.presenter.overlay.layers.on["detected"]
+    assert dialog.layers.layers["detected"].isChecked() == commands.presenter.overlay.layers.on["detected"]
     commands.settings.write()
     again = WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
     assert again.angle_style is AngleStyle.DECIMAL
@@ -79,13 +79,13 @@ def test_layers_have_amounts_and_colours_that_are_kept_and_drawn(qtbot, shown, m
     commands.actions["layers"].trigger()
     assert dialog.tabs.currentWidget() is dialog.layers_page
     layers = commands.presenter.overlay.layers
-    assert {*dialog.colours} == {*layers.on}
-    assert {*dialog.amounts} == {*layers.amount}
-    assert {box.currentText() for box in dialog.colours.values()} == {"Default"}
-    dialog.amounts["objects"].setValue(90)
-    choose(dialog.colours["figures"], HUES["Green"])
-    choose(dialog.colours["grid"], HUES["Pink"])
-    choose(dialog.colours["grid"], "")
+    assert {*dialog.layers.colours} == {*layers.on}
+    assert {*dialog.layers.amounts} == {*layers.amount}
+    assert {box.currentText() for box in dialog.layers.colours.values()} == {"Default"}
+    dialog.layers.amounts["objects"].setValue(90)
+    choose(dialog.layers.colours["figures"], HUES["Green"])
+    choose(dialog.layers.colours["grid"], HUES["Pink"])
+    choose(dialog.layers.colours["grid"], "")
     assert (layers.amount["objects"], layers.colour) == (0.9, {"figures": HUES["Green"]})
     dialog.close()
     again = make_window(engine)[1].presenter.overlay.layers
@@ -95,9 +95,9 @@ def test_layers_have_amounts_and_colours_that_are_kept_and_drawn(qtbot, shown, m
 
 def test_samples_of_colours_are_not_shown_in_red_light(qtbot, shown):
     _, _commands, dialog = shown
-    assert not dialog.colours["grid"].itemIcon(2).isNull()
-    choose(dialog.theme, "night")
-    assert all(box.itemIcon(k).isNull() for box in dialog.colours.values() for k in range(box.count()))
+    assert not dialog.layers.colours["grid"].itemIcon(2).isNull()
+    choose(dialog.general.theme, "night")
+    assert all(box.itemIcon(k).isNull() for box in dialog.layers.colours.values() for k in range(box.count()))
 
 
 @pytest.mark.parametrize("kept", ['{"objects": 7.0, "names": "x", "grid": [1]}', "[]", "{", '{"objects": NaN}'])
@@ -115,24 +115,24 @@ def test_a_grid_of_the_horizon_says_what_it_lacks(qtbot, opened):
     assert commands.presenter.overlay.layers.on["altaz"]
     known, told = commands.session.known, Hint(time_utc=datetime(2026, 1, 15, 22, 0, tzinfo=UTC), site=Site(50.0, 8.0))
     known.frame = replace(known.frame, hint=told)
-    assert commands.presenter.horizon() == Horizon(told.site, told.time_utc)
+    assert commands.field.horizon() == Horizon(told.site, told.time_utc)
     known.frame = replace(known.frame, hint=replace(told, time_of_file=True))  # which may be years later
-    assert commands.presenter.horizon() is None
+    assert commands.field.horizon() is None
 
 
 def test_a_new_profile_with_its_telescope_is_kept_and_stands_in_the_bar(qtbot, shown):
     window, _, dialog = shown
-    assert not dialog.focal.isEnabled()
-    type_in(qtbot, dialog.profile.lineEdit(), "RedCat & 533")
+    assert not dialog.equipment.focal.isEnabled()
+    type_in(qtbot, dialog.equipment.profile.lineEdit(), "RedCat & 533")
     assert window.bar.equipment.text() == "RedCat && 533"
-    type_in(qtbot, dialog.focal, "250")
-    type_in(qtbot, dialog.pixel, "3.76")
-    type_in(qtbot, dialog.site, "48.14, 11.58")
+    type_in(qtbot, dialog.equipment.focal, "250")
+    type_in(qtbot, dialog.equipment.pixel, "3.76")
+    type_in(qtbot, dialog.equipment.site, "48.14, 11.58")
     kept = load_profile("RedCat & 533")
     assert (kept.focal_length_mm, kept.pixel_size_um, kept.site) == (250.0, 3.76, Site(48.14, 11.58))
-    assert dialog.scale.text() == "3.1″/px"
+    assert dialog.equipment.scale.text() == "3.1″/px"
     assert "250 mm" in window.bar.equipment.toolTip()
-    type_in(qtbot, dialog.focal, "long")
+    type_in(qtbot, dialog.equipment.focal, "long")
     assert "focal length" in dialog.wrong.text()
     assert load_profile("RedCat & 533") == kept
 
@@ -174,18 +174,18 @@ def test_images_are_looked_for_in_the_chosen_folder(shown, tmp_path, monkeypatch
     lights = tmp_path / "lights"
     lights.mkdir()
     monkeypatch.setattr("kochab.window.shell.preferences.ask_folder", lambda *_: lights)
-    dialog.choose.click()
+    dialog.folders.choose.click()
     asked = []
-    monkeypatch.setattr("kochab.window.shell.commands.ask_frames", lambda _, start, *rest: asked.append(start) or [])
-    commands.choose()
+    monkeypatch.setattr("kochab.window.frame.files.ask_frames", lambda _, start, *rest: asked.append(start) or [])
+    commands.files.choose()
     assert asked == [str(lights)]
-    dialog.fixed.click()
-    commands.choose()
+    dialog.folders.fixed.click()
+    commands.files.choose()
     assert asked[1] == str(tmp_path)  # of the file opened last
 
 
 def test_the_data_is_told_to_be_offline(qtbot, shown):
     dialog = shown[2]
-    qtbot.waitUntil(lambda: "stars" in dialog.data.text())
-    assert OFFLINE in dialog.data.text()
-    assert "Small-field index" in dialog.data.text()
+    qtbot.waitUntil(lambda: "stars" in dialog.folders.data.text())
+    assert OFFLINE in dialog.folders.data.text()
+    assert "Small-field index" in dialog.folders.data.text()

@@ -7,7 +7,7 @@ from PySide6.QtCore import Qt
 
 from kochab.core.progress import Progress
 from kochab.window.shell import views
-from kochab.window.shell.menus import SPECS
+from kochab.window.shell.actions import COMMANDS
 
 
 def test_a_view_is_built_when_it_is_first_seen_and_once(qtbot, opened, monkeypatch):
@@ -104,8 +104,8 @@ def test_a_view_fits_a_small_screen(qtbot, make_window, engine):
 
 
 def test_keys_of_views_are_nobody_elses():
-    taken = {key for spec in SPECS for key in spec.keys.split()}
-    keys = [keys for _, keys, _ in views.VIEWS.values()]
+    taken = {key for spec in COMMANDS for key in spec.keys.split()}
+    keys = [mode.key for mode in views.VIEWS.values()]
     assert len(keys) == len(set(keys))
     assert not taken & set(keys)
 
@@ -138,7 +138,6 @@ def test_a_view_s_job_is_heard_and_ends_with_the_window(qtbot, opened, ends):
 def test_services_offer_the_sky_and_a_word(qtbot, opened):
     window, commands = opened
     services = commands.services
-    assert services.catalogue() is services.catalogue()
     assert services.session.known.frame is not None
     services.say("Done.")
     assert window.status.currentMessage() == "Done."

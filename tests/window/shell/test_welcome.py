@@ -61,7 +61,7 @@ def test_pictures_arrive_on_their_buttons(qtbot, make_window, engine):
     shipped = samples()[:2]
     window, commands = make_window(engine, shipped)
     assert window.welcome.samples[0].icon().isNull()
-    commands.add_thumbnails()
+    commands.window.welcome.load_pictures(commands.session.jobs, lambda: commands.looks.is_night)
     qtbot.waitUntil(lambda: not window.welcome.samples[1].icon().isNull(), timeout=10_000)
 
 

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtWidgets import QDialog, QMenu
+from PySide6.QtWidgets import QDialog, QMenu, QWidget
 
 from kochab.core import number, tr, tr_noop
 from kochab.core.angle_text import AngleStyle, angle_text, dec_text, ra_text, radec_plain
@@ -29,11 +29,10 @@ from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.mosaic import Mosaic
-from kochab.window.frame.presenter import Presenter
+from kochab.window.frame.place_menu import links, place_menu
 from kochab.window.frame.search import nothing_called, sought, taken_for
 from kochab.window.image.object_card import facts, vector_of
-from kochab.window.image.place_menu import links, place_menu
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
 
 BODIES_MAG = 10.0  # down to which asteroids and comets are drawn
@@ -54,9 +53,9 @@ def _bodies(when: datetime, site: Site | None) -> Task[tuple[datetime, list[Body
 class Atlas(QDialog):
     """The chart, what frames would hold around its middle, and the mount sent there."""
 
-    def __init__(self, presenter: Presenter, services: Services, aim: Callable[[str, str], object]) -> None:
-        super().__init__(presenter.window)
-        self._presenter, self._services, self._aim = presenter, services, aim
+    def __init__(self, parent: QWidget, services: Services, aim: Callable[[str, str], object]) -> None:
+        super().__init__(parent)
+        self._services, self._aim = services, aim
         self.setWindowTitle(tr("Sky atlas"))
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.chart = StarChart()
@@ -89,13 +88,13 @@ class Atlas(QDialog):
         self.framing.toggled.connect(self._frame)
         for each in self.fields:
             each.valueChanged.connect(self._frame)
-        presenter.session.solved.connect(self._solved)
-        presenter.session.opened.connect(self._date)
-        job = presenter.session.jobs.run(_loaded(), "sky")
+        services.session.solved.connect(self._solved)
+        services.session.opened.connect(self._date)
+        job = services.jobs.run(_loaded(), "sky")
         job.succeeded.connect(lambda read: self.chart.fill(*read))
         job.failed.connect(self.told.setText)
         self._date()
-        self._solved(frame := presenter.overlay.solution)
+        self._solved(frame := services.session.known.solution)
         if frame is not None:
             for field, value in zip(self.fields, (*frame.camera.fov_deg, frame.roll_deg), strict=False):
                 field.setValue(value)
@@ -106,10 +105,10 @@ class Atlas(QDialog):
 
     def _date(self) -> None:
         """Show the planets as they stood when the open frame was taken, or as they stand."""
-        frame, site = self._presenter.session.known.frame, self._presenter.settings.site
+        frame, site = self._services.session.known.frame, self._services.settings.site
         hint = Hint() if frame is None else frame.hint
         self._when, self._site = hint.taken_utc or datetime.now(UTC), hint.site or site
-        job = self._presenter.session.jobs.run(_bodies(self._when, self._site), "bodies")
+        job = self._services.jobs.run(_bodies(self._when, self._site), "bodies")
         job.succeeded.connect(self._has_bodies)
         self.dated.setText(tr("Planets: {time} UTC", time=f"{self._when:%Y-%m-%d %H:%M}"))
 
@@ -137,11 +136,11 @@ class Atlas(QDialog):
         place, field = radec_deg(self.chart.centre), self.chart.field_deg
         wide = f"{number(field, '.0f')}°" if field >= 10.0 else angle_text(field)
         around = tr("{constellation}, {angle} across", constellation=constellation_at(self.chart.centre), angle=wide)
-        style = self._presenter.style
+        style = self._services.settings.angle_style
         middle = "\n".join((ra_text(place[0], style), dec_text(place[1], style), around))
         head = tr("In the middle")
         self.told.setText(middle if mark is None else f"{self._facts(mark)}\n\n{head}\n{middle}")
-        against = reasons_against(self._services.situation)["centre"]
+        against = reasons_against(self._services.mount.situation)["centre"]
         self.centre.setEnabled(not against)
         self.centre.setToolTip(against)
 
@@ -150,7 +149,7 @@ class Atlas(QDialog):
         tables, sheet = self.chart.overlay.tables, self.chart.sheet
         if tables is None:
             return mark.text
-        told = facts(tables, mark, sheet, self._presenter.style, None)
+        told = facts(tables, mark, sheet, self._services.settings.angle_style, None)
         return "\n".join((mark.text, *(f"{title}  {text}".strip() for title, text in told.items())))
 
     def _seek(self) -> None:
@@ -167,7 +166,7 @@ class Atlas(QDialog):
 
     def _copy(self) -> None:
         if self.chart.mosaic is not None:
-            copy_text(self.chart.mosaic.text(self.chart.centre, self._presenter.style))
+            copy_text(self.chart.mosaic.text(self.chart.centre, self._services.settings.angle_style))
 
     def _send(self) -> None:
         self._aim("centre", radec_plain(*radec_deg(self.chart.centre), AngleStyle.DECIMAL))
@@ -179,10 +178,10 @@ class Atlas(QDialog):
             return None
         mark = chart.mark_at(at)
         vector = chart.sky_at(at) if mark is None else vector_of(tables, mark, chart.sheet)
-        against = reasons_against(self._services.situation)
+        against = reasons_against(self._services.mount.situation)
         pages = {} if mark is None else links(tables, mark, vector, 0.5)
         place, name = radec_deg(vector), "" if mark is None else mark.text
-        menu = place_menu(self, name, place, self._presenter.style, pages, against, self._aim)
+        menu = place_menu(self, name, place, self._services.settings.angle_style, pages, against, self._aim)
         middle = menu.addAction(tr("&Middle of the chart"))
         middle.triggered.connect(partial(chart.look, vector))
         menu.aboutToHide.connect(menu.deleteLater)

@@ -18,6 +18,7 @@ from kochab.gear.profiles import (
     save_profile,
     saved_profiles,
 )
+from kochab.window.devices.mount_control import MountControl
 from kochab.window.settings import WindowSettings
 from kochab.window.undo import Undo
 
@@ -39,6 +40,11 @@ class Equipment(QObject):
         self._menu.aboutToShow.connect(self._fill)
         button.setMenu(self._menu)
         self._show()
+
+    def follow(self, mount: MountControl) -> None:
+        """Keep the profile while a mount is connected; another site than the connected mount's is told there."""
+        mount.changed.connect(lambda: self.lock(mount.known.phase != "off"))
+        self.changed.connect(mount.compare_site)
 
     def choose(self, name: str) -> None:
         """Use the profile of this name from now on; a new name keeps what is used now, "" is none."""

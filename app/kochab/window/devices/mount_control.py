@@ -235,8 +235,7 @@ class MountControl(QObject):
     @property
     def solution(self) -> Solution | None:
         """The solution of the open frame."""
-        result = self._session.known.result
-        return result if isinstance(result, Solution) else None
+        return self._session.known.solution
 
     def use_site(self, site: Site | None) -> None:
         """Keep the site; the horizon limit goes by it from the next connection on."""

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
+from PySide6.QtWidgets import QMenu, QWidget
 
 from kochab.core import tr, tr_noop
 from kochab.core.frame import Frame
@@ -21,7 +22,6 @@ from kochab.window.dialogs import ask_save, save_task, tell
 from kochab.window.frame.session import Session
 from kochab.window.image.overlay import Overlay
 from kochab.window.settings import WindowSettings
-from kochab.window.shell.main_window import MainWindow
 from kochab.workflows.annotated_image import annotate, objects_csv, sky_regions, write_stellarium
 from kochab.workflows.session.wiring import ToJson
 
@@ -82,10 +82,18 @@ class FrameExporter(QObject):
     wrote = Signal(Path)
 
     def __init__(
-        self, window: MainWindow, session: Session, settings: WindowSettings, to_json: ToJson | None, overlay: Overlay
+        self,
+        parent: QWidget,
+        menu: QMenu,
+        session: Session,
+        settings: WindowSettings,
+        overlay: Overlay,
+        to_json: ToJson | None,
+        say: Callable[[str], None],
     ) -> None:
-        super().__init__(window)
-        self._window, self._session, self._settings, self._overlay = window, session, settings, overlay
+        super().__init__(parent)
+        self._parent, self._session, self._settings, self._overlay = parent, session, settings, overlay
+        self._say = say
         self.kinds = {kind.name: kind for kind in EXPORTS}
         if to_json is not None:  # the same object as the command line's
 
@@ -94,13 +102,13 @@ class FrameExporter(QObject):
 
             self.kinds["json"] = Export("json", tr_noop("Solution as &JSON…"), ".json", "JSON (*.json)", write)
         for kind in self.kinds.values():
-            action = window.menus.export.addAction(tr(kind.text))
+            action = menu.addAction(tr(kind.text))
             action.setObjectName(f"export_{kind.name}")
             action.triggered.connect(lambda _=False, k=kind: self.ask(k))
 
     def ask(self, kind: Export) -> None:
         base = self._session.known.path or Path("frame")
-        if (path := ask_save(self._window, base.with_name(base.stem + kind.ending), tr(kind.kinds))) is not None:
+        if (path := ask_save(self._parent, base.with_name(base.stem + kind.ending), tr(kind.kinds))) is not None:
             self.write(kind, path)
 
     def write(self, kind: Export, path: Path) -> None:
@@ -124,8 +132,8 @@ class FrameExporter(QObject):
 
         job = self._session.jobs.run(task(), f"export-{kind.name}")
         job.succeeded.connect(self._done)
-        job.failed.connect(lambda sentence: tell(self._window, tr("Export"), sentence))
+        job.failed.connect(lambda sentence: tell(self._parent, tr("Export"), sentence))
 
     def _done(self, path: Path) -> None:
-        self._window.status.showMessage(tr("Saved {name}", name=path.name), 6000)
+        self._say(tr("Saved {name}", name=path.name))
         self.wrote.emit(path)

@@ -20,12 +20,12 @@ from PySide6.QtWidgets import (
 )
 
 from kochab.core import tr, tr_n, tr_noop
-from kochab.core.angle_text import AngleStyle, short_name
+from kochab.core.angle_text import AngleStyle
 from kochab.core.solution import Solution
 from kochab.window.frame.batch import Batch, FileState
+from kochab.window.frame.workspace import Workspace
 from kochab.window.image.frame_image import FrameImage
 from kochab.window.image.thumbnails import HEIGHT, WIDTH, as_pixmap
-from kochab.window.shell.main_window import MainWindow
 from kochab.window.themes import draw_glyph, theme_colours
 from kochab.window.widgets import ProgressBar, button, choice_box, column, label, named, row, switch
 from kochab.workflows.solution_text import RESULT_TITLES, result_cells
@@ -105,8 +105,15 @@ class FilmStrip(QFrame):
         if item is not None:
             self.list.scrollToItem(item)
 
-    def step(self, by: int) -> None:
-        """Open the next file, or the one before."""
+    def next(self) -> None:
+        """Open the next file."""
+        self._step(1)
+
+    def previous(self) -> None:
+        """Open the file before."""
+        self._step(-1)
+
+    def _step(self, by: int) -> None:
         at = min(max(self.list.currentRow() + by, 0), self.list.count() - 1)
         if (item := self.list.item(at)) is not None and at != self.list.currentRow():
             self._choose(item)
@@ -201,9 +208,11 @@ def results_table(parent: QWidget, batch: Batch, style: AngleStyle, save: Callab
 class Blink(QObject):
     """Shows the open image and the one before in turn, without marks: what differs, blinks."""
 
-    def __init__(self, window: MainWindow) -> None:
-        super().__init__(window)
-        self._window, self._panes = window, window.workspace
+    named = Signal(str)  # the file whose image is shown
+
+    def __init__(self, panes: Workspace) -> None:
+        super().__init__(panes)
+        self._panes = panes
         self.shown: list[tuple[str, FrameImage]] = []
         """The open image, and then the one before; with their names."""
         self._turn = 0
@@ -236,4 +245,4 @@ class Blink(QObject):
     def _show(self, turn: int) -> None:
         name, picture = self.shown[turn]
         self._panes.view.show_picture(picture, keep_view=True)
-        self._window.bar.name.setText(short_name(name))
+        self.named.emit(name)

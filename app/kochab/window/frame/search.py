@@ -4,7 +4,7 @@ from collections.abc import Callable
 from datetime import datetime
 
 import numpy as np
-from PySide6.QtWidgets import QDialog
+from PySide6.QtWidgets import QDialog, QWidget
 
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
@@ -14,8 +14,9 @@ from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.polar.horizon import horizon_of
 from kochab.sky.finder import Found, NotFound, find
-from kochab.window.frame.presenter import Presenter
-from kochab.window.shell.menus import SPECS
+from kochab.window.frame.picker import Picker
+from kochab.window.frame.session import Session
+from kochab.window.settings import WindowSettings
 from kochab.window.widgets import column, label, text_field
 
 WAYS = (
@@ -63,11 +64,19 @@ def sought(text: str, when: datetime | None = None, site: Site | None = None) ->
 
 
 class Search(QDialog):
-    """One field; Enter finds, Escape closes."""
+    """One field; Enter finds, Escape closes. ``command`` gives what runs the command that is called so."""
 
-    def __init__(self, presenter: Presenter) -> None:
-        super().__init__(presenter.window)
-        self._presenter = presenter
+    def __init__(
+        self,
+        parent: QWidget,
+        session: Session,
+        settings: WindowSettings,
+        picker: Picker,
+        command: Callable[[str], Callable[[], None] | None],
+    ) -> None:
+        super().__init__(parent)
+        self._session, self._settings, self._picker = session, settings, picker
+        self._command = command
         self.setWindowTitle(tr("Search"))
         self.field = text_field(tr("Search"), tr(EXAMPLE), tr("A star, an object, a planet, coordinates or a command"))
         self.field.setMinimumWidth(self.fontMetrics().averageCharWidth() * 48)
@@ -91,9 +100,9 @@ class Search(QDialog):
             self.accept()
             run()
             return ""
-        solution = self._presenter.overlay.solution
-        body = next((m for m in self._presenter.overlay.bodies if m.text.casefold() == text.casefold()), None)
-        frame, site = self._presenter.session.known.frame, self._presenter.settings.site
+        solution = self._picker.overlay.solution
+        body = next((m for m in self._picker.overlay.bodies if m.text.casefold() == text.casefold()), None)
+        frame, site = self._session.known.frame, self._settings.site
         hint = Hint() if frame is None else frame.hint
         doubt = ""
         if body is not None and body.body is not None:
@@ -110,14 +119,5 @@ class Search(QDialog):
             horizon = None if frame is None else horizon_of(frame, site)
             below = horizon is not None and horizon.altaz_deg(vector)[0] < 0.0
             return outside(solution, vector) + below * f", {tr('below the horizon')}"
-        self._presenter.find(x, y, CLOSEST_PX)
+        self._picker.find(x, y, CLOSEST_PX)
         return doubt
-
-    def _command(self, text: str) -> Callable[[], None] | None:
-        """The command that is called so."""
-        for spec in SPECS:
-            action = self._presenter.window.actions_by_name[spec.name]
-            name = spec.text.replace("&", "").rstrip("…").casefold()
-            if action.isEnabled() and len(text) > 2 and text.casefold() in (name, spec.name):
-                return action.trigger
-        return None

@@ -94,6 +94,11 @@ class Known:
     name: str = ""
     shown_at_s: float = 0.0
 
+    @property
+    def solution(self) -> Solution | None:
+        """What it was solved to; None when it is not, or not yet."""
+        return self.result if isinstance(self.result, Solution) else None
+
 
 class Session(QObject):
     """Runs the jobs and holds their results; views listen to it, never to each other.

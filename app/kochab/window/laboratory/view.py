@@ -17,8 +17,9 @@ from kochab.window.dialogs import ask_save, tell
 from kochab.window.job import Job
 from kochab.window.laboratory.results import Plots, TrialTable
 from kochab.window.laboratory.setup import Hints, LaboratorySetupPanel, MethodsPanel
-from kochab.window.shell.views import Services
-from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
+from kochab.window.services import Services
+from kochab.window.view import View
+from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 
 READY = tr_noop("Compare methods on the same stars, or plot how they cope with worse data.")
 
@@ -30,7 +31,7 @@ class _Relay(QObject):
     point = Signal(object)
 
 
-class LaboratoryView(Page):
+class LaboratoryView(View):
     """Set-up above, table and curves below."""
 
     def __init__(self, services: Services) -> None:

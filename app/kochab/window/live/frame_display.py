@@ -13,7 +13,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.window.image.screen_image import RenderedFrame
 from kochab.window.live.rendering import DisplaySettings, Levels, LiveRenderer
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.workflows.live.capture import Mailbox
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.solve_frame import SolvedFrame

@@ -14,6 +14,7 @@ from PySide6.QtGui import QShowEvent
 from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureSettings
 from kochab.gear.profiles import current_profile
+from kochab.sky import open_catalogue
 from kochab.window.devices.cameras import TITLES
 from kochab.window.dialogs import ask_folder
 from kochab.window.job import Job
@@ -23,7 +24,8 @@ from kochab.window.live.frame_display import LiveDisplay
 from kochab.window.live.pointing_panel import PointingPanel
 from kochab.window.live.sky_points import sky_points
 from kochab.window.live.status_text import StreamStatus, recorded_text
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
+from kochab.window.view import View
 from kochab.window.widgets import Page, button, column, label, row, scrolled, show_text, switch, tab_pages
 from kochab.workflows.live.solve import ProfiledTracker
 from kochab.workflows.session.live_stream import Recording, Stream, StreamRequest
@@ -74,7 +76,7 @@ READY = tr_noop("Choose a camera, then press Start.")
 POINTING = 1  # its tab
 
 
-class LiveView(Page):
+class LiveView(View):
     """Runs one camera at a time; the headline, Start and Stop are always in sight."""
 
     def __init__(self, services: Services) -> None:
@@ -92,7 +94,7 @@ class LiveView(Page):
         self._restore()
         self._show_idle()
         self.camera.box.search()
-        chart = services.jobs.run(sky_points(services.catalogue), "sky-chart")
+        chart = services.jobs.run(sky_points(open_catalogue), "sky-chart")
         chart.succeeded.connect(self.pointing.chart.show_points)
         chart.failed.connect(services.say)
 

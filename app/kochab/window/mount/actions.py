@@ -17,7 +17,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.solver.disagreement import Disagreement
 from kochab.solver.pointing_model import fit_model
 from kochab.window.devices.mount_control import MountControl
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed
 from kochab.workflows.goto_target import FlipQuestion, flip_mount, goto_typed
 from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge

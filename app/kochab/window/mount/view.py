@@ -13,7 +13,6 @@ from kochab.gear.actions import POLAR, reasons_against
 from kochab.gear.profiles import current_profile, save_selection, saved_profiles
 from kochab.gear.session import CameraSelection, Meridian, MountSelection
 from kochab.window.devices.cameras import CameraBox
-from kochab.window.devices.mount_status import MountStatus
 from kochab.window.frame.picture_age import PictureAge
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.connect_box import ConnectBox
@@ -21,9 +20,9 @@ from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, Track
 from kochab.window.mount.gamepad import Gamepad
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
+from kochab.window.view import View
 from kochab.window.widgets import (
-    Page,
     Part,
     ProgressBar,
     button,
@@ -67,7 +66,7 @@ TRUST_TIP = tr_noop("Slew and sync anyway. Limits use this computer’s clock an
 ALIGNING = tr_noop("Polar alignment (F4) is using the mount")
 
 
-class MountView(Page):
+class MountView(View):
     """Cards that scroll; the message and the progress are always in sight below. STOP is in the bar above."""
 
     def __init__(self, services: Services) -> None:
@@ -230,9 +229,7 @@ class MountView(Page):
     @property
     def stop(self) -> QPushButton:
         """The one STOP of the window."""
-        status = self._services.panes.window().findChild(MountStatus)
-        assert status is not None  # made with the mount's control
-        return status.stop
+        return self._services.stop
 
     def aim(self, action: str, target: str) -> None:
         """Go to a target, or "centre" it, as if a person had typed it here and pressed the button."""

@@ -17,7 +17,7 @@ from kochab.polar.report import History
 from kochab.polar.tutor import Instruction
 from kochab.window.devices.mount_control import PRACTISE_LATER, MountTask
 from kochab.window.job import Job
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.workflows.polar.sources import SolvedFile
 from kochab.workflows.polar.update import PolarControls, TurnInstruction
 from kochab.workflows.session.alignment import (

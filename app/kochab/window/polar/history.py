@@ -17,7 +17,7 @@ from kochab.polar.report import Entry, History, report_html, write_report
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.dialogs import ask_save, save_task, tell
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.window.widgets import Page, button, choice_box, column, label, row
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0  # FINE: pixels of a drawing for one of the page

@@ -10,7 +10,7 @@ from kochab.core import tr, tr_noop
 from kochab.core.progress import Progress, Task
 from kochab.window.dialogs import is_red
 from kochab.window.job import Job
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.window.widgets import Page, button, column, copy_text, label, row, show_text, switch, value_label
 from kochab.workflows.session.alignment_state import AlignmentState
 from kochab.workflows.session.wiring import PolarPage

@@ -22,7 +22,7 @@ from kochab.polar.horizon import Pole, name_of
 from kochab.window.devices.cameras import CameraBox
 from kochab.window.dialogs import ask_frames
 from kochab.window.polar.alignment_run import NO_MOUNT
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
 from kochab.window.widgets import (
     Page,
     button,

@@ -25,8 +25,9 @@ from kochab.window.polar.history import HistoryPage
 from kochab.window.polar.phone import PhonePanel
 from kochab.window.polar.setup import SECOND_TIP, AlignmentSetupPanel
 from kochab.window.polar.sound_cues import Cues, SoundCues
-from kochab.window.shell.views import Services
-from kochab.window.widgets import Page, ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
+from kochab.window.services import Services
+from kochab.window.view import View
+from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 from kochab.workflows.polar.sources import SolvedFile
 from kochab.workflows.polar.update import PolarButton, PolarControls
 from kochab.workflows.session.alignment import AlignmentRequest, AxisTurnedBy, FrameSource
@@ -44,7 +45,7 @@ REFRESH_MS = 250
 PHONE = 3  # its tab
 
 
-class PolarView(Page):
+class PolarView(View):
     """Passes buttons to the alignment under way and shows its state on every page."""
 
     def __init__(self, services: Services) -> None:

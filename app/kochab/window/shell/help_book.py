@@ -1,4 +1,4 @@
-"""The help book: pages with pictures, searchable, from files beside the program; and what is new.
+"""Help: the book with its pages and what is new, the tour, the keys, the version, and a report of a fault.
 
 A page of a person's language stands in a folder of its name, ``help/de/4-live.md``; one that is not there is English.
 """
@@ -8,14 +8,21 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QLocale, Qt, QUrl
+from PySide6.QtCore import QLocale, QObject, Qt, QUrl
 from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
-from PySide6.QtWidgets import QDialog, QListWidget, QTextBrowser, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QTextBrowser, QWidget
 
-from kochab.core import data_folder, tr
-from kochab.window.dialogs import is_red
-from kochab.window.shell.menus import NEWS
-from kochab.window.widgets import column, label, named, row, text_field
+from kochab import __version__
+from kochab.core import data_folder, tr, tr_noop
+from kochab.gear.journal import save_report
+from kochab.window.dialogs import ask_save, is_red, save_task, tell, without_icons
+from kochab.window.job import Jobs
+from kochab.window.settings import WindowSettings
+from kochab.window.shell.actions import COMMANDS, NEWS
+from kochab.window.shell.main_window import MainWindow
+from kochab.window.shell.tour import Tour
+from kochab.window.shell.views import VIEWS, Views
+from kochab.window.widgets import Part, bring_to_front, column, grid, label, named, row, text_field
 
 PICTURE_PX, LIST_PX = 640, 250
 
@@ -102,3 +109,93 @@ class HelpBook(QDialog):
         self.browser.setMarkdown(page.text)
         if words := self.search.text().split():
             self.browser.find(words[0])
+
+
+LEAST_PX = 380  # a minimum of the box itself would keep it from growing with its letters
+
+
+ABOUT = (
+    f"Kochab {__version__}",
+    tr_noop("Plate solving, polar alignment and mount control. Nothing to download."),
+    tr_noop("Free software under the GNU General Public License, version 3 or later."),
+)
+
+
+KEYS = [
+    ("F7", tr_noop("Adjuster display, in Polar alignment")),
+    ("Esc", tr_noop("Stop the connected mount, from any view")),
+    (tr_noop("Arrows"), tr_noop("Pan the image or chart that has focus")),
+    ("Home", tr_noop("Show the whole chart")),
+    ("Tab", tr_noop("Next control")),
+]
+
+
+def about(parent: QWidget) -> QDialog:
+    """Version and licence."""
+    lines = zip(ABOUT, ("title", "", "muted"), strict=True)
+    return _box(parent, tr("About Kochab"), *(label(tr(text), role, wrap=True) for text, role in lines))
+
+
+def keyboard(parent: QWidget) -> QDialog:
+    """Every keyboard shortcut."""
+    rows = [(c.keys.replace(" ", ", "), tr(c.text).replace("&", "").rstrip("…")) for c in COMMANDS if c.keys]
+    rows += [(mode.key, tr(mode.title).replace("&", "")) for mode in VIEWS.values()]
+    rows += [(tr(key), tr(what)) for key, what in KEYS]
+    half = (len(rows) + 1) // 2
+    lines = ([*rows[i], *(rows[half + i] if half + i < len(rows) else ())] for i in range(half))
+    cells = ([label(text, "" if i % 2 else "muted") for i, text in enumerate(line)] for line in lines)
+    return _box(parent, tr("Keyboard"), grid(*cells, across=18, down=3))
+
+
+def _box(parent: QWidget, title: str, *parts: Part) -> QDialog:
+    """A dialog of these parts above a button that closes it."""
+    box = QDialog(parent)
+    box.setWindowTitle(title)
+    box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+    without_icons(buttons.buttons())
+    buttons.rejected.connect(box.reject)
+    column(*parts, row(LEAST_PX, None), buttons, on=box, spacing=12, margins=(20, 20, 20, 16))
+    return box
+
+
+class Help(QObject):
+    """Opens what helps a person."""
+
+    def __init__(self, window: MainWindow, views: Views, settings: WindowSettings, jobs: Jobs) -> None:
+        super().__init__(window)
+        self._window, self._views, self._settings, self._jobs = window, views, settings, jobs
+        window.log.report_wanted.connect(self.save_report)
+
+    def show(self, page: str = "") -> None:
+        """Open the help book at a page, or at that of the present mode."""
+        book = self._window.findChild(HelpBook) or HelpBook(self._window)
+        docked = next((name for name in self._views.docked if name in VIEWS), "")
+        book.turn_to(page or docked)
+        bring_to_front(book)
+
+    def show_news(self) -> None:
+        """The help book at what is new."""
+        self.show("news")
+
+    def show_tour(self) -> None:
+        """Four cards over the window."""
+        self._settings.keep("toured", True)
+        if self._window.findChild(Tour) is None:
+            Tour(self._window)
+
+    def show_about(self) -> None:
+        """Version and licence."""
+        about(self._window).open()
+
+    def show_keys(self) -> None:
+        """Every keyboard shortcut."""
+        keyboard(self._window).open()
+
+    def save_report(self) -> None:
+        """Ask where to, and pack the journal, versions and settings there."""
+        if (path := ask_save(self._window, Path.home() / "kochab-report.zip", "ZIP (*.zip)")) is not None:
+            settings, say = self._settings.as_dict(), self._window.say
+            job = self._jobs.run(save_task(lambda: save_report(path, settings), path), "report")
+            job.succeeded.connect(lambda p: say(tr("Saved {name}. Attach it to your bug report.", name=p.name)))
+            job.failed.connect(lambda sentence: tell(self._window, tr("Report"), sentence))

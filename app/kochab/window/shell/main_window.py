@@ -7,13 +7,16 @@ from PySide6.QtWidgets import QMainWindow, QStackedWidget, QWidget
 from kochab.window.dialogs import dropped_files
 from kochab.window.frame.workspace import Workspace
 from kochab.window.panels.log_panel import LogPanel
-from kochab.window.shell.menus import Menus, Rail, button_of, make_actions
+from kochab.window.shell.actions import make_actions
+from kochab.window.shell.menus import Menus, Rail, button_of
 from kochab.window.shell.status import Status, TopBar
 from kochab.window.shell.welcome import Sample, Welcome
 
+SAY_MS = 8000
+
 
 class MainWindow(QMainWindow):
-    """Widgets only; :class:`kochab.window.frame.presenter.Presenter` connects them."""
+    """Widgets only; :func:`kochab.window.application.build` makes what connects them."""
 
     files_dropped = Signal(object)  # list[Path]
     closing = Signal()
@@ -47,6 +50,10 @@ class MainWindow(QMainWindow):
         self.welcome.first.setFocus()
         self.status = Status()
         self.setStatusBar(self.status)
+
+    def say(self, sentence: str) -> None:
+        """Show a sentence in the status bar for a while."""
+        self.status.showMessage(sentence, SAY_MS)
 
     def show_frame_page(self) -> None:
         self.pages.setCurrentWidget(self.workspace)

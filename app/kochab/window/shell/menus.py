@@ -1,151 +1,19 @@
-"""The actions of the window, its menus, the rail at its left, and the buttons over the image."""
+"""The menus of the window, the rail at its left, and the buttons over the image."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QSize, Qt
-from PySide6.QtGui import QAction, QActionGroup, QKeySequence
+from PySide6.QtGui import QAction, QActionGroup
 from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QSizePolicy, QToolBar, QToolButton, QWidget
 
-from kochab.core import tr, tr_noop
+from kochab.core import tr
 from kochab.core.angle_text import short_name
 from kochab.sky.layer import MARKS
-from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES, Colours, glyphs, icon
+from kochab.window.shell.actions import Actions
+from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES
 
-
-@dataclass(frozen=True, slots=True)
-class Spec:
-    """One action: its name, its text with mnemonic, shortcuts, and whether it switches."""
-
-    name: str
-    text: str
-    keys: str = ""  # separated by spaces
-    tip: str = ""
-    switch: bool = False
-    short: str = ""  # text on a button
-
-
-NEWS = tr_noop("What’s new")  # also a page of the help book
-SPECS = (
-    Spec("open", tr_noop("&Open…"), "Ctrl+O", tr_noop("Open an image"), short=tr_noop("Open…")),
-    Spec("folder", tr_noop("Open a &folder…"), "Ctrl+Shift+O", tr_noop("Open all images of a folder")),
-    Spec("clear_recent", tr_noop("&Clear this list")),
-    Spec("quit", tr_noop("&Quit"), "Ctrl+Q"),
-    Spec("solve", tr_noop("&Solve again"), "F5 Ctrl+R", tr_noop("Plate solve the open image again")),
-    Spec("cancel", tr_noop("&Cancel"), "Esc", tr_noop("Stop the current task")),
-    Spec("fit", tr_noop("&Fit to window"), "0 Ctrl+0", tr_noop("Show the whole image"), short=tr_noop("Fit")),
-    Spec("one", tr_noop("&Actual pixels"), "1 Ctrl+1", tr_noop("Show the image at 100 %")),
-    Spec("in", tr_noop("Zoom &in"), "+ = Ctrl++"),
-    Spec("out", tr_noop("Zoom &out"), "- Ctrl+-"),
-    Spec("next", tr_noop("N&ext image"), "Ctrl+Right", tr_noop("Open the next file of the film strip")),
-    Spec("previous", tr_noop("&Previous image"), "Ctrl+Left", tr_noop("Open the file before")),
-    Spec("blink", tr_noop("&Blink"), "B", tr_noop("Show this image and the one before in turn"), True),
-    Spec("stretch", tr_noop("Automatic &stretch"), "T", tr_noop("Stretch the image so that faint stars show"), True),
-    Spec(
-        "histogram",
-        tr_noop("Histogra&m"),
-        "H",
-        tr_noop("Show the histogram, black point and brightness"),
-        True,
-        tr_noop("Stretch"),
-    ),
-    Spec("colour", tr_noop("&Colour"), "C", tr_noop("Show in colour or mono"), True),
-    Spec(
-        "objects",
-        tr_noop("Deep-sky &objects"),
-        "O",
-        tr_noop("Outlines and names of galaxies, nebulae and clusters"),
-        True,
-    ),
-    Spec("names", tr_noop("Star &names"), "N", tr_noop("Names of bright stars"), True),
-    Spec(
-        "bodies",
-        tr_noop("&Planets, asteroids, comets"),
-        "P",
-        tr_noop("Bodies of the Solar System in a dated frame"),
-        True,
-    ),
-    Spec("figures", tr_noop("Constellation &lines"), "L", tr_noop("The figures of the constellations"), True),
-    Spec("boundaries", tr_noop("Constellation &boundaries"), "", tr_noop("The IAU's boundaries"), True),
-    Spec("ecliptic", tr_noop("E&cliptic"), "", tr_noop("The Sun's path"), True),
-    Spec("galactic", tr_noop("&Galactic equator"), "", tr_noop("Galactic plane"), True),
-    Spec(
-        "altaz",
-        tr_noop("&Alt/Az grid"),
-        "A",
-        tr_noop("Altitude and azimuth, where the frame’s time and site are known"),
-        True,
-    ),
-    Spec("layers", tr_noop("A&mounts and colours…"), "", tr_noop("How much of each layer, and in which colour")),
-    Spec("identified", tr_noop("&Identified stars"), "I", tr_noop("Circle identified stars"), True),
-    Spec("detected", tr_noop("&Detected stars"), "D", tr_noop("Circle detected stars that are not identified"), True),
-    Spec("grid", tr_noop("&RA/Dec grid"), "G", tr_noop("Right ascension and declination lines"), True),
-    Spec("centre", tr_noop("Centre cros&s"), "X", tr_noop("Mark the centre of the frame"), True),
-    Spec("compass", tr_noop("North and &east arrows"), "E", tr_noop("Show north and east"), True),
-    Spec(
-        "night", tr_noop("Ni&ght"), "Ctrl+N", tr_noop("Red light only, for dark-adapted eyes"), True, tr_noop("Night")
-    ),
-    Spec(
-        "preferences",
-        tr_noop("Pre&ferences…"),
-        "Ctrl+,",
-        tr_noop("Angles, theme, layers, equipment, folders"),
-        short=tr_noop("Settings"),
-    ),
-    Spec(
-        "details",
-        tr_noop("&Details"),
-        "Ctrl+D",
-        tr_noop("Attitude, camera, times, the stars, hints and methods"),
-        True,
-        tr_noop("Details"),
-    ),
-    Spec("fill", tr_noop("Tool fills the &window"), "Shift+F11", tr_noop("Hide the image beside an open tool"), True),
-    Spec("full", tr_noop("F&ull screen"), "F11", "", True),
-    Spec("log", tr_noop("&Log"), "Ctrl+L", tr_noop("Show the log"), True),
-    Spec("undo", tr_noop("&Undo"), "Ctrl+Z", tr_noop("Take the last change back")),
-    Spec("redo", tr_noop("Re&do"), "Ctrl+Shift+Z Ctrl+Y", tr_noop("Make the change again")),
-    Spec("search", tr_noop("Fi&nd…"), "Ctrl+K", tr_noop("Find a star, an object, coordinates or a command")),
-    Spec("atlas", tr_noop("S&ky atlas"), "Ctrl+M", tr_noop("Star chart with the frame’s outline, framing and mosaics")),
-    Spec("copy", tr_noop("Copy &RA/Dec"), "Ctrl+Shift+C", tr_noop("Copy the coordinates of the frame's centre")),
-    Spec("copy_all", tr_noop("Copy &everything")),
-    Spec("tab_solution", tr_noop("Solutio&n"), "Alt+1"),
-    Spec("tab_stars", tr_noop("Sta&rs"), "Alt+2"),
-    Spec("tab_hints", tr_noop("&Hints and methods"), "Alt+3"),
-    Spec("help", tr_noop("&Help"), "F1", tr_noop("The help book, at the page of the present mode")),
-    Spec("tour", tr_noop("&Tour"), "", tr_noop("Four cards for the first evening")),
-    Spec("news", tr_noop("&What’s new")),
-    Spec("keys", tr_noop("&Keyboard"), "Shift+F1"),
-    Spec("about", tr_noop("&About Kochab")),
-    Spec("report", tr_noop("Save a &report…"), "", tr_noop("Pack the journal and versions for a bug report")),
-)
-Actions = dict[str, QAction]
 LEAST_LETTERS = 105  # of the window's width, for a rail with names
-
-
-def make_actions(window: QMainWindow) -> Actions:
-    """All actions by name, with shortcuts that work wherever the focus is in ``window``."""
-    made: Actions = {}
-    for spec in SPECS:
-        # An icon in the menu would take the place of a switch's tick.
-        action = QAction(tr(spec.text), window, checkable=spec.switch, iconVisibleInMenu=False)
-        action.setObjectName(spec.name)
-        action.setShortcuts([QKeySequence(k) for k in spec.keys.split()])
-        if spec.short:
-            action.setIconText(tr(spec.short))
-        keys = f" ({spec.keys.split()[0]})" if spec.keys else ""
-        action.setToolTip(f"{tr(spec.tip) or tr(spec.text).replace('&', '').rstrip('…')}{keys}")
-        made[spec.name] = action
-        window.addAction(action)
-    return made
-
-
-def colour_icons(actions: Actions, colours: Colours) -> None:
-    """Draw the icons in the theme's colours."""
-    for name, action in actions.items():
-        if glyphs(colours.text).elementExists(name):
-            action.setIcon(icon(name, colours.text, colours.faint))
 
 
 class Menus:

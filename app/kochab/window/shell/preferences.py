@@ -1,10 +1,11 @@
 """The Preferences dialog: every change is applied and kept at once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from PySide6.QtCore import QLocale, QSignalBlocker, Qt, QUrl
+from PySide6.QtCore import QLocale, QSignalBlocker, Qt, QUrl, Signal
 from PySide6.QtGui import QAction, QColor, QDesktopServices, QIcon, QPixmap
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QSlider, QWidget
 from shiboken6 import isValid
@@ -19,10 +20,11 @@ from kochab.gear.quick_stop import profile_folder
 from kochab.sky.layer import AMOUNTS, MARKS
 from kochab.window.devices.equipment import Equipment
 from kochab.window.dialogs import ask_folder, without_icons
-from kochab.window.frame.presenter import Presenter
 from kochab.window.panels.solution_panel import STYLES
-from kochab.window.settings import languages
-from kochab.window.shell.views import Services
+from kochab.window.services import Services
+from kochab.window.settings import WindowSettings, languages
+from kochab.window.shell.appearance import Appearance
+from kochab.window.shell.main_window import MainWindow
 from kochab.window.themes import HUES, TEXT_SIZE_TITLES, THEME_TITLES
 from kochab.window.widgets import (
     Part,
@@ -52,57 +54,26 @@ OFFLINE = tr_noop(
 FOLDERS = {tr_noop("Equipment"): profile_folder, tr_noop("Indexes"): cache_folder, tr_noop("Log"): journal_folder}
 
 
-class Preferences(QDialog):
-    """Angles and appearance, layers, equipment, folders and data."""
+class GeneralPage(QWidget):
+    """Angles, theme, size of the letters, language."""
 
-    def __init__(self, presenter: Presenter, services: Services, equipment: Equipment) -> None:
-        super().__init__(presenter.window)
-        self.setWindowTitle(tr("Preferences"))
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
-        self._presenter, self._services, self._equipment = presenter, services, equipment
-        self.settings = services.settings
-        self.wrong = label("", "wrong", wrap=True)
-        self.layers_page = self._layers()
-        pages = (
-            (tr("General"), self._general()),
-            (tr("Layers"), self.layers_page),
-            (tr("Equipment"), self._gear()),
-            (tr("Folders and data"), self._data()),
-        )
-        self.tabs = tab_pages(tr("Preferences"), *pages)
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
-        without_icons(buttons.buttons())
-        buttons.rejected.connect(self.reject)
-        column(self.tabs, self.wrong, buttons, on=self, spacing=10, margins=(14, 10, 14, 12))
-        self.wrong.hide()
-        equipment.changed.connect(self._show_gear)
-        equipment.refused.connect(self._refuse)
-        self._show_gear()
-        services.looks.redden_carets(self)
-        # The window's shortcuts do not work in another window.
-        self.addActions([presenter.window.actions_by_name[name] for name in ("undo", "redo")])
-        letters = self.fontMetrics()
-        self.resize(letters.averageCharWidth() * WIDE, letters.height() * HIGH)
-
-    def _refuse(self, sentence: str) -> None:
-        show_text(self.wrong, sentence)
-        # Else the refused name would stay in its field.
-        self._show_gear()
-
-    def _general(self) -> QWidget:
-        looks, solution = self._services.looks, self._services.panes.solution
+    def __init__(self, services: Services, appearance: Appearance) -> None:
+        super().__init__()
+        self._services, self._settings = services, services.settings
+        solution = services.panes.solution
         # The titles are the menus', with their mnemonics.
         plain = {tr(title).replace("&", ""): name for name, title in THEME_TITLES.items()}
         sizes = {tr(title).replace("&", ""): name for name, title in TEXT_SIZE_TITLES.items()}
         self.angles = choice_box(tr("Angles"), {tr(title): style for style, title in STYLES.items()})
-        _show(self.angles, self.settings.angle_style)
+        _show(self.angles, self._settings.angle_style)
         solution.style_changed.connect(self._show_angles)
-        self._undone(self.angles, tr("change the angles"), lambda: self.settings.angle_style, solution.set_style)
+        self._undone(self.angles, tr("change the angles"), lambda: self._settings.angle_style, solution.set_style)
         self.theme = choice_box(tr("Theme"), plain)
         self.text = choice_box(tr("Text size"), sizes)
-        self._undone(self.theme, tr("change the theme"), self._theme, looks.use_theme)
-        self._undone(self.text, tr("change the text size"), self._size, lambda size: looks.use_theme(text_size=size))
-        looks.changed.connect(self._show_looks)
+        self._undone(self.theme, tr("change the theme"), self._theme, appearance.use_theme)
+        resize = partial(appearance.use_theme, None)
+        self._undone(self.text, tr("change the text size"), self._size, resize)
+        services.looks.changed.connect(self._show_looks)
         self._show_looks()
         rows: list[tuple[str, QWidget]]
         rows = [(tr("Angles"), self.angles), (tr("Theme"), self.theme), (tr("Text size"), self.text)]
@@ -113,7 +84,7 @@ class Preferences(QDialog):
             _show(self.language, self._language())
             self._undone(self.language, tr("change the language"), self._language, self._speak)
             rows += [(tr("Language"), self.language), ("", label(tr("Takes effect at the next start."), "muted"))]
-        return _page(form(*rows))
+        _fill(self, form(*rows))
 
     def _undone(self, box: QComboBox, text: str, now: Callable[[], T], use: Callable[[T], object]) -> None:
         """Let ``use`` make what is chosen in ``box``, instead of what is ``now``, which can be had back."""
@@ -126,16 +97,16 @@ class Preferences(QDialog):
         box.activated.connect(change)
 
     def _theme(self) -> str:
-        return self.settings.text("theme", "dark")
+        return self._settings.text("theme", "dark")
 
     def _size(self) -> str:
-        return self.settings.text("text_size", "normal")
+        return self._settings.text("text_size", "normal")
 
     def _language(self) -> str:
-        return self.settings.text("language", "")
+        return self._settings.text("language", "")
 
     def _speak(self, code: str) -> None:
-        self.settings.keep("language", code)
+        self._settings.keep("language", code)
         if isValid(self):  # else it was closed, and this is undone from the menu
             _show(self.language, code)
 
@@ -146,56 +117,58 @@ class Preferences(QDialog):
         _show(self.theme, self._theme())
         _show(self.text, self._size())
 
-    def _layers(self) -> QWidget:
-        actions = self._presenter.window.actions_by_name
+
+class LayersPage(QWidget):
+    """Which layers are drawn over the image, how much of each, and in which colour."""
+
+    def __init__(self, services: Services, actions: Mapping[str, QAction]) -> None:
+        super().__init__()
+        self._undo, self._looks = services.undo, services.looks
         self.layers = {name: _switch_of(actions[name]) for name in (*MARKS, "stretch", "colour")}
         self.amounts = {name: self._amount(name) for name in AMOUNTS}
         self.colours = {name: self._colour(name) for name in MARKS}
         heads = label(""), label(tr("How much"), "muted"), label(tr("Colour"), "muted")
         rows = ([self.layers[name], self.amounts.get(name) or label(), self.colours[name]] for name in MARKS)
-        self._services.looks.changed.connect(self._show_layers)
+        self._looks.changed.connect(self._show_layers)
         self._show_layers()
         self.reset = button(tr("Reset"), self._reset, "small", tr("All amounts and colours as at first"))
         below = row(self.reset, None), styled_frame("rule"), self.layers["stretch"], self.layers["colour"]
-        return scrolled(_page(grid(heads, *rows, across=16, stretch=(0, 1)), *below))
+        _fill(self, grid(heads, *rows, across=16, stretch=(0, 1)), *below)
 
     def _amount(self, layer: str) -> QSlider:
-        looks = self._services.looks
         made = named(
             QSlider(Qt.Orientation.Horizontal),
             tr("How much: {layer}", layer=self.layers[layer].text().replace("&", "")),
         )
         made.setRange(0, 100)
         made.setPageStep(10)
-        made.valueChanged.connect(lambda value: looks.set_amount(layer, value / 100.0))
+        made.valueChanged.connect(lambda value: self._looks.set_amount(layer, value / 100.0))
         return made
 
     def _colour(self, layer: str) -> QComboBox:
-        looks = self._services.looks
         hues = {tr("Default"): "", **{tr(name): hue for name, hue in HUES.items()}}
         made = narrow_box(tr("Colour: {layer}", layer=self.layers[layer].text().replace("&", "")), 9, hues)
 
         def choose() -> None:
-            others = {name: hue for name, hue in looks.layers.colour.items() if name != layer}
+            others = {name: hue for name, hue in self._looks.layers.colour.items() if name != layer}
             hue = made.currentData()
-            self._dress(tr("change a colour"), {}, {}, others | ({layer: hue} if hue else {}))
+            self._use(tr("change a colour"), {}, {}, others | ({layer: hue} if hue else {}))
 
         made.activated.connect(choose)
         return made
 
     def _reset(self) -> None:
-        self._dress(tr("reset the layers"), dict(self._services.looks.layers.amount), AMOUNTS, {})
+        self._use(tr("reset the layers"), dict(self._looks.layers.amount), AMOUNTS, {})
 
-    def _dress(self, text: str, had: dict[str, float], amounts: dict[str, float], colours: dict[str, str]) -> None:
+    def _use(self, text: str, had: dict[str, float], amounts: dict[str, float], colours: dict[str, str]) -> None:
         """Use these amounts and colours instead of those there are, which can be had back."""
-        looks = self._services.looks
-        before, after = (had, dict(looks.layers.colour)), (amounts, colours)
-        looks.use_layers(after)
-        self._services.undo.made(text, looks.use_layers, before, after)
+        before, after = (had, dict(self._looks.layers.colour)), (amounts, colours)
+        self._looks.use_layers(after)
+        self._undo.made(text, self._looks.use_layers, before, after)
 
     def _show_layers(self) -> None:
         """Amounts and colours as they are; samples of colours would not be red light alone at night."""
-        layers = self._services.looks.layers
+        layers = self._looks.layers
         for name, slider in self.amounts.items():
             # Showing what there is must not count as a change by the person.
             with QSignalBlocker(slider):
@@ -206,9 +179,17 @@ class Preferences(QDialog):
             for k, hue in enumerate(HUES.values(), 1):
                 sample = QPixmap(12, 12)
                 sample.fill(QColor(hue))
-                box.setItemIcon(k, QIcon() if self._services.looks.is_night else QIcon(sample))
+                box.setItemIcon(k, QIcon() if self._looks.is_night else QIcon(sample))
 
-    def _gear(self) -> QWidget:
+
+class EquipmentPage(QWidget):
+    """The equipment profile in use, and where the person observes."""
+
+    wrong = Signal(str)  # why a value can't be used; empty when all can
+
+    def __init__(self, equipment: Equipment, settings: WindowSettings) -> None:
+        super().__init__()
+        self._equipment, self._settings = equipment, settings
         self.profile = choice_box(tr("Equipment profile"), ())
         self.profile.setEditable(True)
         self.profile.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
@@ -219,10 +200,10 @@ class Preferences(QDialog):
         self.site = text_field(tr("Your site"), tr("latitude, longitude, as {example}", example="48.14, 11.58"))
         self.scale, self.hardware = label("", "muted"), label("", "muted", wrap=True)
         for chosen in (self.profile.textActivated, typed.returnPressed):
-            chosen.connect(lambda *_: self._equipment.choose(self.profile.currentText().strip()))
+            chosen.connect(lambda *_: equipment.choose(self.profile.currentText().strip()))
         for field in (self.focal, self.pixel, self.site):
-            field.editingFinished.connect(self._keep_gear)
-        self.remove = button(tr("Remove"), self._equipment.remove, "small", tr("Delete this profile"))
+            field.editingFinished.connect(self._keep)
+        self.remove = button(tr("Remove"), equipment.remove, "small", tr("Delete this profile"))
         fields = form(
             (tr("Profile"), row((self.profile, 1), self.remove, spacing=8)),
             (tr("Focal length"), self.focal),
@@ -231,10 +212,19 @@ class Preferences(QDialog):
             (tr("Your site"), self.site),
             (tr("Camera, mount"), self.hardware),
         )
-        return _page(fields)
+        _fill(self, fields)
+        equipment.changed.connect(self.show_profile)
+        equipment.refused.connect(self._refuse)
+        self.show_profile()
 
-    def _show_gear(self) -> None:
-        profile = current_profile(self.settings)
+    def _refuse(self, sentence: str) -> None:
+        self.wrong.emit(sentence)
+        # Else the refused name would stay in its field.
+        self.show_profile()
+
+    def show_profile(self) -> None:
+        """Show the profile as it is."""
+        profile = current_profile(self._settings)
         self.profile.clear()
         self.profile.addItems(["", *(one.name for one in saved_profiles()[0])])
         self.profile.setCurrentText(profile.name)
@@ -252,7 +242,7 @@ class Preferences(QDialog):
         camera = profile.source or tr("no camera")
         self.hardware.setText(tr("{camera}, {mount}. Choose them in Live and Mount.", camera=camera, mount=mount))
 
-    def _keep_gear(self) -> None:
+    def _keep(self) -> None:
         try:
             focal, pixel, site = (field.text().strip() for field in (self.focal, self.pixel, self.site))
             told = {
@@ -261,49 +251,88 @@ class Preferences(QDialog):
                 "site": parse_site(site) if site else None,
             }
         except UsageError as error:
-            show_text(self.wrong, str(error))
+            self.wrong.emit(str(error))
             return
-        self.wrong.hide()
+        self.wrong.emit("")
         self._equipment.keep(**told)
 
-    def _data(self) -> QWidget:
+
+class FoldersPage(QWidget):
+    """Where images are looked for, where Kochab keeps things, and which star data there is."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self._settings, self._undo = services.settings, services.undo
         self.fixed = switch(tr("Always begin in this folder"), tr("Otherwise in the folder used last"))
         self.folder = label("", "muted", wrap=True)
-        self.fixed.setChecked(bool(self.settings.text("start_folder", "")))
+        self.fixed.setChecked(bool(self._settings.text("start_folder", "")))
         self.fixed.toggled.connect(self._fix_folder)
         self.choose = button(tr("Choose…"), self._choose_folder)
         rows = [(tr(title), _folder_row(tr(title), folder())) for title, folder in FOLDERS.items()]
         self.data = label("", wrap=True)
-        job = self._services.jobs.run(data_text(), "data")
+        job = services.jobs.run(data_text(), "data")
         job.succeeded.connect(self.data.setText)
         # The dialog may be closed before the stars have been counted.
         self.destroyed.connect(job.abandon)
         self._show_folder()
         images = row(self.choose, (self.folder, 1))
         data = label(tr("Star data"), "strong"), self.data
-        return scrolled(_page(label(tr("Open images"), "strong"), self.fixed, images, form(*rows), *data))
+        _fill(self, label(tr("Open images"), "strong"), self.fixed, images, form(*rows), *data)
 
     def _show_folder(self) -> None:
-        self.folder.setText(str(self.settings.image_folder))
+        self.folder.setText(str(self._settings.image_folder))
 
     def _fix_folder(self, on: bool) -> None:
-        self._begin_in(str(self.settings.image_folder) if on else "")
+        self._begin_in(str(self._settings.image_folder) if on else "")
 
     def _begin_in(self, folder: str) -> None:
-        before = self.settings.text("start_folder", "")
+        before = self._settings.text("start_folder", "")
         self._keep_folder(folder)
-        self._services.undo.made(tr("change the folder of images"), self._keep_folder, before, folder)
+        self._undo.made(tr("change the folder of images"), self._keep_folder, before, folder)
 
     def _keep_folder(self, folder: str) -> None:
-        self.settings.keep("start_folder", folder)
+        self._settings.keep("start_folder", folder)
         if isValid(self):
             with QSignalBlocker(self.fixed):
                 self.fixed.setChecked(bool(folder))
             self._show_folder()
 
     def _choose_folder(self) -> None:
-        if (path := ask_folder(self, str(self.settings.image_folder), tr("Open images from"))) is not None:
+        if (path := ask_folder(self, str(self._settings.image_folder), tr("Open images from"))) is not None:
             self._begin_in(str(path))
+
+
+class Preferences(QDialog):
+    """The pages, and a sentence about what can't be used."""
+
+    def __init__(self, window: MainWindow, services: Services, appearance: Appearance) -> None:
+        super().__init__(window)
+        self.setWindowTitle(tr("Preferences"))
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self.wrong = label("", "wrong", wrap=True)
+        self.layers = LayersPage(services, window.actions_by_name)
+        self.general = GeneralPage(services, appearance)
+        self.equipment = EquipmentPage(services.equipment, services.settings)
+        self.folders = FoldersPage(services)
+        self.layers_page = scrolled(self.layers)
+        pages = (
+            (tr("General"), self.general),
+            (tr("Layers"), self.layers_page),
+            (tr("Equipment"), self.equipment),
+            (tr("Folders and data"), scrolled(self.folders)),
+        )
+        self.tabs = tab_pages(tr("Preferences"), *pages)
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close)
+        without_icons(buttons.buttons())
+        buttons.rejected.connect(self.reject)
+        column(self.tabs, self.wrong, buttons, on=self, spacing=10, margins=(14, 10, 14, 12))
+        self.wrong.hide()
+        self.equipment.wrong.connect(partial(show_text, self.wrong))
+        appearance.redden_carets(self)
+        # The window's shortcuts do not work in another window.
+        self.addActions([window.actions_by_name[name] for name in ("undo", "redo")])
+        letters = self.fontMetrics()
+        self.resize(letters.averageCharWidth() * WIDE, letters.height() * HIGH)
 
 
 def data_text() -> Task[str]:
@@ -318,11 +347,11 @@ def data_text() -> Task[str]:
     return f"{stars}\n{ready if fine() else missing}\n{tr(OFFLINE)}"
 
 
-def _page(*parts: Part) -> QWidget:
-    made = QWidget()
-    made.setObjectName("page")
-    column(*parts, None, on=made, spacing=8, margins=(10, 14, 10, 8))
-    return made
+def _fill(page: QWidget, *parts: Part) -> None:
+    """Put the parts of a page one below the other."""
+    page.setObjectName("page")
+    page.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)  # which Qt paints by itself for its own class alone
+    column(*parts, None, on=page, spacing=8, margins=(10, 14, 10, 8))
 
 
 def _show(box: QComboBox, data: object) -> None:

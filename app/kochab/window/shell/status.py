@@ -4,6 +4,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
 
 from kochab.core import tr, tr_noop
+from kochab.core.angle_text import short_name
 from kochab.core.progress import Progress
 from kochab.window.widgets import ElidedLabel, ProgressBar, button, label, row
 
@@ -51,6 +52,10 @@ class TopBar(QFrame):
     def add(self, widget: QWidget) -> None:
         """Put a widget at the right end."""
         self._row.addWidget(widget)
+
+    def show_name(self, name: str) -> None:
+        """The file whose image is shown."""
+        self.name.setText(short_name(name))
 
     def show_progress(self, progress: Progress) -> None:
         text = tr(STAGE_TEXT.get(progress.stage, progress.stage.capitalize()))

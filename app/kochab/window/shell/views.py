@@ -1,112 +1,54 @@
-"""The modes of the rail: each a dock beside the image, built when first shown, and what every view is given."""
+"""The modes of the rail: each a dock beside the image, whose view is made when first shown."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache, cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
 from kochab.core import tr, tr_noop
-from kochab.gear.actions import MountSituation
-from kochab.window.devices.equipment import Equipment
-from kochab.window.frame.session import Session
-from kochab.window.frame.workspace import Workspace
-from kochab.window.job import Jobs
-from kochab.window.settings import WindowSettings
+from kochab.window.devices.mount_status import MountStatus
+from kochab.window.services import Services
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.main_window import MainWindow
-from kochab.window.undo import Undo
+from kochab.window.view import View
 from kochab.window.widgets import scrolled
-from kochab.workflows.session.wiring import Wiring
-
-if TYPE_CHECKING:
-    from kochab.sky import Catalogue
-    from kochab.window.devices.cameras import Cameras
-    from kochab.window.devices.mount_control import MountControl
 
 
-@dataclass(frozen=True)
-class Services:
-    """What a view may use of the window.
+class Mode(NamedTuple):
+    """A view on the rail; ``made_by`` is imported, and made with the services alone, when first shown."""
 
-    ``say`` shows a sentence in the status bar for a while; ``panes`` hold the open image.
-    ``equipment`` is the profile in use, ``undo`` has what may be taken back; ``mount`` is the one owner of the mount's
-    line, ``cameras`` of every camera.
-    """
-
-    settings: WindowSettings
-    session: Session
-    looks: Appearance
-    jobs: Jobs
-    wiring: Wiring
-    say: Callable[[str], None]
-    panes: Workspace
-    equipment: Equipment
-    undo: Undo
-
-    @cached_property
-    def mount(self) -> "MountControl":
-        """The mount of this window, the same for every view; made when first used."""
-        from kochab.window.devices.mount_control import MountControl
-        from kochab.window.devices.mount_status import MountStatus
-
-        control = MountControl(self.settings, self.session, self.jobs, self.wiring, self.cameras)
-        window = self.panes.window()
-        assert isinstance(window, MainWindow)
-        window.bar.add(MountStatus(control, window.closing))
-        control.changed.connect(lambda: self.equipment.lock(control.known.phase != "off"))
-        self.equipment.changed.connect(control.compare_site)
-        self.panes.hints.site_given.connect(control.compare_site)
-        return control
-
-    @cached_property
-    def cameras(self) -> "Cameras":
-        """The cameras of this window, shared by its views; made when first used."""
-        from kochab.window.devices.cameras import Cameras
-
-        return Cameras(self.jobs)
-
-    @property
-    def situation(self) -> MountSituation:
-        """What decides on orders to the mount, whose owner is not made to ask."""
-        made: MountControl | None = vars(self).get("mount")
-        return MountSituation() if made is None else made.situation
-
-    @staticmethod
-    @cache
-    def catalogue() -> "Catalogue":
-        """The star catalogue, opened once; some ms the first time, so call it in a job."""
-        from kochab.sky import open_catalogue
-
-        return open_catalogue()
+    title: str  # with its mnemonic
+    key: str
+    made_by: str  # "module:Class"
+    short: str = ""  # on the rail, where it differs from the title
+    needs_mount: bool = False  # the bar shows the mount's state from then on
 
 
-# name -> (title with its mnemonic, shortcut, the widget, made with Services alone).
-VIEWS: dict[str, tuple[str, str, str]] = {
-    "live": (tr_noop("L&ive"), "F2", "kochab.window.live.view:LiveView"),
-    "mount": (tr_noop("&Mount"), "F3", "kochab.window.mount.view:MountView"),
-    "polar": (tr_noop("&Polar alignment"), "F4", "kochab.window.polar.view:PolarView"),
-    "laboratory": (tr_noop("&Laboratory"), "F6", "kochab.window.laboratory.view:LaboratoryView"),
+VIEWS: dict[str, Mode] = {
+    "live": Mode(tr_noop("L&ive"), "F2", "kochab.window.live.view:LiveView", needs_mount=True),
+    "mount": Mode(tr_noop("&Mount"), "F3", "kochab.window.mount.view:MountView", needs_mount=True),
+    "polar": Mode(
+        tr_noop("&Polar alignment"), "F4", "kochab.window.polar.view:PolarView", tr_noop("Polar"), needs_mount=True
+    ),
+    "laboratory": Mode(tr_noop("&Laboratory"), "F6", "kochab.window.laboratory.view:LaboratoryView", tr_noop("Lab")),
 }
-# On the rail, where they differ from the title.
-SHORT = {"polar": tr_noop("Polar"), "laboratory": tr_noop("Lab")}
-WITH_MOUNT = ("live", "mount", "polar")  # these show the mount's state in the bar
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 LEAST_SHARE = 0.5  # of the image, in a window that was made smaller
 
 
 class ViewDock(QDockWidget):
-    """The dock of one view, which is made when first shown."""
+    """The dock of one view, which ``make`` makes when first shown."""
 
-    def __init__(self, name: str, title: str, services: Services, window: MainWindow) -> None:
+    def __init__(
+        self, name: str, title: str, make: Callable[[str], QWidget], appearance: Appearance, window: MainWindow
+    ) -> None:
         super().__init__(title, window)
         self.setObjectName(f"view_{name}")  # by which its place is kept across starts
         self.view: QWidget | None = None
-        self._name, self._services = name, services
+        self._name, self._make, self._appearance = name, make, appearance
 
     def hold(self, view: QWidget) -> None:
         """Hold a view that is made already."""
@@ -116,11 +58,7 @@ class ViewDock(QDockWidget):
     def make(self) -> QWidget:
         """The view, made now if it was not."""
         if self.view is None:
-            if self._name in WITH_MOUNT:
-                self._services.mount  # noqa: B018  (puts itself in the bar)
-            module, _, kind = VIEWS[self._name][2].partition(":")
-            self.view = getattr(import_module(module), kind)(self._services)
-        assert self.view is not None
+            self.view = self._make(self._name)
         return self.view
 
     def dress(self) -> None:
@@ -128,7 +66,7 @@ class ViewDock(QDockWidget):
         view = self.make()
         if self.widget() is None:
             self.setWidget(holder := scrolled(view))  # a view may be taller than a small screen
-            self._services.looks.redden_carets(view)
+            self._appearance.redden_carets(view)
             # Styled here, while `toggle` shows it in the next turn of the event loop.
             holder.ensurePolished()
 
@@ -142,36 +80,50 @@ class Views(QObject):
 
     emptied = Signal()  # the last docked view was closed or taken out
 
-    def __init__(self, window: MainWindow, services: Services) -> None:
+    def __init__(
+        self, window: MainWindow, services: Services, appearance: Appearance, mount_status: MountStatus
+    ) -> None:
         super().__init__(window)
-        self._window = window
+        self._window, self._services = window, services
+        self._appearance, self._mount_status = appearance, mount_status
+        self._made: dict[str, View] = {}
         self.docks: dict[str, ViewDock] = {}
         self._coming = ""  # the view that is being made, styled and shown, each in a turn of the event loop
         self.image = self._action("image", tr("Ima&ge"), "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
-        self.actions = {name: self._action(name, tr(title), keys) for name, (title, keys, _) in VIEWS.items()}
+        self.actions = {name: self._action(name, tr(mode.title), mode.key, mode.short) for name, mode in VIEWS.items()}
         window.rail.fill(
             [self.image, *self.actions.values()], [window.actions_by_name[name] for name in ("night", "preferences")]
         )
         self.actions["details"] = window.actions_by_name["details"]
         for name in self.actions:
-            self._add(name, services)
+            self._add(name)
         self.docks["details"].hold(services.panes.tabs)
         window.resized.connect(self._keep_share)
         self._look()
 
-    def _action(self, name: str, title: str, keys: str) -> QAction:
+    def _action(self, name: str, title: str, keys: str, short: str = "") -> QAction:
         action = QAction(title, self._window, checkable=True, shortcut=QKeySequence(keys), iconVisibleInMenu=False)
         action.setObjectName(f"view_{name}")
-        action.setIconText(tr(SHORT[name]) if name in SHORT else title.replace("&", ""))
+        action.setIconText(tr(short) or title.replace("&", ""))
         action.setToolTip(f"{title.replace('&', '')} ({keys})")
         self._window.actions_by_name[name] = action
         self._window.menus.tools.addAction(action)
         self._window.addAction(action)
         return action
 
-    def _add(self, name: str, services: Services) -> None:
-        dock = ViewDock(name, self.actions[name].text().replace("&", ""), services, self._window)
+    def _make(self, name: str) -> View:
+        mode = VIEWS[name]
+        if mode.needs_mount:
+            self._mount_status.show()
+        module, _, kind = mode.made_by.partition(":")
+        view: View = getattr(import_module(module), kind)(self._services)
+        self._made[name] = view
+        return view
+
+    def _add(self, name: str) -> None:
+        title = self.actions[name].text().replace("&", "")
+        dock = ViewDock(name, title, self._make, self._appearance, self._window)
         self._window.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, dock)
         if self.docks:
             self._window.tabifyDockWidget(next(iter(self.docks.values())), dock)
@@ -202,6 +154,18 @@ class Views(QObject):
     @property
     def _share_px(self) -> int:
         return min(round(self._window.width() * SHARE), MOST_PX)
+
+    def aim(self, action: str, target: str) -> None:
+        """Have the Mount view go to a target, or "centre" it."""
+        self.show("mount")
+        if (view := self._made.get("mount")) is not None:
+            view.aim(action, target)
+
+    def practise(self) -> None:
+        """Have the Mount view start a simulated telescope."""
+        self.show("mount")
+        if (view := self._made.get("mount")) is not None:
+            view.practise()
 
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""

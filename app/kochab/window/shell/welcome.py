@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,8 @@ from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 from kochab.core import data_folder, tr, tr_noop
 from kochab.core.angle_text import short_name
 from kochab.frames import SUFFIXES
-from kochab.window.image.thumbnails import GAP, HEIGHT, WIDTH, as_pixmap
+from kochab.window.image.thumbnails import GAP, HEIGHT, WIDTH, as_pixmap, thumbnails
+from kochab.window.job import Jobs
 from kochab.window.themes import BASE_POINT
 from kochab.window.widgets import Page, Part, button, clear_layout, column, label, page, row, scrolled, styled_frame
 
@@ -82,8 +84,8 @@ class Welcome(Page):
         self.practice.hide()
         self._pictures: dict[Path, np.ndarray] = {}
         self._links: dict[Path, QPushButton] = {}
-        self._offered = samples[:MOST_SHOWN]
-        self.samples = [self._sample(s, i) for i, s in enumerate(self._offered)]
+        self.offered = samples
+        self.samples = [self._sample(s, i) for i, s in enumerate(samples[:MOST_SHOWN])]
         offer: list[Part] = []
         if self.samples:
             heading = label(tr("Try a sample"), "heading"), label(tr("Simulated images."), "muted")
@@ -127,6 +129,11 @@ class Welcome(Page):
         made.setIconSize(QSize(WIDTH + GAP, HEIGHT))
         return made
 
+    def load_pictures(self, jobs: Jobs, is_night: Callable[[], bool]) -> None:
+        """Make the small pictures of samples and recent files in a job, and show them."""
+        job = jobs.run(thumbnails([*(s.path for s in self.offered), *self.recent]), "thumbnails")
+        job.succeeded.connect(lambda made: self.add_pictures(made, is_night()))
+
     def add_pictures(self, pictures: dict[Path, np.ndarray], red: bool) -> None:
         """Small pictures (H, W, 3) of the samples and recent files, to be shown on their buttons."""
         self._pictures = pictures
@@ -134,7 +141,7 @@ class Welcome(Page):
 
     def draw_pictures(self, red: bool) -> None:
         """Draw the pictures again, in red light alone if ``red``."""
-        shown = [*zip((s.path for s in self._offered), self.samples, strict=True), *self._links.items()]
+        shown = [*zip((s.path for s in self.offered), self.samples, strict=False), *self._links.items()]
         for path, made in shown:
             if path in self._pictures:
                 made.setIcon(QIcon(as_pixmap(self._pictures[path], red, GAP)))

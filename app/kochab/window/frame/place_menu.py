@@ -1,11 +1,11 @@
 """What can be done with a place of the sky: go there, copy it, look it up."""
 
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime, timedelta
 from functools import partial
-from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
-from PySide6.QtCore import QUrl
+from PySide6.QtCore import QObject, QPoint, QUrl
 from PySide6.QtGui import QAction, QDesktopServices
 from PySide6.QtWidgets import QMenu, QWidget
 
@@ -13,13 +13,14 @@ from kochab.core import tr, tr_noop
 from kochab.core.angle_text import AngleStyle, radec_plain, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
+from kochab.gear.actions import MountSituation, reasons_against
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables
+from kochab.window.frame.picker import Picker
+from kochab.window.frame.session import Session
+from kochab.window.image.object_card import vector_of
+from kochab.window.settings import WindowSettings
 from kochab.window.widgets import copy_text
-
-if TYPE_CHECKING:
-    pass
-
 
 SIMBAD, ALADIN = "https://simbad.cds.unistra.fr/simbad/", "https://aladin.cds.unistra.fr/AladinLite/"
 
@@ -80,3 +81,43 @@ def _add(menu: QMenu, text: str, do: Callable[[], object]) -> QAction:
     made = menu.addAction(text)
     made.triggered.connect(lambda _=False: do())
     return made
+
+
+STILL_THERE = timedelta(minutes=10)  # the Moon, the fastest, moves by 5 arcmin
+
+
+class FrameMenu(QObject):
+    """The menu of a place of the open frame; ``situation`` is the mount's, and ``aim`` sends it there."""
+
+    def __init__(
+        self,
+        parent: QWidget,
+        session: Session,
+        settings: WindowSettings,
+        picker: Picker,
+        situation: Callable[[], MountSituation],
+        aim: Callable[[str, str], object],
+    ) -> None:
+        super().__init__(parent)
+        self._parent, self._session, self._settings = parent, session, settings
+        self._picker, self._situation, self._aim = picker, situation, aim
+        picker.card.menu_wanted.connect(lambda where: self.show(None, where))
+
+    def show(self, at: tuple[float, float, float] | None, where: QPoint) -> QMenu | None:
+        """Offer what can be done with what is at a place of the frame, px, or with what is picked."""
+        frame, mark = self._session.known.frame, self._picker.mark_at(at)
+        solution, tables = self._picker.overlay.solution, self._picker.overlay.tables
+        if mark is None or solution is None or tables is None or frame is None:
+            return None
+        vector = vector_of(tables, mark, solution)
+        against, taken = reasons_against(self._situation()), frame.hint.time_utc
+        old = taken is None or abs(datetime.now(UTC) - taken) > STILL_THERE
+        # A trail is a satellite's, which is elsewhere by now.
+        if mark.body is not None and (old or mark.body.trail):
+            against |= dict.fromkeys(AIMS, tr("{name} has moved since the frame was taken.", name=mark.text))
+        width_deg = max(0.25, mark.radius * solution.camera.scale_arcsec_px / 900.0)  # four radii
+        pages, style = links(tables, mark, vector, width_deg), self._settings.angle_style
+        menu = place_menu(self._parent, mark.text, radec_deg(vector), style, pages, against, self._aim)
+        menu.aboutToHide.connect(menu.deleteLater)
+        menu.popup(where)
+        return menu

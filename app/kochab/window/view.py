@@ -1,0 +1,17 @@
+"""What stands in a dock beside the image: the protocol of a view."""
+
+from kochab.window.widgets import Page
+
+
+class View(Page):
+    """A page that is made with :class:`kochab.window.services.Services` alone when its dock is first shown.
+
+    Its row in :data:`kochab.window.shell.views.VIEWS` names it. The window asks the view that has the mount's buttons
+    to aim it and to begin a practice; another has nothing to do then.
+    """
+
+    def aim(self, action: str, target: str) -> None:
+        """Carry out ``action``, "goto" or "centre" of :mod:`kochab.gear.actions`, at a target as a person types it."""
+
+    def practise(self) -> None:
+        """Start a simulated telescope."""
