@@ -62,14 +62,18 @@ def empty_house(repository, tmp_path_factory):
     folder = tmp_path_factory.mktemp("house")
     shutil.copy(repository / "pyproject.toml", folder)
     settings = tomllib.loads((repository / "pyproject.toml").read_text("utf-8"))
-    floors = settings["tool"]["importlinter"]["contracts"][0]["layers"]
-    rooms = {room.strip() for floor in floors for room in floor.split("|")} - {"start", "__main__"}
-    for room in rooms:
-        (folder / "app" / "kochab" / room).mkdir(parents=True)
-        (folder / "app" / "kochab" / room / "__init__.py").touch()
-    (folder / "app" / "kochab" / "__init__.py").touch()
-    (folder / "app" / "kochab" / "__main__.py").touch()
-    (folder / "app" / "kochab" / "start.py").touch()
+    for contract in settings["tool"]["importlinter"]["contracts"]:
+        for container in contract.get("containers", ()):
+            house = folder / "app" / Path(*container.split("."))
+            house.mkdir(parents=True, exist_ok=True)
+            (house / "__init__.py").touch()
+            for room in {room.strip() for floor in contract["layers"] for room in floor.split("|")}:
+                # A room that is one file in the source is one here.
+                if (repository / house.relative_to(folder) / f"{room}.py").exists():
+                    (house / f"{room}.py").touch()
+                else:
+                    (house / room).mkdir(exist_ok=True)
+                    (house / room / "__init__.py").touch()
     assert check_imports(folder).returncode == 0
     return folder
 
@@ -79,10 +83,14 @@ def empty_house(repository, tmp_path_factory):
     [
         ("core/bad.py", "import kochab.sky", "The floors of the house"),
         ("sky/bad.py", "import kochab.frames", "The floors of the house"),
-        ("window/bad.py", "import kochab.cli", "The floors of the house"),
-        ("window/bad.py", "import kochab.server", "The floors of the house"),
+        ("window/job.py", "import kochab.cli", "The floors of the house"),
+        ("window/job.py", "import kochab.server", "The floors of the house"),
+        ("window/polar/bad.py", "import kochab.window.mount", "The floors of the window"),
+        ("window/frame/bad.py", "import kochab.window.shell", "The floors of the window"),
+        ("window/devices/bad.py", "def f():\n    import kochab.window.services", "The floors of the window"),
+        ("window/cellar.py", "", "The floors of the window"),
         ("workflows/bad.py", "def f():\n    import kochab.simulate", "The window and the workflows"),
-        ("window/bad.py", "import kochab.simulate", "The window and the workflows"),
+        ("window/job.py", "import kochab.simulate", "The window and the workflows"),
         ("solver/bad.py", "from PySide6.QtCore import QObject", "Qt lives in the window"),
         ("cli/bad.py", "def f():\n    import pyqtgraph", "Qt lives in the window"),
         ("cellar/__init__.py", "", "The floors of the house"),
