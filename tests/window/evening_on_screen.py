@@ -136,7 +136,7 @@ def aligned(window, commands):
     hand.click(window.rail.widgetForAction(commands.actions["polar"]))
     view = commands.views.docks["polar"].view
     until(view.start.isVisible, "the view")
-    view.setup.exposure.setValue(1.0)
+    view.setup.frames.exposure.setValue(1.0)
     hand.click(view.start)
     obeyed, motions, limit, practice = [], [], time.monotonic() + 400.0, None
     while not view.start.isVisible() and time.monotonic() < limit:

@@ -82,8 +82,8 @@ def main(folder, *arguments):
         commands.views.show("polar")
         commands.actions["fill"].trigger()
         view = commands.views.docks["polar"].view
-        view.setup.exposure.setValue(1.0)
-        view.setup.imaging.setText("600 mm, 3.76 µm, 300 s")
+        view.setup.frames.exposure.setValue(1.0)
+        view.setup.aim.imaging.setText("600 mm, 3.76 µm, 300 s")
         pause(300)
         keep(window, folder / "setup.png")
 

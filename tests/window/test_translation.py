@@ -585,8 +585,8 @@ def aligning(qtbot, abroad, settings):
 def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, aligning):
     _, commands = aligning
     view = commands.views.docks["polar"].view
-    view.setup.exposure.setValue(1.0)
-    view.setup.hand.setCurrentText(tr(AxisTurnedBy.PERSON))
+    view.setup.frames.exposure.setValue(1.0)
+    view.setup.axis.hand.setCurrentText(tr(AxisTurnedBy.PERSON))
     seen, obeyed, left = set(), [], {}
     view.begin()
 

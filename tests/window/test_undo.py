@@ -171,13 +171,13 @@ def test_frames_to_measure_that_were_cleared_come_back_in_their_sweeps(opened, t
     commands.views.show("polar")
     setup = commands.views.docks["polar"].view.setup
     first, second = [tmp_path / "a.fits", tmp_path / "b.fits"], [tmp_path / "c.fits"]
-    setup.files.add(first)
-    setup.files.add(second, 1)
-    setup.clear.click()
-    assert setup.files.count() == 0
+    setup.frames.files.add(first)
+    setup.frames.files.add(second, 1)
+    setup.frames.clear.click()
+    assert setup.frames.files.count() == 0
     assert commands.actions["undo"].text() == "&Undo: clear the frames to measure"
     commands.actions["undo"].trigger()
-    assert [setup.files.paths(sweep) for sweep in (0, 1)] == [tuple(first), tuple(second)]
+    assert [setup.frames.files.paths(sweep) for sweep in (0, 1)] == [tuple(first), tuple(second)]
 
 
 def test_equipment_is_undone_in_its_own_profile(qtbot, opened, dialog):

@@ -89,12 +89,12 @@ def test_the_alignment_uses_it_too_though_its_view_is_made_later(qtbot, commands
     qtbot.waitUntil(lambda: live.camera.box.found.count() == 2)
     pick(live.camera.box.found, "indi:1/b")
     setup = view_of(commands, "polar").setup
-    assert setup.camera.kind == "indi"
-    assert "indi:1/b" in setup.camera.address.text()
+    assert setup.frames.camera.kind == "indi"
+    assert "indi:1/b" in setup.frames.camera.address.text()
     pick(live.camera.box.found, "indi:1/a")
-    assert "indi:1/a" in setup.camera.address.text()
+    assert "indi:1/a" in setup.frames.camera.address.text()
     live._services.cameras.choose("simulated", "rig 1")  # it has a mount of its own
-    assert setup.camera.kind == "indi"
+    assert setup.frames.camera.kind == "indi"
 
 
 def test_a_camera_that_will_not_come_back_is_not_offered_any_more(qtbot, commands):

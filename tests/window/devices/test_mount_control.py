@@ -44,9 +44,9 @@ def corner(commands):
 
 def turning(view):
     """Set up so that the practice mount turns the axis itself."""
-    view.setup.source.setCurrentText(FrameSource.PRACTICE)
-    view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
-    view.setup.exposure.setValue(0.5)
+    view.setup.frames.source.setCurrentText(FrameSource.PRACTICE)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.MOUNT)
+    view.setup.frames.exposure.setValue(0.5)
 
 
 def test_polar_alignment_connects_the_mount_for_every_view(qtbot, polar):
@@ -86,7 +86,7 @@ def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
     mount = commands.views.docks["mount"].view
     qtbot.waitUntil(lambda: mount.control.known.report is not None, timeout=30_000)
     commands.views.show("polar")
-    assert view.setup.mount.text().startswith("Connected: ")
+    assert view.setup.axis.mount.text().startswith("Connected: ")
     turning(view)
     view.begin()
     qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
@@ -97,7 +97,7 @@ def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
     drive(view)
     assert mount.control.known.phase == "on", "who opened it closes it"
     assert mount.go.goto.explanation.reason == ""
-    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
     view.begin()
     assert view.message.text() == OTHER_SKY
 
@@ -109,7 +109,7 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
     mount = commands.views.docks["mount"].view
     qtbot.waitUntil(lambda: mount.control.known.report is not None, timeout=30_000)
     turning(view)
-    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
     view.begin()
     qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
     assert len(nights.made) == 1
@@ -134,14 +134,14 @@ def test_one_order_at_a_time_whoever_gives_it(qtbot, opened):
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         commands.views.show("polar")
         view = commands.views.docks["polar"].view
-        view.setup.source.setCurrentText(FrameSource.CAMERA)
-        view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
+        view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
+        view.setup.axis.hand.setCurrentText(AxisTurnedBy.MOUNT)
         far = place(-60.0, 40.0, mount.bench.clock)
         mount.view.orders.goto(f"{far[0]:.4f} {far[1]:.4f}")
         view.begin()
         assert view.message.text() == why.BUSY.format("slewing to the target")
         assert not view.start.isHidden()
-        view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+        view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
         view.begin()
         assert view.message.text() == why.BUSY.format("slewing to the target")
         assert not mount.control.by_hand

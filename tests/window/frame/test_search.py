@@ -109,7 +109,7 @@ def test_what_was_below_the_horizon_is_told(qtbot, opened, hint, name, below):
     """Sidereal time at Munich is 6h 28m: Capella has passed the meridian, Antares is ten hours from it."""
     known = opened[1].session.known
     known.frame = replace(known.frame, hint=hint)
-    search = opened[1].search()
+    search = opened[1].tools.search()
     qtbot.keyClicks(search.field, name)
     qtbot.keyClick(search.field, Qt.Key.Key_Return)
     told = search.answer.text()

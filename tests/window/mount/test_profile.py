@@ -56,13 +56,13 @@ def test_focal_length_and_pixel_size_reach_live_and_polar_for_the_camera_of_the_
     live, polar = (commands.views.docks[name].view for name in ("live", "polar"))
     asked = []
     live.run = asked.append
-    for view in (live.camera.box, polar.setup.camera):
+    for view in (live.camera.box, polar.setup.frames.camera):
         view.show_selection(CameraSelection("folder", str(tmp_path)))
     live.begin()
     for hint in (asked[0].hint, polar.setup.request().hint):
         assert hint.scale_arcsec_px == pytest.approx((0.825 / 1.1, 0.825 * 1.1), rel=1e-3)
     assert Stream(asked[0], lambda *_: None).options.hint is asked[0].hint
-    for view in (live.camera.box, polar.setup.camera):
+    for view in (live.camera.box, polar.setup.frames.camera):
         view.address.setText("/another")
     live.begin()
     assert asked[1].hint is None

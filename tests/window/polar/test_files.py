@@ -72,7 +72,7 @@ def snapshot(path, moment):
 
 def measured(view, paths, site=HERE):
     choose_files(view, paths)
-    view.setup.site.setText(site)
+    view.setup.aim.site.setText(site)
     view.begin()
     drive(view)
     return view.state
@@ -91,9 +91,9 @@ def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp
     log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
     log.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0))
     drop(view, [log])
-    assert view.setup.chosen_source is FrameSource.FILES
-    assert view.setup.files.paths(0) == (log,)
-    view.setup.site.setText(HERE)
+    assert view.setup.frames.chosen is FrameSource.FILES
+    assert view.setup.frames.files.paths(0) == (log,)
+    view.setup.aim.site.setText(HERE)
     view.begin()
     drive(view)
     numbers = view.page.numbers
@@ -123,9 +123,9 @@ def test_a_live_session_that_nobody_turned_gives_what_the_command_line_says_and_
     assert main(["polar", stream(tmp_path), *options]) == 0
     told = json.loads(capsys.readouterr().out)
     _, view = polar()
-    view.setup.pole.setCurrentIndex(1)
-    view.setup.guided.setCurrentIndex(2)
-    view.setup.zone.setCurrentIndex(view.setup.zone.findText("UTC"))
+    view.setup.aim.pole.setCurrentIndex(1)
+    view.setup.frames.guided.setCurrentIndex(2)
+    view.setup.frames.zone.setCurrentIndex(view.setup.frames.zone.findText("UTC"))
     state = measured(view, [tmp_path / stream(tmp_path)], "40, 10, 300")
     assert state.stage == "done", view.message.text()
     assert state.error.altitude_arcsec == pytest.approx(told["altitude_error_arcsec"])
@@ -134,7 +134,7 @@ def test_a_live_session_that_nobody_turned_gives_what_the_command_line_says_and_
     assert view.history.history.entries[0].total_arcsec == pytest.approx(state.error.total_arcsec)
     assert "report" in view.message.text()
     assert last_night(Site(40.0, 10.0)) is not None
-    guided = view.setup.guided
+    guided = view.setup.frames.guided
     guided.setCurrentIndex(guided.findData(True))
     view.begin()
     drive(view)
@@ -178,7 +178,7 @@ def test_a_clock_without_a_zone_is_asked_for_and_the_files_are_measured_again(po
     two = axis(tmp_path, -2.0)
     assert view.state.error.altitude_arcsec == pytest.approx(two.altitude_arcsec, abs=1.0)
     assert abs(view.state.error.altitude_arcsec - state.error.altitude_arcsec) > 60.0
-    view.setup.zone.setCurrentIndex(0)  # another time they are asked about again
+    view.setup.frames.zone.setCurrentIndex(0)  # another time they are asked about again
     view.begin()
     drive(view)
     assert view.page.asks_zone.isVisible()
@@ -194,7 +194,7 @@ def axis(folder, hours):
 
 def test_zones_are_those_of_the_world(polar):
     _, view = polar()
-    box = view.setup.zone
+    box = view.setup.frames.zone
     assert [box.itemData(i) for i in range(3)] == [None, -12.0, -11.0]
     told = {box.itemText(i): box.itemData(i) for i in range(box.count())}
     assert (told["UTC"], told["UTC+5:45"], told["UTC−9:30"], told["UTC+14"]) == (0.0, 5.75, -9.5, 14.0)
@@ -203,8 +203,8 @@ def test_zones_are_those_of_the_world(polar):
 
 def test_a_tripod_on_the_same_marks_begins_with_what_is_remembered(polar):
     _, view = polar()
-    view.setup.source.setCurrentText(FrameSource.CAMERA)
-    view.setup.site.setText(HERE)
+    view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.aim.site.setText(HERE)
     assert not view.setup.last_night.text()
     pole = pole_direction(SITE, Pole.TRUE)
     for ago, shown in ((timedelta(days=3), True), (timedelta(hours=1), False)):  # tonight's own is no guess
@@ -220,7 +220,7 @@ def test_a_tripod_on_the_same_marks_begins_with_what_is_remembered(polar):
 
 def test_what_is_measured_is_remembered_and_told_another_night(polar, tmp_path, nights, caplog):
     _, view = polar()
-    view.setup.zone.setCurrentIndex(view.setup.zone.findText("UTC"))
+    view.setup.frames.zone.setCurrentIndex(view.setup.frames.zone.findText("UTC"))
     state = measured(view, solved_frames(tmp_path))
     assert last_night(SITE).altitude_arcsec == pytest.approx(state.error.altitude_arcsec)
     later = json.loads(nights.read_text())
@@ -269,7 +269,7 @@ def test_the_mounts_doubts_are_found_first_while_it_is_measured(polar):
     _, view = polar()
     known = view._services.mount.known
     known.report = PositionReport((10.0, 20.0), MountState(), clock_conflict="The mount contradicts this computer.")
-    view.setup.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
     assert view.setup.request().mount_doubt == ""
     known.phase = "on"
     wish = replace(view.setup.request(), site=RIG_SITE, camera=CameraSelection("folder", "x", 1.0), turn_deg=40.0)
@@ -328,10 +328,10 @@ def test_a_cloudy_frame_is_left_out_and_one_of_two_is_not(polar, tmp_path):
     _, view = polar()
     assert measured(view, [tmp_path / "night.json"], "40, 10, 300").drift is not None
     assert view.page.detail.text() == "1 frame: No solution, left out."
-    view.setup.files.clear()
+    view.setup.frames.files.clear()
     assert measured(view, [tmp_path / "few.json"], "40, 10, 300").stage == "ended"
     assert view.message.text().startswith("frame x has no solution, cloud")
-    view.setup.files.clear()
+    view.setup.frames.files.clear()
     assert measured(view, [tmp_path / "night.json"], "").stage == "ended"
     assert view.message.text() == "The frames have no site: fill in “Your site”."
 
@@ -341,8 +341,8 @@ def test_a_guide_log_is_followed_while_it_grows(qtbot, polar, tmp_path):
     log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
     log.write_text(log_text(falling(2.0, minutes=0.5), hour=-0.1, dec=10.0))
     choose_files(view, [log])
-    view.setup.site.setText(HERE)
-    view.setup.grows.setChecked(True)
+    view.setup.aim.site.setText(HERE)
+    view.setup.frames.grows.setChecked(True)
     view.begin()
     qtbot.waitUntil(lambda: "no minute of guiding" in view.state.detail)
     for least, minutes in ((2.0, 3.0), (9.0, 10.0)):
@@ -361,18 +361,18 @@ def test_a_log_without_parity_shows_both_answers_until_somebody_says_which(polar
     _, view = polar()
     log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
     log.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0, parity="?/?"))
-    view.setup.source.setCurrentText(FrameSource.FILES)
-    assert not view.setup.form.isRowVisible(view.setup.dec_sign)
+    view.setup.frames.source.setCurrentText(FrameSource.FILES)
+    assert not view.setup.form.isRowVisible(view.setup.frames.dec_sign)
     unknown = measured(view, [log])
-    assert view.setup.form.isRowVisible(view.setup.dec_sign)
+    assert view.setup.form.isRowVisible(view.setup.frames.dec_sign)
     assert unknown.drift.spoilt
     assert "too far east" in view.page.words.text()
     assert "too far west" in view.page.words.text()
     shown = " ".join(way.text() for _, way in view.page.numbers.knobs.values())
     assert "clockwise" not in shown
-    view.setup.dec_sign.setCurrentIndex(view.setup.dec_sign.findData(-1))
+    view.setup.frames.dec_sign.setCurrentIndex(view.setup.frames.dec_sign.findData(-1))
     said = measured(view, [log])
     assert not said.drift.spoilt
     assert said.error.azimuth_arcsec == pytest.approx(unknown.drift.otherwise.azimuth_arcsec)
-    view.setup.files.clear()
-    assert not view.setup.form.isRowVisible(view.setup.dec_sign)
+    view.setup.frames.files.clear()
+    assert not view.setup.form.isRowVisible(view.setup.frames.dec_sign)

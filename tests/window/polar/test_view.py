@@ -81,8 +81,8 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     """Measure, turn the bolts as told, measure again: the axis really stands at the pole."""
     nights = Nights()
     _, view = polar(nights)
-    view.setup.exposure.setValue(1.0)
-    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.frames.exposure.setValue(1.0)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
     stages, words, obeyed = [], [], []
     view.begin()
 
@@ -120,8 +120,8 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
 def test_run_sounds_and_phone_page_end_with_the_practice(qtbot, polar, hand):
     _, view = polar(Nights())
     view.phone._host = "127.0.0.1"
-    view.setup.exposure.setValue(1.0)
-    view.setup.hand.setCurrentText(hand)
+    view.setup.frames.exposure.setValue(1.0)
+    view.setup.axis.hand.setCurrentText(hand)
     mount = view._services.mount
     mount.practise()
     qtbot.waitUntil(lambda: mount.practice is not None, timeout=LIMIT_S * 1000)
@@ -157,7 +157,7 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     """Pressed while it measures: the first sweep ends, then hands are told to turn declination."""
     nights = Nights()
     _, view = polar(nights)
-    view.setup.exposure.setValue(1.0)
+    view.setup.frames.exposure.setValue(1.0)
     view.begin()
     assert view.second.isVisible()
     view.second.click()
@@ -211,14 +211,14 @@ def second_sweep(tmp_path_factory):
 
 
 def choose_files(view, files):
-    view.setup.source.setCurrentText(FrameSource.FILES)
-    view.setup.files.add(files)
+    view.setup.frames.source.setCurrentText(FrameSource.FILES)
+    view.setup.frames.files.add(files)
 
 
 def test_files_are_measured(polar, frames):
     _, view = polar()
     choose_files(view, [*frames, frames[0]])
-    assert view.setup.files.count() == 3  # each once
+    assert view.setup.frames.files.count() == 3  # each once
     view.start.click()
     drive(view)
     assert view.state.stage == "done", view.message.text()
@@ -254,10 +254,10 @@ def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_pat
 def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
     _, view = polar()
     choose_files(view, frames)
-    view.setup.imaging.setText("50 mm")
+    view.setup.aim.imaging.setText("50 mm")
     view.begin()
     assert "as in 600 mm, 3.76 µm, 300 s" in view.message.text()
-    view.setup.imaging.setText("50 mm, 9 µm, 2 s")
+    view.setup.aim.imaging.setText("50 mm, 9 µm, 2 s")
     view.begin()
     drive(view)
     enough = view.page.numbers.enough
@@ -266,8 +266,8 @@ def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
     assert not enough.text(), "no advice from a spoilt measurement"
     view.page.show_state(view.state, 0.0)
     assert "Flexure not measured" in view.page.numbers.findings.text()
-    view.setup.files.add(second_sweep, 1)
-    assert "second sweep" in view.setup.files.item(3).text()
+    view.setup.frames.files.add(second_sweep, 1)
+    assert "second sweep" in view.setup.frames.files.item(3).text()
     view.begin()
     drive(view)
     assert view.state.stage == "done", view.message.text()
@@ -278,8 +278,8 @@ def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
 def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):
     _, view = polar()
     choose_files(view, frames)
-    view.setup.pole.setCurrentIndex(1)
-    assert view.setup.chosen_pole is Pole.TRUE
+    view.setup.aim.pole.setCurrentIndex(1)
+    assert view.setup.aim.chosen_pole is Pole.TRUE
     view.begin()
     drive(view)
     # At 47 deg the air lifts the pole by about 52 arcsec.
@@ -297,8 +297,8 @@ def test_one_file_is_not_enough(polar, frames):
 
 def test_a_site_that_is_none_is_said_before_anything_starts(polar):
     _, view = polar(Nights())
-    view.setup.source.setCurrentText(FrameSource.CAMERA)
-    view.setup.site.setText("nowhere")
+    view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.aim.site.setText("nowhere")
     view.begin()
     assert "is not a site" in view.message.text()
     assert view.job is None
@@ -306,9 +306,9 @@ def test_a_site_that_is_none_is_said_before_anything_starts(polar):
 
 def test_a_camera_that_is_not_there_is_one_sentence(polar, tmp_path):
     _, view = polar()
-    view.setup.source.setCurrentText(FrameSource.CAMERA)
-    view.setup.camera.source.setCurrentIndex(view.setup.camera.source.findData("folder"))
-    view.setup.camera.address.setText(str(tmp_path / "absent"))
+    view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.frames.camera.source.setCurrentIndex(view.setup.frames.camera.source.findData("folder"))
+    view.setup.frames.camera.address.setText(str(tmp_path / "absent"))
     view.begin()
     drive(view)
     assert view.message.property("role") == "wrong"
@@ -318,12 +318,12 @@ def test_a_camera_that_is_not_there_is_one_sentence(polar, tmp_path):
 
 def test_the_mount_is_asked_for_only_when_it_is_known(polar, tmp_path):
     _, view = polar()
-    view.setup.source.setCurrentText(FrameSource.CAMERA)
-    view.setup.camera.source.setCurrentIndex(view.setup.camera.source.findData("folder"))
-    view.setup.camera.address.setText(str(tmp_path))
-    view.setup.site.setText("47, 8")
-    view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
-    assert "No mount set up" in view.setup.mount.text()
+    view.setup.frames.source.setCurrentText(FrameSource.CAMERA)
+    view.setup.frames.camera.source.setCurrentIndex(view.setup.frames.camera.source.findData("folder"))
+    view.setup.frames.camera.address.setText(str(tmp_path))
+    view.setup.aim.site.setText("47, 8")
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.MOUNT)
+    assert "No mount set up" in view.setup.axis.mount.text()
     view.begin()
     drive(view)
     assert "Connect it once in the Mount view" in view.message.text()
@@ -357,21 +357,21 @@ def test_a_fault_of_the_practice_telescope_is_one_sentence(polar):
 
 def test_without_a_simulated_sky_practice_is_not_offered(polar):
     _, view = polar(None)
-    texts = [view.setup.source.itemText(i) for i in range(view.setup.source.count())]
+    texts = [view.setup.frames.source.itemText(i) for i in range(view.setup.frames.source.count())]
     assert texts == [FrameSource.CAMERA, FrameSource.FILES]
 
 
 def test_what_was_chosen_is_there_again(polar, frames):
     _, view = polar()
     choose_files(view, frames[:1])
-    view.setup.pole.setCurrentIndex(2)
-    view.setup.goal.setValue(60)
+    view.setup.aim.pole.setCurrentIndex(2)
+    view.setup.aim.goal.setValue(60)
     view.begin()
     drive(view)
     _, again = polar()
-    assert again.setup.chosen_source is FrameSource.FILES
-    assert again.setup.chosen_pole is Pole.HALF_WAY
-    assert again.setup.goal.value() == 60
+    assert again.setup.frames.chosen is FrameSource.FILES
+    assert again.setup.aim.chosen_pole is Pole.HALF_WAY
+    assert again.setup.aim.goal.value() == 60
 
 
 def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
@@ -479,8 +479,8 @@ def test_a_mount_that_cannot_turn_leaves_it_to_the_hand(guard, words):
 def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, polar, ending):
     nights = Nights(rate=1.0)  # motions are timed by the wall
     commands, view = polar(nights)
-    view.setup.hand.setCurrentText(AxisTurnedBy.MOUNT)
-    view.setup.exposure.setValue(0.5)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.MOUNT)
+    view.setup.frames.exposure.setValue(0.5)
     view.begin()
     qtbot.waitUntil(lambda: "The mount turns" in view.state.words, timeout=60_000)
     assert "Keep clear" in view.page.words.text()
@@ -525,10 +525,10 @@ def test_a_site_is_filled_in_once_and_stays_empty_when_it_is_cleared(polar, sett
     _, view = polar()
     settings.keep_site(Site(48.0, 11.0))
     view.setup.refresh()
-    assert view.setup.site.text().startswith("48, 11")
-    view.setup.site.clear()
+    assert view.setup.aim.site.text().startswith("48, 11")
+    view.setup.aim.site.clear()
     view.setup.refresh()  # as twice a second while a mount is connected
-    assert view.setup.site.text() == ""
+    assert view.setup.aim.site.text() == ""
     settings.keep_site(SITE)
     view.setup.refresh()
     assert view.setup.request().site == SITE
@@ -536,14 +536,14 @@ def test_a_site_is_filled_in_once_and_stays_empty_when_it_is_cleared(polar, sett
 
 def test_wishes_are_understood(polar):
     _, view = polar()
-    view.setup.site.setText("-35.2, 149.1, 600")
-    view.setup.fov.setText("2,4")
+    view.setup.aim.site.setText("-35.2, 149.1, 600")
+    view.setup.aim.fov.setText("2,4")
     wish = view.setup.request()
     assert wish.site == Site(-35.2, 149.1, 600.0)
     assert wish.fov_deg == 2.4
     assert wish.turn_deg is None
-    assert "south pole" in view.setup.pole_name.text()
-    view.setup.fov.setText("wide")
+    assert "south pole" in view.setup.aim.pole_name.text()
+    view.setup.aim.fov.setText("wide")
     with pytest.raises(UsageError, match="field of view"):
         view.setup.request()
 
@@ -570,12 +570,12 @@ def test_an_empty_night_says_so(polar):
 def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
     nights = Nights(rate=30.0)
     _, view = polar(nights)
-    view.setup.exposure.setValue(1.0)
-    view.setup.hand.setCurrentText(AxisTurnedBy.NOBODY)
+    view.setup.frames.exposure.setValue(1.0)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.NOBODY)
     assert "touch nothing" in view.setup.advice.text()
-    for hidden in (view.setup.turn, view.setup.second, view.setup.goal):
+    for hidden in (view.setup.axis.turn, view.setup.axis.second, view.setup.aim.goal):
         assert not view.setup.form.isRowVisible(hidden)
-    assert view.setup.form.isRowVisible(view.setup.guided)
+    assert view.setup.form.isRowVisible(view.setup.frames.guided)
     view.begin()
     qtbot.waitUntil(lambda: view.state.drift is not None and view.state.drift.minutes > 4.0)
     assert view.state.running
@@ -595,9 +595,9 @@ def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
 def test_what_has_no_bolts_is_asked_for_as_hands_move_it(qtbot, polar, base, words):
     nights = Nights()
     _, view = polar(nights)
-    view.setup.exposure.setValue(1.0)
-    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
-    view.setup.base.setCurrentText(base)
+    view.setup.frames.exposure.setValue(1.0)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.axis.base.setCurrentText(base)
     obeyed = []
     view.begin()
 
@@ -618,10 +618,10 @@ def test_what_has_no_bolts_is_asked_for_as_hands_move_it(qtbot, polar, base, wor
 def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, polar):
     nights = Nights()
     _, view = polar(nights)
-    view.setup.exposure.setValue(1.0)
-    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
-    view.setup.motors.setChecked(True)
-    assert not view.setup.form.isRowVisible(view.setup.motor_port)  # the practice telescope's own
+    view.setup.frames.exposure.setValue(1.0)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.axis.motors.setChecked(True)
+    assert not view.setup.form.isRowVisible(view.setup.axis.motor_port)  # the practice telescope's own
     asked, words = [], set()
     view.begin()
 
@@ -641,8 +641,8 @@ def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, po
 
 def test_escape_stops_motors_at_the_bolts_without_a_mount(qtbot, polar):
     _, view = polar(Nights())
-    view.setup.hand.setCurrentText(AxisTurnedBy.PERSON)
-    view.setup.motors.setChecked(True)
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
+    view.setup.axis.motors.setChecked(True)
     view.begin()
     qtbot.waitUntil(lambda: view.state.running and view.state.stage != "opening")
     view.show_bolts()
@@ -656,12 +656,12 @@ def test_escape_stops_motors_at_the_bolts_without_a_mount(qtbot, polar):
 
 def test_the_port_of_motors_is_asked_for(polar):
     _, view = polar(Nights())
-    view.setup.source.setCurrentIndex(view.setup.source.findData(FrameSource.CAMERA))
-    view.setup.motors.setChecked(True)
-    assert view.setup.form.isRowVisible(view.setup.motor_port)
+    view.setup.frames.source.setCurrentIndex(view.setup.frames.source.findData(FrameSource.CAMERA))
+    view.setup.axis.motors.setChecked(True)
+    assert view.setup.form.isRowVisible(view.setup.axis.motor_port)
     with pytest.raises(UsageError, match="port of the motorised adjusters"):
         view.setup.request()
-    view.setup.motor_port.setText("tcp://127.0.0.1:9")
+    view.setup.axis.motor_port.setText("tcp://127.0.0.1:9")
     assert view.setup.request().adjusters == "tcp://127.0.0.1:9"
-    view.setup.motors.setChecked(False)
+    view.setup.axis.motors.setChecked(False)
     assert view.setup.request().adjusters == ""

@@ -22,7 +22,7 @@ from kochab.polar.error import (
 from kochab.polar.horizon import Pole, name_of
 from kochab.polar.report import RINGS_ARCSEC
 from kochab.window.polar.bolts_painting import Spinner
-from kochab.window.polar.setup import zone_box
+from kochab.window.polar.frame_fields import zone_box
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import Page, column, draw_text, label, row, show_text, styled_frame, value_label
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource

@@ -112,7 +112,7 @@ class PolarView(View):
 
     def _connect(self) -> None:
         services = self._services
-        self.setup.message.connect(self.say)
+        self.setup.frames.message.connect(self.say)
         self.bolts.done.connect(self.done.click)
         self.bolts.remeasure.connect(self.again.click)
         self.bolts.sounds.connect(self.sound.click)
@@ -135,7 +135,7 @@ class PolarView(View):
         """Start what was set up."""
         try:
             request = self.setup.request()
-            self.page.numbers.imaging = self.setup.frames_to_take()
+            self.page.numbers.imaging = self.setup.aim.frames_to_take
             self._save(request)
             run = self._new_run(request)
             job = run.start()
@@ -151,7 +151,7 @@ class PolarView(View):
 
     def _use_zone(self, index: int) -> None:
         """Measure the files again with the clock that a person says."""
-        self.setup.zone.setCurrentIndex(index)
+        self.setup.frames.zone.setCurrentIndex(index)
         self.begin()
 
     def press(self, pressed: PolarButton) -> None:
@@ -313,7 +313,7 @@ class PolarView(View):
         state, now_s = self.state, time.monotonic()
         self.page.show_state(state, now_s)
         files = self._request is not None and self._request.source is FrameSource.FILES
-        self.page.ask_zone(files and not state.running and state.clock_doubted, self.setup.zone.currentIndex())
+        self.page.ask_zone(files and not state.running and state.clock_doubted, self.setup.frames.zone.currentIndex())
         self.phone.show_state(state)
         if self.bolts.isVisible():
             self.bolts.show_state(state, now_s)
@@ -342,7 +342,7 @@ class PolarView(View):
     def dropEvent(self, event: QDropEvent) -> None:
         if self.job is None and (paths := dropped_files(event)):
             event.acceptProposedAction()
-            self.setup.take_files(paths)
+            self.setup.frames.take_files(paths)
             self.tabs.setCurrentIndex(0)
 
     def showEvent(self, event: QShowEvent) -> None:

@@ -11,8 +11,10 @@ from PySide6.QtWidgets import QDockWidget, QWidget
 from kochab.core import tr, tr_noop
 from kochab.window.devices.mount_status import MountStatus
 from kochab.window.services import Services
+from kochab.window.shell.actions import colour_icons
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.main_window import MainWindow
+from kochab.window.themes import theme_colours
 from kochab.window.view import View
 from kochab.window.widgets import scrolled
 
@@ -95,6 +97,7 @@ class Views(QObject):
         window.rail.fill(
             [self.image, *self.actions.values()], [window.actions_by_name[name] for name in ("night", "preferences")]
         )
+        colour_icons(window.actions_by_name, theme_colours())  # those of the views are new
         self.actions["details"] = window.actions_by_name["details"]
         for name in self.actions:
             self._add(name)
