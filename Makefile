@@ -3,6 +3,7 @@
 #   make run      open the window           (make run ARGS="solve picture.jpg" for anything else)
 #   make test     every check, then the tests
 #   make test-windows   the tests under Wine, with a real Windows Python in a root that it makes (make test-windows TESTS=tests/cli)
+#   make smoke    a minute that touches every room, for the loop while one works
 #   make test-any-day   tests that know of time, on other days and in other places (needs faketime)
 #   make house    what the house looks like: sizes of the rooms, circles of imports, the files of each walk
 #   make resolve  every dependency has a wheel for Python 3.11, 3.12 and 3.13
@@ -38,7 +39,7 @@ SEED ?= 1
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: catalogs test-windows house audit coverage evenings fuzz killed mutants nights resolve run test test-any-day translations lint style types patterns format bench system clean
+.PHONY: catalogs test-windows house audit coverage evenings fuzz killed mutants nights resolve run smoke test test-any-day translations lint style types patterns format bench system clean
 
 run: SYSTEM = run
 run: system $(STAMP)
@@ -51,6 +52,9 @@ test: SYSTEM = test
 test: system style types $(if $(filter tests,$(TESTS)),patterns)
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
 	  -n auto --maxprocesses 8 --dist worksteal $(TESTS)
+
+smoke: $(STAMP)
+	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m tests.smoke
 
 # ANY_DAY=--quick for two of the days and the quickest tests.
 test-any-day: SYSTEM = test

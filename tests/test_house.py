@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import kochab
-from tests import house
+from tests import house, smoke
 
 TOP_LEVEL = {
     ".ci",
@@ -254,6 +254,12 @@ def test_every_name_in_a_registry_resolves():
 def test_the_changelog_tells_of_this_version(repository):
     told = re.findall(r"^## (\S+)", (repository / "CHANGELOG.md").read_text("utf-8"), re.M)
     assert kochab.__version__ in told
+
+
+def test_the_quick_minute_touches_every_room():
+    rooms = {path.parent.name for path in house.SOURCE.glob("*/__init__.py")}
+    assert smoke.SMOKE.keys() == rooms
+    assert not [path for path in smoke.files() if not path.exists()]
 
 
 def test_the_makefile_and_the_hooks_run_the_same_checks(repository):
