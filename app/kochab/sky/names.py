@@ -41,13 +41,15 @@ def printed(designation: str, also: Sequence[str] = ()) -> str:
     """A designation as charts print it: ``"θ1 Ori C"`` is θ¹ Ori C.
 
     Of the other names ``also`` an index of the same Greek letter is taken (``"ψ Ori"`` is ψ² Ori), and a Flamsteed
-    number rather than a Latin letter (``"c Ori"`` is 42 Ori), but not of P Cygni and the variables from R on.
+    number rather than a Latin letter (``"c2 Aqr"`` is 88 Aqr), but not of P Cygni and the variables from R on, nor
+    Gould's numbers in Vela and Puppis, where Flamsteed's end at 22.
     """
     head, _, rest = designation.partition(" ")
     for word in also:
         number, _, constellation = word.partition(" ")
         indexed = head in GREEK and number.startswith(head) and number[len(head) :].isdecimal()
-        flamsteed = head in LATIN and number.isdecimal()
+        latin = head.rstrip("123456789") in LATIN and number.isdecimal()
+        flamsteed = latin and constellation != "Vel" and (constellation != "Pup" or int(number) <= 22)
         if constellation == rest and (indexed or flamsteed):
             designation = word
             break
