@@ -1,9 +1,17 @@
 """What a guider's pulses did, of loops written down here and behind the gears of tests.nights."""
 
+import re
+
 import numpy as np
 import pytest
 
+from kochab.core.frame import Site
+from kochab.lab.bench import polar_guided as bench
+from kochab.polar.error import CHI2_95
+from kochab.polar.horizon import Pole, Refraction
+from kochab.polar.measure import PolarFindingKind
 from kochab.polar.pulses import behind_play, pulse_response
+from kochab.workflows.polar.solutions import FilesTold, axis_of
 from tests.nights.guide_logs import Play
 
 STEP_S = 3.0
@@ -70,3 +78,48 @@ def test_too_little_tells_nothing():
     time_s, star, _, level = loop(1.0, 1)
     assert pulse_response(time_s, star, np.zeros(len(star)), level) is None
     assert pulse_response(*loop(1.0, 1, frames=120, dithered=False, seeing=0.01, drift=0.0)) is None
+
+
+CHI2_99 = 9.2103  # two degrees of freedom
+
+
+def answers(path, text, evening):
+    """Of a log: with no word of its sign, and with each."""
+    head = "PHD2 version 2.6.13, Log version 2.5. Log enabled at 2026-03-14 20:00:00"
+    path.write_text(f"{head}\n{text}")
+    told = FilesTold(Site(evening.latitude_deg, 0.0), Pole.TRUE, Refraction(0.0))
+    return [
+        axis_of([], [], [str(path)], FilesTold(told.site, told.pole, told.refraction, dec_sign=sign)).result
+        for sign in (0, 1, -1)
+    ]
+
+
+def distance2(drift, evening):
+    return drift.error.with_systematics.distance2(evening.axis)
+
+
+@pytest.mark.parametrize("kind", ["dithers", "Dec reversed"])
+def test_pulses_proved_to_go_against_the_calibration_leave_north_unknown(kind, tmp_path):
+    """The same star, the letters of its Dec pulses turned round: what the log says of its parity counts no more."""
+    proved = 0
+    for seed in range(4):
+        rng = np.random.default_rng([29, seed])
+        evening = bench.replace(bench.drawn(kind, rng), dithered=True, minutes=40.0)
+        text = bench.log_of(evening, rng)
+        plain, *_ = answers(tmp_path / "PHD2_GuideLog.txt", text, evening)
+        assert not plain.spoilt
+        turned = re.sub(r",([NS])(?=,,,1500)", lambda way: f",{'NS'[way[1] == 'N']}", text)
+        unsaid, north, south = answers(tmp_path / "PHD2_GuideLog.txt", turned, evening)
+        right, wrong = (south, north) if evening.north > 0 else (north, south)
+        doubts = [finding for finding in unsaid.findings if finding.kind is PolarFindingKind.DEC_SIGN]
+        if not doubts:
+            continue
+        proved += 1
+        assert unsaid.spoilt
+        assert "against the calibration" in doubts[0].text
+        assert unsaid.otherwise is not None
+        assert not right.spoilt
+        assert distance2(right, evening) < CHI2_99
+        assert right.error.axis == pytest.approx(plain.error.axis, abs=2e-4)
+        assert distance2(wrong, evening) > distance2(right, evening) + CHI2_95
+    assert proved >= 3

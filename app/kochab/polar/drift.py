@@ -61,16 +61,18 @@ class Stretch:
 
     ``held``: a guider held Dec and RA, so that only the rotation of the field tells; ``ra_held``: RA alone, whose drift
     then says nothing. ``sign_known``: whether north is known from south; ``pier`` is the side of it, for a flip turns
-    that round. Of a guide star ``pulses_rad`` (N,) is how far pulses had moved Dec by then, towards the elevated pole,
-    ``ra_rad`` (N,) how far the star stood from its place in RA, and ``steps`` (N,) counts the dithers; its roll means
-    nothing. Stretches of one ``calibration`` share the error of their pulses, to ``pulse_share`` (one sigma). A
-    ``knock`` before or after it means that the axis no longer stands where it did.
+    that round, and ``against_calibration`` that pulses moved the star the other way than the log says. Of a guide star
+    ``pulses_rad`` (N,) is how far pulses had moved Dec by then, towards the elevated pole, ``ra_rad`` (N,) how far the
+    star stood from its place in RA, and ``steps`` (N,) counts the dithers; its roll means nothing. Stretches of one
+    ``calibration`` share the error of their pulses, to ``pulse_share`` (one sigma). A ``knock`` before or after it
+    means that the axis no longer stands where it did.
     """
 
     attitudes: tuple[LocalAttitude, ...]
     held: bool = False
     ra_held: bool = False
     sign_known: bool = True
+    against_calibration: bool = False
     pulses_rad: Floats = field(default_factory=lambda: np.zeros(0))
     ra_rad: Floats = field(default_factory=lambda: np.zeros(0))
     steps: Floats = field(default_factory=lambda: np.zeros(0))
@@ -539,6 +541,14 @@ def _restless(left: Floats, parts: Sequence[_Rows], unknown: int) -> float:
 DEC_SIGN = tr_noop(
     "The guide log doesn't say which way its Dec pulses move the mount: the error may be to the other side."
 )
+AGAINST = tr_noop(
+    "Dec pulses moved the guide star against the calibration in the log (a flip, or reversed output): north and south"
+    " are not known."
+)
+AGAINST_EITHER = tr_noop(
+    "Dec pulses moved the guide star against the calibration in the log (a flip, or reversed output). If north pulses"
+    " move the mount north: {plus}. If they move it south: {minus}. Say which."
+)
 EITHER = tr_noop(
     "The guide log doesn't say which way its Dec pulses move the mount. If north pulses move it north: {plus}."
     " If they move it south: {minus}. Say which."
@@ -571,7 +581,7 @@ def _doubts(stretches: Sequence[Stretch], wider: float, all_of_them: _Solved) ->
         text = tr(KNOCKED, before=knock.before, after=knock.after, angle=angle_in_words(knock.angle_arcsec))
         found.append(PolarFinding(PolarFindingKind.MOUNT_MOVED, text, spoils=True))
     if not all(s.sign_known for s in stretches):
-        text = tr(DEC_SIGN)
+        text = tr(AGAINST if any(s.against_calibration for s in stretches) else DEC_SIGN)
         found.append(PolarFinding(PolarFindingKind.DEC_SIGN, text, spoils=True))
     for number, stretch in enumerate(stretches, 1):
         alone, _ = _solved((stretch,), all_of_them.pole, all_of_them.axis, wider, all_of_them.covariance)
@@ -585,7 +595,8 @@ def _doubts(stretches: Sequence[Stretch], wider: float, all_of_them: _Solved) ->
 
 def either(north: Drift, south: Drift) -> Drift:
     """Both answers of a drift whose Dec has no sign: as if north pulses moved the mount north, and south."""
-    text = tr(EITHER, plus=north.where, minus=south.where)
+    against = any(s.against_calibration for s in north.stretches)
+    text = tr(AGAINST_EITHER if against else EITHER, plus=north.where, minus=south.where)
     findings = (replace(f, text=text) if f.kind is PolarFindingKind.DEC_SIGN else f for f in north.findings)
     return replace(north, findings=tuple(findings), otherwise=south.error)
 

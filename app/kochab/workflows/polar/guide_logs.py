@@ -3,7 +3,8 @@
 The format is github.com/OpenPHDGuiding/phd2/wiki/PHD2GuideLog, its ``mount.cpp`` says what the signs mean. KStars and
 ASIAIR write alike. A star's distance in Dec and the pulses up to then make the mount's own drift. How far a pulse moves
 is what PHD2's calibration says, to a fifth: it is never fitted to means of the star's distances, for a guider answers
-their very noise. Dithers prove it frame by frame; without them what the frames say against it widens the doubt.
+their very noise. Dithers prove it frame by frame; without them what the frames say against it widens the doubt. Pulses
+that are proved to move the star against the calibration leave north unknown, whatever the log says of its parity.
 """
 
 import re
@@ -31,6 +32,7 @@ OTHER_LOCK = ("INFO: DITHER", "INFO: SET LOCK POSITION", "INFO: Guiding paramete
 SIGNS = {"+": 1, "?": 0, "-": -1}
 FOUND = (0, 1)  # PHD2's Star::FindResult: a star, a saturated star; others are none that can be believed
 DITHERS = 3  # places that the star was given on purpose, from which on pulses prove how far they move
+REVERSED_SIGMAS = 3.0  # below zero, by which pulses are proved to move the star against the calibration
 JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse explains: another star, or a kick
 
 
@@ -160,12 +162,16 @@ def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Str
     time, ra, dec, west, south, dither = rows.T
     if south.any() and not section.y_rate > 0.0:
         return None
-    east_of, north_of = section.parity[0] or 1, section.parity[1] or dec_sign or 1
     scale = section.scale * ARCSEC
     # y_rate is in px/s and pulses in ms; a frame shows those before it and not its own.
     pushed = -np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate)  # px, as dec counts
     level = _levels(time, dec, pushed, dither)
     share, response = PULSES, pulse_response(time, dec, pushed, level)
+    # Pulses that move the star against the calibration leave open what is turned round since: the camera or the gear.
+    against = response is not None and response.scale + REVERSED_SIGMAS * response.sigma < 0.0
+    east_of, north_of = section.parity[0] or 1, section.parity[1] or dec_sign or 1
+    if against:  # what is said of north pulses: they take the star to the other side of its place
+        north_of = -dec_sign or 1
     if response is not None and len(np.unique(dither)) >= DITHERS:
         pushed, share = response.moved * response.scale, response.sigma / abs(response.scale)
     elif response is not None:
@@ -190,11 +196,12 @@ def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Str
     towards_pole = north_of * scale * (1.0 if northern(settings.site) else -1.0)
     moved = np.array([pushed[b].mean() for b in bins]) * towards_pole
     steps = np.array([level[b][0] for b in bins])
-    held, known = bool(west.any()), bool(section.parity[1])
+    held, known = bool(west.any()), bool(section.parity[1]) and not against
     return Stretch(
         attitudes,
         ra_held=held,
         sign_known=known,
+        against_calibration=against,
         pier=section.pier,
         pulses_rad=moved,
         pulse_share=share,
