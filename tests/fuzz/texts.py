@@ -49,7 +49,7 @@ def _lines(folder: Path) -> list[bytes]:
 
 def check_solved(name: str, data: bytes, folder: Path) -> None:
     """Solutions that a camera can have, and an axis of them and two good ones; or one sentence."""
-    from kochab.workflows.polar.solutions import FilesTold, axis_of, solved_before
+    from kochab.workflows.polar.solutions import FilesRequest, axis_of, solved_before
     from kochab.workflows.polar.sources import SolvedFile
 
     (path := folder / name).write_bytes(data)
@@ -60,7 +60,7 @@ def check_solved(name: str, data: bytes, folder: Path) -> None:
                 shown = [*found.ra_dec_deg, found.roll_deg, *found.centre_attitude.sigma_arcsec, *found.camera.fov_deg]
                 require(np.isfinite(shown).all() and found.camera.focal_px > 0.0, f"{shown}")
         good = [SolvedFile(f"{k}", one, WHEN.replace(minute=30 + k), SITE) for k, one in enumerate(_solutions()[1:])]
-        axis = axis_of([*files[:3], *good], [0] * len([*files[:3], *good]), (), FilesTold(SITE))
+        axis = axis_of([*files[:3], *good], [0] * len([*files[:3], *good]), (), FilesRequest(SITE))
         error = getattr(axis.result, "error", None)
         require(error is None or np.isfinite(error.total_arcsec), "an axis that is nowhere")
 

@@ -16,7 +16,7 @@ from kochab.polar.error import CHI2_95
 from kochab.polar.horizon import Horizon, sun_altitude_deg
 from kochab.polar.measure import Measurement, NoAxis, PolarFindingKind
 from kochab.workflows.polar.site_and_clock import given_doubts, horizon_agrees
-from kochab.workflows.polar.solutions import FilesTold, axis_of
+from kochab.workflows.polar.solutions import FilesRequest, axis_of
 
 
 def sweep_of(seed, frames=5):
@@ -31,7 +31,7 @@ def told_of(sweep, rng, **said):
     files = [replace(f, site=said.get("theirs")) for f in solved_files(sweep, rng)]
     place = sweep.said_place
     given = Site(place.latitude_deg, place.longitude_deg, place.height_m)
-    return axis_of(files, [0] * len(files), [], FilesTold(given, utc_offset_h=said.get("utc_offset_h", 0.0))).result
+    return axis_of(files, [0] * len(files), [], FilesRequest(given, utc_offset_h=said.get("utc_offset_h", 0.0))).result
 
 
 def kinds(told, spoiling=False):
@@ -137,7 +137,7 @@ def test_headers_that_bear_out_the_clock_leave_no_doubt_of_it():
         ra_dec = radec_deg(sky.catalogue_places(enu[None], shot.when, place)[0])
         aimed.append(replace(file, site=site, aim=Aim(ra_dec, altaz)))
     doubted, borne_out = (
-        axis_of(files, [0] * len(files), [], FilesTold(site, utc_offset_h=0.0)).result for files in (plain, aimed)
+        axis_of(files, [0] * len(files), [], FilesRequest(site, utc_offset_h=0.0)).result for files in (plain, aimed)
     )
     assert doubted.unsettled
     assert not borne_out.unsettled

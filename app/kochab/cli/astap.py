@@ -37,22 +37,22 @@ FIELD_FACTOR = 2.5
 class AstapRequest:
     """What was asked, as ASTAP's letters: hours, degrees, and degrees from the south pole."""
 
-    said: dict[str, str] = field(default_factory=dict)
+    options: dict[str, str] = field(default_factory=dict)
 
     @property
     def file(self) -> str:
         """The frame."""
-        return self.said["-f"]
+        return self.options["-f"]
 
     @property
     def base(self) -> str:
         """Where answers go, without an ending."""
-        return self.said.get("-o") or str(Path(self.file).with_suffix(""))
+        return self.options.get("-o") or str(Path(self.file).with_suffix(""))
 
     def number(self, name: str) -> float | None:
         """The value of an option, None when it was not given or is no number."""
         try:
-            value = float(self.said[name])
+            value = float(self.options[name])
         except (KeyError, ValueError):
             return None
         return value if math.isfinite(value) else None
@@ -69,14 +69,14 @@ def run(arguments: Sequence[str]) -> int:
         say(str(error))
         return 1
     outcome = attempt(order.file, lambda: with_progress(order.file, _answered(order)))
-    told = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")} if "error" in outcome else outcome
-    told["CMDLINE"] = " ".join(("kochab", *arguments))
+    ini_fields = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")} if "error" in outcome else outcome
+    ini_fields["CMDLINE"] = " ".join(("kochab", *arguments))
     try:
-        _write_ini(order.base, told)
+        _write_ini(order.base, ini_fields)
     except KochabError as error:
-        told = {"ERROR": told.get("ERROR", str(error))}
-    if "ERROR" in told:
-        say(told["ERROR"])
+        ini_fields = {"ERROR": ini_fields.get("ERROR", str(error))}
+    if "ERROR" in ini_fields:
+        say(ini_fields["ERROR"])
         return 1
     print(f"Solved: {printable(order.base)}.ini")
     return 0
@@ -95,7 +95,7 @@ def _spare(order: AstapRequest, *endings: str) -> None:
 
 def _answered(order: AstapRequest) -> Task[Json]:
     """What the ``.ini`` says, also of what is refused: one of an earlier frame must not stay."""
-    _spare(order, ".wcs", *([PICTURE] if "-annotate" in order.said else []))
+    _spare(order, ".wcs", *([PICTURE] if "-annotate" in order.options else []))
     frame, result = yield from _solved(order)
     if isinstance(result, NoSolution):
         reason = f"{Path(order.file).name}: {result.reason}. {result.advice}"
@@ -110,7 +110,7 @@ def _order(arguments: Sequence[str]) -> AstapRequest:
     while words:
         name = words.pop(0)
         # A word that is no flag takes the next one, whatever that begins with, but for the file's own.
-        order.said[name.lower()] = "" if name.lower() in FLAGS or words[:1] in ([], ["-f"]) else words.pop(0)
+        order.options[name.lower()] = "" if name.lower() in FLAGS or words[:1] in ([], ["-f"]) else words.pop(0)
     return order
 
 
@@ -137,8 +137,8 @@ def within_field(result: Solution | NoSolution, scale: tuple[float, float] | Non
         return result
     from kochab.solver.pipeline import refused
 
-    told = f" and {found:.4g} arcsec/px; -fov means {given:.4g}."
-    return refused(result, Reason.ANOTHER_FIELD, told, scale_arcsec_px=found)
+    scale_note = f" and {found:.4g} arcsec/px; -fov means {given:.4g}."
+    return refused(result, Reason.ANOTHER_FIELD, scale_note, scale_arcsec_px=found)
 
 
 def _bound(order: AstapRequest, header: Hint) -> tuple[float, float, float] | None:
@@ -181,12 +181,12 @@ def _written(order: AstapRequest, frame: Frame, solution: Solution) -> list[str]
     from kochab.frames.wcs import write_solved_copy
 
     notes = write_wcs_to(f"{order.base}.wcs", solution)
-    if "-annotate" in order.said:
+    if "-annotate" in order.options:
         if Path(picture := order.base + PICTURE).exists():
             notes.append(f"{picture} exists already and was not replaced.")
         else:
             notes += write_picture(picture, frame, solution)
-    if "-update" in order.said:
+    if "-update" in order.options:
         try:
             write_solved_copy(solution, order.file, order.file)
         except KochabError as error:
@@ -204,7 +204,7 @@ def _cards(solution: Solution) -> dict[str, str]:
     (a, b), (c, d) = _cd_at_centre(solution)
     # y grows downwards: an unmirrored frame has a positive determinant, and the sign of CDELT1 tells it.
     side = math.copysign(1.0, a * d - b * c)
-    told = {
+    keywords = {
         "CRPIX1": (width + 1) / 2.0,
         "CRPIX2": (height + 1) / 2.0,
         "CRVAL1": ra,
@@ -218,7 +218,7 @@ def _cards(solution: Solution) -> dict[str, str]:
         "CD2_1": c,
         "CD2_2": d,
     }
-    return {name: f"{value:.14E}" for name, value in told.items()}
+    return {name: f"{value:.14E}" for name, value in keywords.items()}
 
 
 def _cd_at_centre(solution: Solution) -> tuple[tuple[float, float], tuple[float, float]]:

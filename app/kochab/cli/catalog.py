@@ -103,37 +103,37 @@ def _info(args: argparse.Namespace) -> int:
     from kochab.identification.table_cache import cached_tables as tables
     from kochab.sky.inventory import inventory
 
-    told = with_progress("catalog", inventory(_folder(args.catalog))) | {"tables": tables()}
-    tell(told, "\n".join(_info_lines(told)), args.json)
-    return 0 if told["ok"] else 1
+    facts = with_progress("catalog", inventory(_folder(args.catalog))) | {"tables": tables()}
+    tell(facts, "\n".join(_info_lines(facts)), args.json)
+    return 0 if facts["ok"] else 1
 
 
-def _info_lines(told: dict[str, Any]) -> Iterator[str]:
-    yield f"{told['stars']:,} stars, {told['frame']}, positions at {told['epoch']}; {told['path']}"
+def _info_lines(facts: dict[str, Any]) -> Iterator[str]:
+    yield f"{facts['stars']:,} stars, {facts['frame']}, positions at {facts['epoch']}; {facts['path']}"
     yield "V magnitude      stars"
-    for span, count in told["counts"]["per_magnitude"].items():
+    for span, count in facts["counts"]["per_magnitude"].items():
         yield f"  {span:>9}  {count:>9,}"
-    yield from _facts({k: v for k, v in told["counts"].items() if k != "per_magnitude"})
+    yield from _facts({k: v for k, v in facts["counts"].items() if k != "per_magnitude"})
     for title, key in (
         ("The bright list", "bright"),
         ("When it was built", "built"),
         ("Against the independent list, 2024.0", "independent_check"),
     ):
-        if told[key]:
+        if facts[key]:
             yield title
-            yield from _facts(told[key])
+            yield from _facts(facts[key])
     yield "Files"
-    for file in told["files"]:
+    for file in facts["files"]:
         state = "as built" if file["ok"] else "ALTERED"
         yield f"  {file['name']:14} {file['bytes']:>12,}  {file['sha256'][:16]}  {state}"
-    yield f"  {'together':14} {told['bytes']:>12,}"
-    yield f"  {'patterns':14} {told['pattern_bytes']:>12,}"
-    if told["tables"]:
+    yield f"  {'together':14} {facts['bytes']:>12,}"
+    yield f"  {'patterns':14} {facts['pattern_bytes']:>12,}"
+    if facts["tables"]:
         yield "Tables of the classic methods, kept on this computer"
-        for name, size in told["tables"].items():
+        for name, size in facts["tables"].items():
             yield f"  {name:36} {size:>12,}"
     yield "Checks"
-    for check, ok in told["checks"].items():
+    for check, ok in facts["checks"].items():
         yield f"  {'yes' if ok else 'NO':3} {check}"
 
 
@@ -146,7 +146,7 @@ def _coverage(args: argparse.Namespace) -> int:
     from kochab.sky.inventory import coverage
 
     catalogue = open_catalogue(_folder(args.catalog) / "deep.kcat")
-    told = with_progress("catalog", coverage(catalogue, args.fov, args.mag_limit, args.fields))
+    facts = with_progress("catalog", coverage(catalogue, args.fov, args.mag_limit, args.fields))
     text = (
         "A square field of {fov_deg:g} deg, at {fields:,} places over the whole sky, "
         "has {fewest:,} stars or more, {median:,} in the median and {most:,} at most.\n"
@@ -154,7 +154,7 @@ def _coverage(args: argparse.Namespace) -> int:
         "{share:.2f} % have 10 or more.\n"
         "The poorest place: RA {poorest_ra_deg:.3f}, Dec {poorest_dec_deg:+.3f} deg."
     )
-    tell(told, text.format(**told, share=100 * told["share_with_10"]), args.json)
+    tell(facts, text.format(**facts, share=100 * facts["share_with_10"]), args.json)
     return 0
 
 

@@ -192,10 +192,10 @@ def live_line(update: LiveUpdate) -> str:
 def replay_line(replayed: Replayed) -> str:
     """One line a frame: the same or not."""
     name = replayed.line["frame_file"]
-    said = "same solution" if replayed.agrees else "DIFFERENT SOLUTION"
+    verdict = "same solution" if replayed.agrees else "DIFFERENT SOLUTION"
     apart = replayed.apart_arcsec
     where = "" if apart is None else f", {apart:.3f} arcsec apart"
-    return f"{name}  {said}{where}" + ("" if replayed.intact else "; THE FILE WAS CHANGED")
+    return f"{name}  {verdict}{where}" + ("" if replayed.intact else "; THE FILE WAS CHANGED")
 
 
 def _drift(drift: Drift | None) -> Json | None:
@@ -269,31 +269,31 @@ def _list(args: argparse.Namespace) -> int:
     if args.source is not None:
         SOURCES.check(args.source)
     for name in SOURCES.loaded() if args.source is None else (args.source,):
-        told = _told(name, args.address)
-        tell(told, _text(told), args.json)
+        facts = _told(name, args.address)
+        tell(facts, _text(facts), args.json)
     return 0
 
 
 def _told(name: str, address: str) -> Json:
     from kochab.gear.cameras import list_devices, missing
 
-    told: Json = {"source": name, "missing": missing(name), "cameras": []}
-    if told["missing"] is None:
+    facts: Json = {"source": name, "missing": missing(name), "cameras": []}
+    if facts["missing"] is None:
         try:
-            told["cameras"] = [
+            facts["cameras"] = [
                 {"address": d.address, "description": d.description} for d in list_devices(name, address)
             ]
         except DeviceError as error:
-            told["error"] = str(error)
-    return told
+            facts["error"] = str(error)
+    return facts
 
 
-def _text(told: Json) -> str:
-    lines = [told["source"]]
-    lines += [f"  {c['address']}  {c['description']}" for c in told["cameras"]]
-    said = told["missing"] or told.get("error")
-    if said or not told["cameras"]:
-        lines.append(f"  {said or 'none found; see --address'}")
+def _text(facts: Json) -> str:
+    lines = [facts["source"]]
+    lines += [f"  {c['address']}  {c['description']}" for c in facts["cameras"]]
+    problem = facts["missing"] or facts.get("error")
+    if problem or not facts["cameras"]:
+        lines.append(f"  {problem or 'none found; see --address'}")
     return "\n".join(lines)
 
 
@@ -324,8 +324,8 @@ def _take(args: argparse.Namespace) -> int:
         write_fits(frame, target)
     except OSError as error:
         raise KochabError(f"{args.output} cannot be written: {error.strerror}.") from None
-    told = _frame_json(frame, args.output)
-    tell(told, f"{printable(told['file'])}: {told['width']} x {told['height']} px", args.json)
+    facts = _frame_json(frame, args.output)
+    tell(facts, f"{printable(facts['file'])}: {facts['width']} x {facts['height']} px", args.json)
     return 0
 
 

@@ -182,21 +182,21 @@ def settings_of(
 
     Raises UsageError when there is no such option, or it cannot have that value.
     """
-    said: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
+    given: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
     for text in settings:
         name, equals, value = text.partition("=")
         kind, dot, option = name.strip().partition(".")
         if not equals or not (option if dot else kind):
             raise UsageError(f"--set {text} is not NAME=VALUE.")
         # A name with another prefix is an option of the method, so that its complaint names the whole word.
-        if dot and kind in said:
-            said[kind][option] = value
+        if dot and kind in given:
+            given[kind][option] = value
         else:
-            said["method"][name.strip()] = value
+            given["method"][name.strip()] = value
     names = {"method": method, "detector": detector, "attitude": attitude}
-    if said["attitude"] and attitude is None:
+    if given["attitude"] and attitude is None:
         raise UsageError("--set attitude.NAME needs --attitude.")
-    made = [_checked(kind, names[kind], said[kind]) for kind in KINDS]
+    made = [_checked(kind, names[kind], given[kind]) for kind in KINDS]
     return made[0], made[1], made[2]
 
 
@@ -209,13 +209,13 @@ def detector_settings_of(settings: Sequence[str], detector: str) -> dict[str, An
     return settings_of(list(named), "", detector, None)[1]
 
 
-def _checked(kind: str, name: str | None, said: Mapping[str, str]) -> dict[str, Any]:
+def _checked(kind: str, name: str | None, given: Mapping[str, str]) -> dict[str, Any]:
     from kochab.core.registry import checked
 
-    if not said or name is None:
+    if not given or name is None:
         return {}
     try:
-        return checked(_registry(kind).load(name), said)
+        return checked(_registry(kind).load(name), given)
     except UsageError as error:
         raise UsageError(f"{kind.capitalize()} {name}: {error}") from error
 

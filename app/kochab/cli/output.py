@@ -37,9 +37,9 @@ def to_line(value: Json) -> str:
     return json.dumps(_finite(value), allow_nan=False)
 
 
-def tell(told: Json, text: str, as_json: bool) -> None:
+def tell(fields: Json, text: str, as_json: bool) -> None:
     """One line of JSON for a program, or the text for a person."""
-    print(to_line(told) if as_json else text, flush=True)
+    print(to_line(fields) if as_json else text, flush=True)
 
 
 def tell_failure(error: KochabError, as_json: bool) -> None:
@@ -107,13 +107,13 @@ def _unsolved(file: str, n: "NoSolution") -> Json:
     return {"file": file, "solved": False, **asdict(n), "reason": str(n.reason), "warnings": list(n.warnings)}
 
 
-def bodies_json(told: "FrameBodies") -> Json:
+def bodies_json(found: "FrameBodies") -> Json:
     """The bodies of the Solar System in a frame, and the bright detections that are in no catalogue."""
-    bodies = [{**asdict(b.body), "x": b.x, "y": b.y, "seen": b.seen} for b in told.bodies]
+    bodies = [{**asdict(b.body), "x": b.x, "y": b.y, "seen": b.seen} for b in found.bodies]
     for body in bodies:
         if not body["trail"]:
             del body["trail"]
-    return {"bodies": bodies, "not_in_catalogue": [asdict(source) for source in told.unknown]}
+    return {"bodies": bodies, "not_in_catalogue": [asdict(source) for source in found.unknown]}
 
 
 def card(outcome: Json) -> str:

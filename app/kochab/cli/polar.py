@@ -37,7 +37,7 @@ from kochab.polar.report import History, write_report
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
 from kochab.workflows.polar.solutions import (
-    FilesTold,
+    FilesRequest,
     axis_of,
     changed_ns,
     guide_logs_of,
@@ -169,9 +169,9 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
     guided = None if args.guided is None else args.guided == "yes"
     refraction = Refraction(args.pressure, args.temperature)
     dec_sign = {None: 0, "+": 1, "-": -1}[args.dec_sign]
-    told = FilesTold(args.site, Pole(args.pole), refraction, args.utc_offset, guided, dec_sign, args.equipment)
+    request = FilesRequest(args.site, Pole(args.pole), refraction, args.utc_offset, guided, dec_sign, args.equipment)
     try:
-        axis = axis_of(files, [sweep for found, sweep in each for _ in found], logs, told)
+        axis = axis_of(files, [sweep for found, sweep in each for _ in found], logs, request)
     except (FrameError, UsageError) as error:
         return _fail(str(error), args.json, 2), None
     result = axis.result
@@ -190,7 +190,7 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
         text = drift_as_text(result, doubts, imaging) if isinstance(result, Drift) else as_text(result, doubts, imaging)
         print(text + (f"\n  last      {axis.last}" if axis.last else ""), flush=True)
     try:
-        remember_axis(result, told.profile)
+        remember_axis(result, request.profile)
     except OSError as error:
         say(f"Can't keep this for another night: {error.strerror or error}.")
     if args.report is not None:
@@ -383,6 +383,6 @@ def _fail(
             )
         )
     else:
-        for told in [about(one.path, one.reason) for one in bad] or [sentence]:
-            say(told)
+        for sentence_text in [about(one.path, one.reason) for one in bad] or [sentence]:
+            say(sentence_text)
     return code

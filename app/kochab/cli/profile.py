@@ -79,7 +79,7 @@ def _fill_in(args: dict[str, Any], profile: "EquipmentProfile") -> None:
     camera = {} if elsewhere else {"source": profile.source, "address": profile.address}
     if args.get("source") not in (None, profile.source):
         camera = {}
-    told = {
+    fields = {
         **camera,
         "exposure": profile.exposure_s,
         "gain": profile.gain,
@@ -93,8 +93,8 @@ def _fill_in(args: dict[str, Any], profile: "EquipmentProfile") -> None:
     }
     if args.get("fov") is None:
         # --fov takes precedence over --scale, so a profile's scale must not stand beside it.
-        told["scale"] = profile.scale_arcsec_px
-    for name, value in told.items():
+        fields["scale"] = profile.scale_arcsec_px
+    for name, value in fields.items():
         if name in args and args[name] in (None, ""):
             args[name] = value if value != "" else args[name]
     args["equipment"], args["profile"] = profile.name, profile.optics  # the latter names the camera's calibration
@@ -137,14 +137,14 @@ def _show(args: argparse.Namespace) -> int:
     profile = load_profile(args.name)
     if profile is None:
         return _missing(args)
-    told = profile.as_json()
+    fields = profile.as_json()
     lines = []
-    for name, value in told.items():
+    for name, value in fields.items():
         if value not in (None, ""):
             words = ", ".join(f"{part:g}" for part in value) if isinstance(value, list) else value
             words = f"{len(value)} points" if name == "horizon_deg" else words
             lines.append(f"{name.replace('_', ' '):21} {words}")
-    tell(told, "\n".join(lines), args.json)
+    tell(fields, "\n".join(lines), args.json)
     return 0
 
 

@@ -53,8 +53,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="NAMES",
         help="extra layers for --annotate, comma-separated; no-NAME hides one: altaz,ecliptic,no-grid",
     )
-    told = "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
-    parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=told)
+    help_text = (
+        "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
+    )
+    parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=help_text)
     parser.set_defaults(run=run)
 
 
@@ -66,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _solve(
     args: argparse.Namespace,
-    wishes: list[SolveRequest],
+    requests: list[SolveRequest],
     detector: str = "auto",
     elements: tuple[Path, ...] = (),
     site: "Site | None" = None,
@@ -74,9 +76,9 @@ def _solve(
 ) -> int:
     if elements:
         tables_of(elements)  # a file that cannot be read is told before anything is solved
-    _refuse_overwriting(wishes, args.overwrite)
+    _refuse_overwriting(requests, args.overwrite)
     work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements, site=site)
-    return run_batch(partial(work, layers=layers), wishes, args.json, args.workers)
+    return run_batch(partial(work, layers=layers), requests, args.json, args.workers)
 
 
 def layers_of(text: str) -> "Layers":
@@ -99,7 +101,7 @@ def tables_of(elements: tuple[Path, ...]) -> "list[Moving]":
 
 
 def solve_one(
-    wish: SolveRequest,
+    request: SolveRequest,
     options: "SolveOptions",
     bound: Place | None = None,
     elements: tuple[Path, ...] = (),
@@ -111,16 +113,16 @@ def solve_one(
     from kochab.solver.pipeline import with_doubts, within_radius
     from kochab.workflows.solve_frame import solve_file, solve_star_list
 
-    if wish.list_size is not None:
-        found = yield from solve_star_list(wish.file, *wish.list_size, options)
+    if request.list_size is not None:
+        found = yield from solve_star_list(request.file, *request.list_size, options)
         frame, header = None, None
-    elif Path(wish.file).is_dir():
-        raise UsageError(_why_no_pictures(wish.file))
+    elif Path(request.file).is_dir():
+        raise UsageError(_why_no_pictures(request.file))
     else:
-        solved = yield from solve_file(wish.file, options)
+        solved = yield from solve_file(request.file, options)
         found, frame, header = solved.result, solved.frame, solved.frame.hint
     result = within_radius(found, bound)
-    outcome = as_json(wish.file, with_doubts(result, options, header))
+    outcome = as_json(request.file, with_doubts(result, options, header))
     hint = header if options.hint is None or options.hint.time_utc is None else options.hint
     if isinstance(result, Solution) and frame is not None and hint and (taken := hint.taken_utc):
         from kochab.sky import open_catalogue
@@ -128,17 +130,19 @@ def solve_one(
 
         place, more = site or hint.site or frame.hint.site, tables_of(elements)
         exposure_s = hint.exposure_s or frame.hint.exposure_s or 0.0
-        told = yield from bodies_in_frame(result, solved.detections, taken, place, open_catalogue(), more, exposure_s)
-        outcome |= bodies_json(told)
+        found_bodies = yield from bodies_in_frame(
+            result, solved.detections, taken, place, open_catalogue(), more, exposure_s
+        )
+        outcome |= bodies_json(found_bodies)
         outcome["warnings"] += [text for table in more if (text := table.warning(taken, place))]
     failures: list[str] = []
     if isinstance(result, Solution):
-        if wish.wcs is not None:
-            failures += write_wcs_to(wish.wcs, result)
-        if wish.annotate is not None and frame is not None:
+        if request.wcs is not None:
+            failures += write_wcs_to(request.wcs, result)
+        if request.annotate is not None and frame is not None:
             dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
             found_px = solved.detections.xy
-            failures += write_picture(wish.annotate, dated, result, tables_of(elements), layers, found_px)
+            failures += write_picture(request.annotate, dated, result, tables_of(elements), layers, found_px)
     return {**outcome, "failures": failures} if failures else outcome
 
 
@@ -164,11 +168,11 @@ def _wcs_of(args: argparse.Namespace, file: str) -> str | None:
     return f"{file}.wcs" if args.wcs else None
 
 
-def _refuse_overwriting(wishes: list[SolveRequest], overwrite: bool) -> None:
-    inputs = [wish.file for wish in wishes]
-    headers = _refuse_shared([(w.wcs, w.file) for w in wishes if w.wcs], "WCS", "solve them with --wcs")
+def _refuse_overwriting(requests: list[SolveRequest], overwrite: bool) -> None:
+    inputs = [request.file for request in requests]
+    headers = _refuse_shared([(w.wcs, w.file) for w in requests if w.wcs], "WCS", "solve them with --wcs")
     after = "solve them one after the other into different folders"
-    pictures = _refuse_shared([(w.annotate, w.file) for w in wishes if w.annotate], "image", after)
+    pictures = _refuse_shared([(w.annotate, w.file) for w in requests if w.annotate], "image", after)
     if headers:
         refuse_wcs_over(headers, inputs, overwrite)
     if pictures:
@@ -268,8 +272,8 @@ def run_detect(args: argparse.Namespace) -> int:
         return 2
     if args.json:
         elapsed = {"read": 1e3 * (read - started), "detect": 1e3 * (done - read)}
-        told = {**detections_json(detections), "warnings": list(frame.warnings), "elapsed_ms": elapsed}
-        print(json.dumps({"file": args.file, **told}))
+        fields = {**detections_json(detections), "warnings": list(frame.warnings), "elapsed_ms": elapsed}
+        print(json.dumps({"file": args.file, **fields}))
     else:
         print("\n".join([detections_text(detections), *(f"note: {text}" for text in frame.warnings)]))
     return 0

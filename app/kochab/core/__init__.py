@@ -72,13 +72,13 @@ def _said(text: str, note: str, n: int) -> str | None:
     return None if _translate is None or not text or _english.get() else _translate(text, note, n)
 
 
-def _filled(said: str | None, text: str, values: dict[str, object]) -> str:
+def _filled(translated: str | None, text: str, values: dict[str, object]) -> str:
     if _points:
         values = {name: _Shown(v) if isinstance(v, Number) else v for name, v in values.items()}  # type: ignore[arg-type]
     if not values:
-        return said or text
+        return translated or text
     try:
-        return (said or text).format(**values)
+        return (translated or text).format(**values)
     except (LookupError, ValueError):  # a translation with places of its own: its error must not hide this sentence
         return text.format(**values)
 

@@ -198,20 +198,20 @@ def parse_site(text: str) -> Site:
     except ValueError:
         parts = []
     if len(parts) not in (2, 3):
-        said = tr(
+        message = tr(
             "“{text}” is not a site; give latitude, longitude and, if you like, height in metres: {example}.",
             text=typed,
             example=example,
         )
-        raise UsageError(said)
+        raise UsageError(message)
     latitude, longitude, height = (*parts, 0.0)[:3]
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0 and -500.0 <= height <= 9000.0):
-        said = tr(
+        message = tr(
             "{text} is not on the Earth; give latitude, longitude and, if you like, height in metres: {example}.",
             text=typed,
             example=example,
         )
-        raise UsageError(said)
+        raise UsageError(message)
     # Rounded to 1e-9°: the wrap leaves rounding noise in the last digits, which would be shown.
     return Site(latitude, round((longitude + 180.0) % 360.0 - 180.0, 9), height)
 

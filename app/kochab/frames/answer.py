@@ -43,13 +43,13 @@ def encoded(result: Frame | Exception, trace: str = "") -> list[memoryview]:
         arrays = [np.ascontiguousarray(a) for a in (result.pixels, result.colour) if a is not None]
         if any(a.dtype.str not in _TYPES for a in arrays):
             raise ValueError(f"pixels of type {arrays[0].dtype}")
-        told: dict[str, Any] = {"frame": _told(result), "arrays": [[a.dtype.str, list(a.shape)] for a in arrays]}
+        message: dict[str, Any] = {"frame": _told(result), "arrays": [[a.dtype.str, list(a.shape)] for a in arrays]}
     else:
         kinds = {"sentence": FrameError, "memory": MemoryError, "fault": Exception}
         kind = next(kind for kind, error in kinds.items() if isinstance(result, error))
         text = f"{type(result).__name__}: {result}" if kind == "fault" else str(result)
-        told = {kind: text[:2000], "trace": trace[-20_000:]}
-    text_bytes = dumps(told, allow_nan=False).encode("ascii")
+        message = {kind: text[:2000], "trace": trace[-20_000:]}
+    text_bytes = dumps(message, allow_nan=False).encode("ascii")
     return [memoryview(text_bytes), *(a.reshape(-1).view(np.uint8).data for a in arrays)]
 
 
@@ -105,13 +105,13 @@ def received(pipe: IO[bytes], most_bytes: int) -> tuple[Frame | Exception, str]:
     sizes = struct.unpack(f"={count}Q", _filled(pipe, 8 * count))
     if sizes[0] > LARGEST_BYTES or sum(sizes) > most_bytes:
         raise ValueError("size")
-    told = parse_json(bytes(_filled(pipe, sizes[0])))
-    trace = str(told.get("trace", ""))
+    message = parse_json(bytes(_filled(pipe, sizes[0])))
+    trace = str(message.get("trace", ""))
     for kind, error in (("sentence", FrameError), ("memory", MemoryError), ("fault", DecoderFaultError)):
-        if kind in told:
-            return error("{text}", text=told[kind]) if error is FrameError else error(str(told[kind])), trace
-    arrays = [_array(pipe, dtype, shape, n) for (dtype, shape), n in zip(told["arrays"], sizes[1:], strict=True)]
-    return frame_of(told["frame"], arrays), ""
+        if kind in message:
+            return error("{text}", text=message[kind]) if error is FrameError else error(str(message[kind])), trace
+    arrays = [_array(pipe, dtype, shape, n) for (dtype, shape), n in zip(message["arrays"], sizes[1:], strict=True)]
+    return frame_of(message["frame"], arrays), ""
 
 
 def _array(pipe: IO[bytes], dtype: str, shape: list[int], size: int) -> Array:
@@ -123,14 +123,14 @@ def _array(pipe: IO[bytes], dtype: str, shape: list[int], size: int) -> Array:
     return np.frombuffer(_filled(pipe, size), dtype).reshape(shape)
 
 
-def frame_of(told: Mapping[str, Any], arrays: list[Array]) -> Frame:
+def frame_of(message: Mapping[str, Any], arrays: list[Array]) -> Frame:
     """The frame of what was told of it, every field of its own kind; else ValueError, TypeError or LookupError."""
     pixels, colour = arrays[0], arrays[1] if len(arrays) > 1 else None
     if pixels.ndim != 2 or min(pixels.shape) < 1 or not pixels.dtype.isnative:
         raise ValueError("pixels")
     if colour is not None and colour.shape != (*pixels.shape, 3):
         raise ValueError("colour")
-    given = told["hint"]
+    given = message["hint"]
     site = given["site"] and Site(*_numbers(given["site"], 3))
     hint = Hint(
         scale_arcsec_px=given["scale_arcsec_px"] and (*_numbers(given["scale_arcsec_px"], 2),),
@@ -142,14 +142,14 @@ def frame_of(told: Mapping[str, Any], arrays: list[Array]) -> Frame:
         source=str(given["source"]),
         time_of_file=bool(given["time_of_file"]),
     )
-    bayer = told["bayer"]
+    bayer = message["bayer"]
     if bayer is not None and (len(bayer) != 4 or not set(bayer) <= set("RGB")):
         raise ValueError("bayer")
-    header = {str(name): value for name, value in told["header"]}
+    header = {str(name): value for name, value in message["header"]}
     if not all(value is None or isinstance(value, str | int | float | list) for value in header.values()):
         raise ValueError("header")
-    warnings = tuple(map(str, told["warnings"]))
-    return Frame(pixels, colour, bayer, _number(told["saturation"]), str(told["path"]), hint, warnings, header)
+    warnings = tuple(map(str, message["warnings"]))
+    return Frame(pixels, colour, bayer, _number(message["saturation"]), str(message["path"]), hint, warnings, header)
 
 
 def _number(value: Any) -> float | None:

@@ -91,8 +91,10 @@ def _seccomp(libc: ctypes.CDLL) -> bool:
     mark, calls = _CALLS[platform.machine()]
     program = filter_of(mark, sorted(calls.values()))
     kept = ctypes.create_string_buffer(program)
-    told = struct.pack("HL", len(program) // 8, ctypes.addressof(kept))  # sock_fprog, padded as C does
-    return bool(libc.prctl(_SECCOMP, ctypes.c_ulong(_FILTER), told, ctypes.c_ulong(0), ctypes.c_ulong(0)) == 0)
+    program_struct = struct.pack("HL", len(program) // 8, ctypes.addressof(kept))  # sock_fprog, padded as C does
+    return bool(
+        libc.prctl(_SECCOMP, ctypes.c_ulong(_FILTER), program_struct, ctypes.c_ulong(0), ctypes.c_ulong(0)) == 0
+    )
 
 
 def filter_of(mark: int, calls: Sequence[int]) -> bytes:

@@ -99,15 +99,15 @@ def avm_packet(solution: Solution, credit: str) -> bytes:
         "ReferencePixel": (reference.real, reference.imag),
         "Scale": (-scale_deg, scale_deg),
     }
-    told = ""
+    tags = ""
     for name, values in lists.items():
         cells = "".join(f"<rdf:li>{value:.12g}</rdf:li>" for value in values)
-        told += f"<avm:Spatial.{name}><rdf:Seq>{cells}</rdf:Seq></avm:Spatial.{name}>\n"
+        tags += f"<avm:Spatial.{name}><rdf:Seq>{cells}</rdf:Seq></avm:Spatial.{name}>\n"
     text = _AVM.format(
         credit=escape(credit),
         quality="Full" if worst_px <= _FULL_PX else "Position",
         rotation=-np.degrees(np.angle(slope)),
-        lists=told,
+        lists=tags,
         worst_px=worst_px,
     )
     return text.encode("utf-8")

@@ -71,10 +71,10 @@ def _cards(frame: Frame) -> list[tuple[str, Any, str]]:
         cards.append(("SITELAT", hint.site.latitude_deg, "[deg] north"))
         cards.append(("SITELONG", hint.site.longitude_deg, "[deg] east"))
         cards.append(("SITEELEV", hint.site.height_m, "[m]"))
-    told = {name for name, _, _ in cards}
+    written = {name for name, _, _ in cards}
     for name in KEPT:
         value = frame.header.get(name)
-        if name not in told and _writable(value):
+        if name not in written and _writable(value):
             cards.append((name, value, ""))
     return cards
 

@@ -91,8 +91,8 @@ def read_raw(path: Path) -> Frame:
         pixels, colour, bayer, saturation, header = _from_raw(raw)
     height, width = pixels.shape
     check_size(width, height)
-    hint, said, doubts = hint_from_exif(_exif(path), (width, height))
-    return Frame(pixels, colour, bayer, saturation, str(path), hint, doubts, {**said, **header})
+    hint, facts, doubts = hint_from_exif(_exif(path), (width, height))
+    return Frame(pixels, colour, bayer, saturation, str(path), hint, doubts, {**facts, **header})
 
 
 def _from_raw(raw: Any) -> tuple[NDArray[Any], NDArray[Any] | None, str | None, float | None, dict[str, Any]]:

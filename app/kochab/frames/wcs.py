@@ -92,13 +92,13 @@ def wcs_of(values: Mapping[str, Any]) -> Any:
     from astropy.io.fits import Header
     from astropy.wcs import WCS
 
-    told = {name: value for name, value in values.items() if _OLD.match(name) and value is not None}
-    if bad := [name for name, value in told.items() if not _may_be(name, value)]:
+    old_cards = {name: value for name, value in values.items() if _OLD.match(name) and value is not None}
+    if bad := [name for name, value in old_cards.items() if not _may_be(name, value)]:
         raise ValueError(bad[0])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            wcs = WCS(Header([*told.items()]), naxis=2)  # a colour image may count its colours
+            wcs = WCS(Header([*old_cards.items()]), naxis=2)  # a colour image may count its colours
             return wcs if wcs.has_celestial else None
     except (LookupError, TypeError, AttributeError, ArithmeticError) as error:  # of cards that lack others
         raise ValueError(str(error)) from None

@@ -218,7 +218,7 @@ class MountLine:
         try:
             here, doubts = guard.position(), (guard.policy.clock_conflict, guard.policy.slew_block_reason)
             icrs_deg, altaz_deg = from_mount_epoch(here, guard.clock()), guard.policy.altaz_deg(here)
-            said = events.PositionReport(icrs_deg, guard.state(), guard.can_undo, *doubts, altaz_deg)
+            report = events.PositionReport(icrs_deg, guard.state(), guard.can_undo, *doubts, altaz_deg)
             if monotonic() - self._watched >= WATCH_S:
                 self._watched = monotonic()
                 before, self._limit = self._limit, guard.hold_limits()
@@ -229,7 +229,7 @@ class MountLine:
         except DeviceError as error:
             self._tell(events.NoReply(str(error)))
         else:
-            self._tell(said)
+            self._tell(report)
 
     def _ask_once(self, guard: Guard) -> None:
         """The question that may take a while, after the first report."""

@@ -113,8 +113,8 @@ class EquipmentProfile:
     @property
     def limits(self) -> Limits:
         """What the guard of its mount goes by; a mount is a German one until somebody says otherwise."""
-        told = {name: getattr(self, name) for name in LIMITS if getattr(self, name) is not None}
-        return replace(limits_at(self.meridian or Meridian.STAYS), **told)
+        own = {name: getattr(self, name) for name in LIMITS if getattr(self, name) is not None}
+        return replace(limits_at(self.meridian or Meridian.STAYS), **own)
 
     def as_json(self) -> dict[str, Any]:
         """The stable JSON form, which :func:`from_json` reads."""
@@ -126,9 +126,9 @@ class EquipmentProfile:
         }
 
 
-def from_json(told: dict[str, Any]) -> EquipmentProfile:
+def from_json(fields_json: dict[str, Any]) -> EquipmentProfile:
     """The profile of :meth:`EquipmentProfile.as_json`; when damaged UsageError, Value-, Type- or ArithmeticError."""
-    values = {f.name: told[f.name] for f in fields(EquipmentProfile) if told.get(f.name) is not None}
+    values = {f.name: fields_json[f.name] for f in fields(EquipmentProfile) if fields_json.get(f.name) is not None}
     return EquipmentProfile(**{name: READERS[name](value) for name, value in values.items()})
 
 
@@ -304,10 +304,10 @@ def choose_profile(settings: Remembered, name: str) -> None:
 def keep_profile(settings: Remembered, **changes: Any) -> None:
     """Remember what is used now, in the chosen profile too where that can be written."""
     profile = replace(current_profile(settings), **changes)
-    told = profile.as_json() | {"site": profile.site and site_text(profile.site)}
-    told["horizon_deg"] = profile.horizon_deg and json.dumps(profile.horizon_deg)
+    values = profile.as_json() | {"site": profile.site and site_text(profile.site)}
+    values["horizon_deg"] = profile.horizon_deg and json.dumps(profile.horizon_deg)
     for name, key in KEYS.items():
-        settings.keep(key, "" if told[name] is None else str(told[name]))
+        settings.keep(key, "" if values[name] is None else str(values[name]))
     if profile.name:
         try:
             save_profile(profile)

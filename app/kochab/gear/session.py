@@ -303,9 +303,9 @@ def search_text(found: list[Diagnosis]) -> str:
     """What came of it, with the exact fix where nothing answers."""
     if not found:
         return tr(NO_PORTS)
-    told = []
+    notes = []
     for one in found:
         text = tr("{name} on {port} at {baud} baud") if one.baud else tr("{name} on {port}")
         name = text.format(name=one.name, port=one.port, baud=one.baud)
-        told.append(". ".join(w for w in (name if one.found else "", one.advice) if w))
-    return "\n".join(told)
+        notes.append(". ".join(w for w in (name if one.found else "", one.advice) if w))
+    return "\n".join(notes)

@@ -239,17 +239,17 @@ def _summary(history: History, measured: list[Entry]) -> str:
         return "<p>" + escape(tr("No measurement.")) + "</p>"
     first, last, site = measured[0], measured[-1], history.site
     when = f"{last.time_utc:%Y-%m-%d %H:%M}"
-    told = [tr("From the {pole} pole, {time} UTC.", pole=tr(str(history.pole)), time=when)]
+    sentences = [tr("From the {pole} pole, {time} UTC.", pole=tr(str(history.pole)), time=when)]
     if first is not last:
-        told.append(tr("At first {angle}.", angle=angle_in_words(first.total_arcsec)))
+        sentences.append(tr("At first {angle}.", angle=angle_in_words(first.total_arcsec)))
     if site is not None:
         place = (number(site.latitude_deg, ".3f"), number(site.longitude_deg, ".3f"))
-        told.append(tr("Latitude {latitude}°, longitude {longitude}°.", latitude=place[0], longitude=place[1]))
+        sentences.append(tr("Latitude {latitude}°, longitude {longitude}°.", latitude=place[0], longitude=place[1]))
     noise, flexure = angle_in_words(last.noise_arcsec), angle_in_words(last.flexure_arcsec)
     share = tr("Uncertainty: {noise} measurement, {flexure} possible flexure.", noise=noise, flexure=flexure)
     return (
         f"<p class='big'>{_words(last.total_arcsec)} &plusmn; {_words(last.sigma_total_arcsec)}</p>"
-        f"<p>{escape(' '.join(told))}</p><p>{escape(share)}</p>"
+        f"<p>{escape(' '.join(sentences))}</p><p>{escape(share)}</p>"
     )
 
 

@@ -125,7 +125,7 @@ class Instruction:
     stray: bool = False
     text: str = ""
 
-    def said(self, error: PolarError) -> str:
+    def with_amounts(self, error: PolarError) -> str:
         """The words with the amounts of this error: those that stand on the screen beside them."""
         return (self.text or self.words).format(
             altitude=angle_in_words(error.altitude_arcsec),
@@ -200,7 +200,7 @@ class BoltTutor:
         instruction = self._next(error)
         if self._note and instruction.knob is not None:
             instruction = replace(instruction, words=f"{self._note} {instruction.words}", stray=True)
-        instruction = replace(instruction, text=instruction.words, words=instruction.said(error))
+        instruction = replace(instruction, text=instruction.words, words=instruction.with_amounts(error))
         self._pending, self._before = instruction, error
         if instruction.knob is not None:
             goes_on = self._goes_on(instruction)

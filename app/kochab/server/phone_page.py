@@ -183,13 +183,13 @@ def local_address() -> str:
 
 def state_json(state: AlignmentState, now_s: float) -> dict[str, Any]:
     """A state as the page's words, and as numbers for programs that read its JSON."""
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "words": state.words,
         "solved": state.solved,
         "age": state.age_words(now_s),
         "old": state.old(now_s) or state.stage == "ended",
     }
-    return told | ({} if state.known_error is None else _error_json(state.known_error, not state.spoilt))
+    return fields | ({} if state.known_error is None else _error_json(state.known_error, not state.spoilt))
 
 
 def _error_json(error: PolarError, usable: bool) -> dict[str, Any]:

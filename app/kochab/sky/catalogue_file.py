@@ -53,7 +53,7 @@ class Container:
         self._start = _aligned(16 + len(text))
         try:
             self.facts: dict[str, Any] = parse_json(text)
-            self._sections = {str(name): _section(*told) for name, told in self.facts.pop("sections").items()}
+            self._sections = {str(name): _section(*facts) for name, facts in self.facts.pop("sections").items()}
         except (ValueError, TypeError, KeyError, AttributeError):
             raise damaged from None
         ends = [o + t.itemsize * n for o, t, n in self._sections.values()]

@@ -148,8 +148,8 @@ def mpc_asteroid(line: str) -> Row:
     angles = {"peri": float(line[37:46]), "node": float(line[48:57]), "i": float(line[59:68])}
     tp = perihelion_jd(epoch, float(line[26:35]), a * (1.0 - e), e)
     magnitude, slope = float(line[8:13].strip() or UNSEEN), float(line[14:19].strip() or USUAL_SLOPE)
-    told = f"{number[1:]}{rest}" if name.startswith("(") else name
-    return _row(name=told, epoch=epoch, q=a * (1.0 - e), e=e, tp=tp, mag=magnitude, slope=slope, **angles)
+    designation = f"{number[1:]}{rest}" if name.startswith("(") else name
+    return _row(name=designation, epoch=epoch, q=a * (1.0 - e), e=e, tp=tp, mag=magnitude, slope=slope, **angles)
 
 
 def mpc_comet(line: str) -> Row:

@@ -57,12 +57,12 @@ class Satellites:
         if site is None:
             return tr("Satellites are left out: their places need your site.")
         days = round(float(np.median(np.abs(self.days(time_utc)))))
-        told = tr_n(
+        sentence = tr_n(
             "The satellites' elements are {n} day from the frame's date: get those of that day.",
             "The satellites' elements are {n} days from the frame's date: get those of that day.",
             days,
         )
-        return told if days > STALE_DAYS else ""
+        return sentence if days > STALE_DAYS else ""
 
     def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
         """The sunlit ones that pass within ``radius_rad`` of an ICRS direction (3,), of any magnitude."""

@@ -101,7 +101,7 @@ def _variables(path: Path) -> dict[int, Variable]:
     try:
         lines = (line.split("\t") for line in path.read_text("utf-8").splitlines()[1:])
         rows = ((int(hip), kind, band, [float(value or "nan") for value in rest]) for hip, kind, band, *rest in lines)
-        return {hip: Variable(kind, band, *told) for hip, kind, band, told in rows}
+        return {hip: Variable(kind, band, *limits) for hip, kind, band, limits in rows}
     except (OSError, ValueError, TypeError):
         raise CatalogueError("The table {path} is missing or damaged.", path=path) from None
 

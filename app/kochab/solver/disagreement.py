@@ -80,8 +80,8 @@ class Seen:
         self.sidereal = np.array([sidereal_deg(s.site or Site(0.0, 0.0), s.time_utc) for s in sightings])
         west = np.mod(self.sidereal - self.expected[:, 0], 360.0) < 180.0
         by_hour = np.where(west, 1.0, -1.0) * (self.site is not None)  # no site, no meridian
-        told: dict[PierSide | None, float] = {PierSide.EAST: 1.0, PierSide.WEST: -1.0}
-        self.side = np.array([told.get(s.pier_side, h) for s, h in zip(sightings, by_hour, strict=True)])
+        by_side: dict[PierSide | None, float] = {PierSide.EAST: 1.0, PierSide.WEST: -1.0}
+        self.side = np.array([by_side.get(s.pier_side, h) for s, h in zip(sightings, by_hour, strict=True)])
 
     @property
     def shift(self) -> Floats:
@@ -387,20 +387,27 @@ def days(off_s: float | None, shift_deg: float) -> Iterator[Cause]:
     """
     wrong = Cause(tr_noop("wrong day"), tr_noop("Set the date on the hand control, then align again."), _off(0.0), 0.1)
     if off_s is not None and abs(off_s) > LARGEST_ZONE_S:
-        told = tr(LATE if off_s > 0 else EARLY, days=abs(off_s) / DAY_S)
+        sentence = tr(LATE if off_s > 0 else EARLY, days=abs(off_s) / DAY_S)
         off_deg = wrapped(off_s / 3600.0 * SIDEREAL_DEG_H)
-        yield replace(wrong, would_say=_off(off_deg), weight=0.1 * CONFIRMED, evidence=told)
+        yield replace(wrong, would_say=_off(off_deg), weight=0.1 * CONFIRMED, evidence=sentence)
         return
     share = 0.05 / sum(2.0 / days for days in range(1, MOST_DAYS + 1))
     day_deg = 24.0 * SIDEREAL_DEG_H - 360.0
     nearest = round(shift_deg / day_deg)
     for day in (d for d in range(nearest - 2, nearest + 3) if d and abs(d) <= MOST_DAYS):
         off_deg = day * day_deg
-        told = tr(AHEAD_DAYS if day > 0 else BEHIND_DAYS, days=abs(day), angle=abs(off_deg))
+        sentence = tr(AHEAD_DAYS if day > 0 else BEHIND_DAYS, days=abs(day), angle=abs(off_deg))
         weight = share / abs(day) * _witness(None if off_s is None else False)
         # On the shift alone, which a longitude or a slow clock makes as well: nothing else may be wrong beside it.
         yield replace(
-            wrong, would_say=_off(off_deg), weight=weight, evidence=told, offset=SMALL, axis=SMALL, cone=SMALL, needs=2
+            wrong,
+            would_say=_off(off_deg),
+            weight=weight,
+            evidence=sentence,
+            offset=SMALL,
+            axis=SMALL,
+            cone=SMALL,
+            needs=2,
         )
 
 
@@ -424,10 +431,10 @@ def epochs(last: MountSighting) -> Iterator[Cause]:
 
 def sites(last: MountSighting) -> Iterator[Cause]:
     """South taken for north, east for west, and a site that the mount itself tells to be another."""
-    own, told = last.site, last.beliefs.site
+    own, mount_site = last.site, last.beliefs.site
     opposite = None
-    if told is not None and own is not None and abs(own.latitude_deg) > 1.0:
-        opposite = told.latitude_deg * own.latitude_deg < 0.0
+    if mount_site is not None and own is not None and abs(own.latitude_deg) > 1.0:
+        opposite = mount_site.latitude_deg * own.latitude_deg < 0.0
     mirrored = Cause(
         tr_noop("hemisphere"),
         tr_noop("Set north or south on the hand control, then align again."),
@@ -441,7 +448,7 @@ def sites(last: MountSighting) -> Iterator[Cause]:
     # a mount that counts hour angles the other way, too
     reverse = replace(mirrored, would_say=_reversed, weight=0.03 * _witness(opposite))
     yield reverse
-    swapped = None if told is None else abs(wrapped(told.longitude_deg + own.longitude_deg)) < PLACE_DEG
+    swapped = None if mount_site is None else abs(wrapped(mount_site.longitude_deg + own.longitude_deg)) < PLACE_DEG
     if abs(own.longitude_deg) > 1.0:  # nearer to Greenwich both signs say the same
         off = wrapped(-2.0 * own.longitude_deg)
         yield Cause(
@@ -451,9 +458,9 @@ def sites(last: MountSighting) -> Iterator[Cause]:
             0.08 * _witness(swapped),
             tr("Right ascension is off by twice the longitude, {off:+.1f} deg: east and west are swapped.", off=off),
         )
-    if told is None:
+    if mount_site is None:
         return
-    east, north = wrapped(told.longitude_deg - own.longitude_deg), told.latitude_deg
+    east, north = wrapped(mount_site.longitude_deg - own.longitude_deg), mount_site.latitude_deg
     if abs(east) > PLACE_DEG and not swapped:
         yield Cause(
             tr_noop("site longitude"),

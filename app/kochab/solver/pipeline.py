@@ -383,25 +383,25 @@ def within_radius(
     away = apart_deg(centre_deg[:2], result.ra_dec_deg)
     if away <= centre_deg[2]:
         return result
-    told = tr(
+    contradiction = tr(
         ", {away:.4g} deg from the search position; the search radius is {centre:g} deg.",
         away=away,
         centre=centre_deg[2],
     )
-    return refused(result, Reason.OUTSIDE_RADIUS, told, away_deg=away)
+    return refused(result, Reason.OUTSIDE_RADIUS, contradiction, away_deg=away)
 
 
-def refused(result: Solution, reason: Reason, told: str, **measured: float) -> NoSolution:
-    """No solution, in place of one beyond what the caller allows: where that was, and ``told`` why it is refused."""
+def refused(result: Solution, reason: Reason, contradiction: str, **measured: float) -> NoSolution:
+    """No solution in place of one that the caller does not allow: where that was, and what it contradicts."""
     ra, dec = result.ra_dec_deg
     return NoSolution(
         reason,
         tr(
-            "Solved with {stars} stars at RA {ra:.4f}, Dec {dec:+.4f} deg{told}",
+            "Solved with {stars} stars at RA {ra:.4f}, Dec {dec:+.4f} deg{contradiction}",
             stars=len(result.stars),
             ra=ra,
             dec=dec,
-            told=told,
+            contradiction=contradiction,
         ),
         detections=result.detections,
         elapsed_ms=result.elapsed_ms,

@@ -96,8 +96,8 @@ class PointingModel:
         )
         if not self.helps:
             worth = tr("{worth} It does not help: sync the mount instead.", worth=worth)
-        told = (f"{tr(name):22} {60.0 * term:+8.2f}′ ± {60.0 * sigma:.2f}′" for name, term, sigma in rows)
-        return [*told, worth]
+        lines = (f"{tr(name):22} {60.0 * term:+8.2f}′ ± {60.0 * sigma:.2f}′" for name, term, sigma in rows)
+        return [*lines, worth]
 
     def aim(self, place_deg: Degrees, time_utc: datetime) -> Degrees:
         """Where to send the mount, in its own coordinates, so that it points at ``place_deg``, in the same.

@@ -393,8 +393,8 @@ def objects_csv(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -
                 (ra, dec), names = radec_deg(objects.vector[k]), ";".join(objects.names(k)[1:])
                 sizes = (objects.mag[k], objects.major[k], objects.minor[k], objects.pa_deg[k])
             place = (f"{mark.xy[0]:.2f}", f"{mark.xy[1]:.2f}", f"{ra:.5f}", f"{dec:.5f}")
-            told = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
-            rows.append((mark.short, names, mark.kind, *place, *told))
+            texts = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
+            rows.append((mark.short, names, mark.kind, *place, *texts))
     return csv_text(rows)
 
 

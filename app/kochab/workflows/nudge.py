@@ -121,15 +121,15 @@ def _moves(mount: Guard, direction: Direction, amount_arcsec: float, wait: Wait,
     longest_s = seconds if chosen_deg_s else min(mount.limits.longest_move_s, LONGEST_MOVE_DEG / rate)
     if seconds < SHORTEST_S and not chosen_deg_s:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
-    stops, told = mount.stops, "" if mount.ends_alone else f"; {tr(RUNS_ON)}"
+    stops, run_on_note = mount.stops, "" if mount.ends_alone else f"; {tr(RUNS_ON)}"
     while left > 1e-3:
         part = min(left, longest_s)
-        yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}{told}")
+        yield Progress("move", 1.0 - left / seconds, f"{part:.1f} s {direction}{run_on_note}")
         mount.check_not_stopped(stops, "motion")
         mount.move(direction, rate, part)
         end = part
         while end > 0.0:  # a cancel ends it while it moves, and a wrong motion is noticed
-            yield Progress("move", 1.0 - left / seconds, f"{direction}{told}")
+            yield Progress("move", 1.0 - left / seconds, f"{direction}{run_on_note}")
             mount.supervisor.pause(wait, min(end, 0.5))
             end -= 0.5
             if end > 1.0:  # towards its end the line is left to the command that ends it

@@ -172,8 +172,8 @@ def sighted(
     if report.time_utc is not None:  # the mount's clock as it was when the frame was taken
         report = replace(report, time_utc=report.time_utc + (then - now))
     place = site or mount.site
-    told = (state.pier_side, state.aligned, report, state.alt_azimuth)
-    return MountSighting(solution.ra_dec_deg, reported, then, place, *told)
+    reported_state = (state.pier_side, state.aligned, report, state.alt_azimuth)
+    return MountSighting(solution.ra_dec_deg, reported, then, place, *reported_state)
 
 
 def why_they_disagree(

@@ -42,14 +42,14 @@ def run_model(args: argparse.Namespace) -> int:
         taken = seeing.time_utc if args.frames else None
         sightings.append(sighted(guard, solved, taken, args.site or seeing.site))
         save_sightings(args.file, sightings)
-        told: Json = {"action": "model", "sightings": len(sightings), "model": None, **where(args, guard)}
+        fields: Json = {"action": "model", "sightings": len(sightings), "model": None, **where(args, guard)}
     try:
         model = fit_model(sightings)
         lines = model.lines()
-        told["model"] = {**asdict(model), "made_utc": model.made_utc.isoformat(), "helps": model.helps}
+        fields["model"] = {**asdict(model), "made_utc": model.made_utc.isoformat(), "helps": model.helps}
     except RefusedError as error:
         lines = [str(error)]
-    tell(told, "\n".join(lines), args.json)
+    tell(fields, "\n".join(lines), args.json)
     return 0
 
 
@@ -76,11 +76,11 @@ def run_spiral(args: argparse.Namespace) -> int:
 
     steps = square_spiral(args.turns)
     reach = args.turns * args.step
-    told: Json = {"action": "spiral", "done": bool(args.yes), "places": len(steps), "reach_arcmin": reach}
+    fields: Json = {"action": "spiral", "done": bool(args.yes), "places": len(steps), "reach_arcmin": reach}
     text = f"{len(steps)} places, up to {reach:g}′ east, west, north and south of here"
     with guarded_mount(args) as guard:
         if args.yes:
             with_progress("spiral", spiral_search(guard, args.step / 60.0, args.turns, args.pause))
-        told |= where(args, guard)
-    tell(told, text if args.yes else f"{text}\n  {NOTHING_SENT}", args.json)
+        fields |= where(args, guard)
+    tell(fields, text if args.yes else f"{text}\n  {NOTHING_SENT}", args.json)
     return 0

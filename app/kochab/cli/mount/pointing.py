@@ -73,7 +73,7 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
                 with_progress("goto", guard.slew(*there))
             else:
                 guard.sync(*guard.to_mount(wanted.ra_deg, wanted.dec_deg), by_hand=True, confirmed=True)
-        told = {
+        fields = {
             "action": args.action,
             "done": bool(args.yes),
             "target_ra_deg": wanted.ra_deg,
@@ -82,20 +82,20 @@ def run_sync_or_goto(args: argparse.Namespace) -> int:
             **where(args, guard),
             "tracking_left_s": guard.tracking_left_s() if args.yes else None,
         }
-    left_s = told["tracking_left_s"]
+    left_s = fields["tracking_left_s"]
     lines = [
         f"{args.action} to {radec(wanted.ra_deg, wanted.dec_deg)} (J2000)",
         f"  {preview.offset_deg:.3f} deg away: {preview.east_deg * 60:+.1f}' east,"
         f" {preview.north_deg * 60:+.1f}' north",
         *preview_lines(preview, args.yes),
-        *([f"  done: {radec(told['ra_deg'], told['dec_deg'])} (J2000)"] if args.yes else []),
+        *([f"  done: {radec(fields['ra_deg'], fields['dec_deg'])} (J2000)"] if args.yes else []),
         *(
             [f"  it tracks on unwatched and reaches a limit within {left_s / 3600:g} h: stop it before"]
             if left_s
             else []
         ),
     ]
-    tell(told, "\n".join(lines), args.json)
+    tell(fields, "\n".join(lines), args.json)
     return 0
 
 
@@ -139,28 +139,28 @@ def run_centre(args: argparse.Namespace) -> int:
             guard, seeing.solve_now, wanted, args.tolerance, args.tries, may_sync=not args.no_sync, confirmed=True
         )
         result = with_progress("centre", task)
-        told = {**_json(wanted, result), **where(args, guard)}
+        fields = {**_json(wanted, result), **where(args, guard)}
     if not result.centred and args.json:
-        told["error"] = result.sentence
+        fields["error"] = result.sentence
     lines = [
         result.sentence,
         *(f"{left:.1f} arcsec off: {how}" for how, left in zip(result.corrections, result.errors_arcsec, strict=False)),
         *dict.fromkeys(note for note in result.notes if note != result.sentence),
     ]
-    tell(told, "\n  ".join(lines), args.json)
+    tell(fields, "\n  ".join(lines), args.json)
     return 0 if result.centred else 1
 
 
 def _previewed(args: argparse.Namespace, guard: "Guard", target: "Target") -> int:
     preview = guard.preview_goto(*guard.to_mount(target.ra_deg, target.dec_deg))
-    told = {
+    fields = {
         "action": "centre",
         "done": False,
         "target": asdict(target),
         "preview": {**asdict(preview), "allowed": preview.allowed},
     }
     first = f"centre {target.name}: the first slew would be {preview.offset_deg:.2f} deg"
-    tell(told, "\n".join([first, *preview_lines(preview)]), args.json)
+    tell(fields, "\n".join([first, *preview_lines(preview)]), args.json)
     return 0
 
 

@@ -53,16 +53,16 @@ def run_recover(args: argparse.Namespace) -> int:
         def solve_now() -> Any:
             found = yield from seeing.solve_now()
             if guard.site is None and not args.no_site:  # the frame may tell it
-                guard.site, told = _site(seeing.site, guard)
-                notes.extend(told)
+                guard.site, site_notes = _site(seeing.site, guard)
+                notes.extend(site_notes)
             return found
 
-        said = {"confirmed": args.yes, "allow_large_sync": args.arm, "only_look": args.dry_run or asked}
-        task = recover_mount(guard, solve_now, taken=lambda: seeing.time_utc, **said)
+        choices = {"confirmed": args.yes, "allow_large_sync": args.arm, "only_look": args.dry_run or asked}
+        task = recover_mount(guard, solve_now, taken=lambda: seeing.time_utc, **choices)
         done = with_progress("recover", task)
-        told = {**_json(done, seeing.used, notes), **where(args, guard)}
+        fields = {**_json(done, seeing.used, notes), **where(args, guard)}
         asked = asked and done.preview.allowed and Ability.SYNC not in guard.lacks
-    tell(told, "\n  ".join([*_lines(told), *([NOTHING_SENT] if asked else [])]), args.json)
+    tell(fields, "\n  ".join([*_lines(fields), *([NOTHING_SENT] if asked else [])]), args.json)
     return 0
 
 
@@ -100,13 +100,13 @@ def _json(done: "Recovery", frames: list[str], notes: list[str]) -> Json:
     }
 
 
-def _lines(told: Json) -> list[str]:
-    asking = () if told["recovered"] else told["confirmations"]
+def _lines(fields: Json) -> list[str]:
+    asking = () if fields["recovered"] else fields["confirmations"]
     return [
-        f"The telescope points at {radec(told['solved_ra_deg'], told['solved_dec_deg'])} "
-        f"(J2000); the mount was off by {told['offset_deg']:.3f} deg.",
-        "Synced, and read back from the mount." if told["recovered"] else "Nothing was changed.",
-        *(*told["refusals"], *asking, *told["warnings"]),
+        f"The telescope points at {radec(fields['solved_ra_deg'], fields['solved_dec_deg'])} "
+        f"(J2000); the mount was off by {fields['offset_deg']:.3f} deg.",
+        "Synced, and read back from the mount." if fields["recovered"] else "Nothing was changed.",
+        *(*fields["refusals"], *asking, *fields["warnings"]),
     ]
 
 
@@ -152,15 +152,15 @@ def run_disagree(args: argparse.Namespace) -> int:
             seen = [s for s in kept if abs(sighting.time_utc - s.time_utc) < TONIGHT] + seen
             save_sightings(args.sightings, [*kept, sighting])
         found = investigate(seen)
-        told = {**_cause_json(found), "sightings": len(seen), **where(args, guard)}
-    told["solved_ra_deg"], told["solved_dec_deg"] = solved.ra_dec_deg
+        fields = {**_cause_json(found), "sightings": len(seen), **where(args, guard)}
+    fields["solved_ra_deg"], fields["solved_dec_deg"] = solved.ra_dec_deg
     lines = [
         found.sentence,
         f"from the mount's position to the sky: {found.east_arcsec / 60.0:+.1f}' east, "
         f"{found.north_arcsec / 60.0:+.1f}' north",
         *(f"{100.0 * s.score:3.0f} %  {s.name}: {s.evidence}" for s in found.suspects[:SHOWN] if s.score >= LIKELY),
     ]
-    tell(told, "\n  ".join(lines), args.json)
+    tell(fields, "\n  ".join(lines), args.json)
     return 0
 
 

@@ -40,12 +40,12 @@ def run_rest(args: argparse.Namespace) -> int:
     with guarded_mount(args) as guard:
         if ability in guard.lacks:
             raise RefusedError(guard.lacks[ability])
-        told: Json = {"action": args.action, "done": bool(args.yes), **where(args, guard)}
+        fields: Json = {"action": args.action, "done": bool(args.yes), **where(args, guard)}
         if args.action == "track":
-            told["rate"] = str(args.rate)
+            fields["rate"] = str(args.rate)
         if travels:
             preview = guard.preview_rest(args.action)
-            told["preview"] = {**asdict(preview), "allowed": preview.allowed}
+            fields["preview"] = {**asdict(preview), "allowed": preview.allowed}
             lines += preview_lines(preview, args.yes)
         elif not args.yes:
             lines.append(f"  {NOTHING_SENT}")
@@ -62,10 +62,10 @@ def run_rest(args: argparse.Namespace) -> int:
         if args.action.startswith("set-"):
             # Asked again: setting the clock may have ended the doubt, or begun one until the next sync.
             guard.clock_doubt()
-            told["clock_doubt"] = guard.policy.clock_conflict or guard.policy.slew_block_reason
-            lines += filter(None, [told["clock_doubt"]])
+            fields["clock_doubt"] = guard.policy.clock_conflict or guard.policy.slew_block_reason
+            lines += filter(None, [fields["clock_doubt"]])
         with suppress(NoAnswerError):  # an Autostar that has parked is silent
-            told |= where(args, guard)
-        told["state"] = asdict(guard.state())
-    tell(told, "\n".join(lines), args.json)
+            fields |= where(args, guard)
+        fields["state"] = asdict(guard.state())
+    tell(fields, "\n".join(lines), args.json)
     return 0

@@ -29,7 +29,7 @@ def add_status_action(actions: "argparse._SubParsersAction[Any]", name: str, tex
 def _position(args: argparse.Namespace) -> int:
     with guarded_mount(args) as guard:
         lacks = {str(ability): reason for ability, reason in guard.lacks.items()}
-        told = {
+        fields = {
             **where(args, guard),
             "state": asdict(guard.state()),
             "lacks": lacks,
@@ -37,14 +37,14 @@ def _position(args: argparse.Namespace) -> int:
             "clock_doubt": guard.clock_doubt(),
         }
     lines = [
-        told["name"],
-        f"{radec(told['ra_deg'], told['dec_deg'])}  (J2000)",
-        f"mount: {told['mount_ra_deg']:.4f} {told['mount_dec_deg']:+.4f} {told['epoch']}",
-        *filter(None, (told["epoch_doubt"], told["clock_doubt"])),
-        *(f"{key.replace('_', ' ')}: {value}" for key, value in told["state"].items() if value is not None),
-        *(f"no {ability}: {reason}" for ability, reason in told["lacks"].items()),
+        fields["name"],
+        f"{radec(fields['ra_deg'], fields['dec_deg'])}  (J2000)",
+        f"mount: {fields['mount_ra_deg']:.4f} {fields['mount_dec_deg']:+.4f} {fields['epoch']}",
+        *filter(None, (fields["epoch_doubt"], fields["clock_doubt"])),
+        *(f"{key.replace('_', ' ')}: {value}" for key, value in fields["state"].items() if value is not None),
+        *(f"no {ability}: {reason}" for ability, reason in fields["lacks"].items()),
     ]
-    tell(told, "\n  ".join(lines), args.json)
+    tell(fields, "\n  ".join(lines), args.json)
     return 0
 
 
@@ -112,13 +112,13 @@ def _list(args: argparse.Namespace) -> int:
     lines += [f"{one.port}  {one.name}  ({one.driver})" for one in served]
     lines = [*lines, trouble] if trouble else lines or [NO_PORTS]
     lines.append("drivers: " + "; ".join(f"{name} ({title})" for name, title in drivers.items()))
-    told: Json = {
+    fields: Json = {
         "ports": [asdict(port) for port in ports],
         "servers": [asdict(one) for one in served],
         "drivers": drivers,
         **({"error": trouble} if trouble else {}),
     }
-    tell(told, "\n".join(lines), args.json)
+    tell(fields, "\n".join(lines), args.json)
     return 1 if trouble else 0
 
 
@@ -127,14 +127,14 @@ def _probe(args: argparse.Namespace) -> int:
 
     ports = args.port or [port.port for port in list_ports()]
     found = with_progress("probing", probe(ports)) + ([] if args.port else find_served())
-    told: Json = {"ports": [{**asdict(d), "found": d.found} for d in found]}
+    fields: Json = {"ports": [{**asdict(d), "found": d.found} for d in found]}
     lines = []
     for d in found:
         baud = f" --baud {d.baud}" if d.baud else ""
         words = f"{d.name}: --port {d.port} --driver {d.driver}{baud}" if d.found else ""
         lines.append(". ".join(x for x in (words, d.advice) if x))
     if not found:
-        told["error"] = NO_PORTS
+        fields["error"] = NO_PORTS
         lines.append(NO_PORTS)
-    tell(told, "\n".join(lines), args.json)
+    tell(fields, "\n".join(lines), args.json)
     return 0 if any(d.found for d in found) else 1

@@ -54,9 +54,9 @@ def _from_bytes(data: bytes) -> Array:
 
 def _from_json(data: bytes) -> Array:
     try:
-        told = json.loads(data)
-        raise_refusal(int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", "")))
-        array = np.asarray(told["Value"], dtype=np.float64 if told.get("Type") == 3 else np.int32)
+        reply = json.loads(data)
+        raise_refusal(int(reply.get("ErrorNumber", 0)), str(reply.get("ErrorMessage", "")))
+        array = np.asarray(reply["Value"], dtype=np.float64 if reply.get("Type") == 3 else np.int32)
         if array.ndim not in (2, 3) or not array.size:
             raise ValueError(array.shape)
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
@@ -173,9 +173,9 @@ class AlpacaCamera(ExposingCamera):
         seconds = float(self._get("lastexposureduration", exposed.seconds))
         if not 0.0 <= seconds < 1e6:
             seconds = exposed.seconds
-        begun, told = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
+        begun, reply = exposed.begun_utc, str(self._get("lastexposurestarttime", ""))
         with suppress(ValueError):
-            begun = datetime.fromisoformat(told.strip().rstrip("Z")).replace(tzinfo=UTC)
+            begun = datetime.fromisoformat(reply.strip().rstrip("Z")).replace(tzinfo=UTC)
         return Hint(time_utc=begun + timedelta(seconds=seconds / 2.0), exposure_s=seconds, camera=self.name)
 
     def _settings(self) -> CaptureSettings:

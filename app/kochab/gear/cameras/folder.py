@@ -158,9 +158,9 @@ class FolderCamera(CameraSource):
 
     def complaints(self) -> tuple[str, ...]:
         """Sentences about files that were left out since the last call."""
-        told = tuple(self._complaints)
+        complaints = tuple(self._complaints)
         self._complaints.clear()
-        return told
+        return complaints
 
     def next_frame(self, timeout_s: float) -> Frame | None:
         """The newest finished picture not yet given out."""

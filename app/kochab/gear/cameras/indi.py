@@ -123,8 +123,8 @@ class IndiCamera(ExposingCamera):
 
     def complaints(self) -> tuple[str, ...]:
         """Sentences about pictures that were left out since the last call."""
-        told, self._complaints = tuple(self._complaints), []
-        return told
+        complaints, self._complaints = tuple(self._complaints), []
+        return complaints
 
     def next_frame(self, timeout_s: float) -> Frame | None:
         """The picture of the exposure under way, when it arrives in time."""
@@ -142,8 +142,8 @@ class IndiCamera(ExposingCamera):
         aborted, self._aborted = self._aborted, False
         if aborted:
             with suppress(FrameError):
-                told = frame_of(data, suffix, self.name).header.get("XBINNING")
-                return told is not None and told != self._settings().binning
+                binning = frame_of(data, suffix, self.name).header.get("XBINNING")
+                return binning is not None and binning != self._settings().binning
         return False
 
     def _frame(self, data: bytes, suffix: str, exposed: Exposure) -> Frame | None:
@@ -164,7 +164,7 @@ class IndiCamera(ExposingCamera):
         """Raise when the camera is no longer connected, or has refused to expose."""
         self._device.check()
         if self._exposing is not None and self._device.state("CCD_EXPOSURE") == "Alert":
-            raise RefusedError("{name} refused to expose{said}.", name=self.name, said=self._device.said())
+            raise RefusedError("{name} refused to expose{message}.", name=self.name, message=self._device.message())
 
     def _power_up(self) -> None:
         """Connect the camera to its driver and have its pictures sent here as FITS."""
@@ -178,8 +178,10 @@ class IndiCamera(ExposingCamera):
 
     def _settings(self) -> CaptureSettings:
         gain, bins = self._gain(), self._device.value("CCD_BINNING", "HOR_BIN")
-        told = gain and self._device.value(*gain)
-        return CaptureSettings(self.exposure_s, float(told) if told else None, int(float(bins)) if bins else None)
+        gain_text = gain and self._device.value(*gain)
+        return CaptureSettings(
+            self.exposure_s, float(gain_text) if gain_text else None, int(float(bins)) if bins else None
+        )
 
     def _set_gain(self, gain: float) -> None:
         if (place := self._gain()) is not None:

@@ -85,8 +85,8 @@ class ClockAndSite:
             self._restarted(tr(JUMPED).format(what=what))
         self._told, self._missed = (self._ahead_s(report), report), mount.missed
         self._left = 0  # it does report them: ask again only while they contradict
-        said = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
-        self.wrong = {ability: words for ability, words in said.items() if words and not self._trusted}
+        conflicts = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
+        self.wrong = {ability: words for ability, words in conflicts.items() if words and not self._trusted}
         self._policy.clock_conflict = self._sentence(mount) if self.wrong else ""
         return self._policy.clock_conflict
 

@@ -54,17 +54,17 @@ class NightSyncs:
         self._sum = shift_deg, self._clock().timestamp()
         if self._file is None:
             return
-        told = {"ra_deg": shift_deg[0], "dec_deg": shift_deg[1], "unix_s": self._sum[1]}
+        fields = {"ra_deg": shift_deg[0], "dec_deg": shift_deg[1], "unix_s": self._sum[1]}
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(self._file, json.dumps(told))
+            write_atomically(self._file, json.dumps(fields))
 
     def _read(self) -> tuple[Degrees, float]:
         if self._file is None:
             return self._sum
         with suppress(ValueError, TypeError, KeyError):
-            told = read_json(self._file)
-            ra, dec, at = (float(told[name]) for name in ("ra_deg", "dec_deg", "unix_s"))
+            fields = read_json(self._file)
+            ra, dec, at = (float(fields[name]) for name in ("ra_deg", "dec_deg", "unix_s"))
             if all(map(isfinite, (ra, dec, at))):
                 return (ra, dec), at
         return self._sum

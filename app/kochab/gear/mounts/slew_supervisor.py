@@ -201,8 +201,8 @@ class SlewSupervisor:
         wait(seconds)
         slept_s = max(monotonic() - begun, (self._clock() - at).total_seconds()) - seconds
         if slept_s > SLEPT_S:
-            self._log.add("wait", "failed", told := tr(SLEPT).format(slept_s))
-            raise StoppedError(told)
+            self._log.add("wait", "failed", sentence := tr(SLEPT).format(slept_s))
+            raise StoppedError(sentence)
 
     def arrival(self, target_deg: Degrees, limit_s: float, stops: int, side: PierSide | None = None) -> Task[Pointing]:
         """Yield the distance left until the mount reports that it no longer slews, and is on this ``side`` of its pier.

@@ -30,8 +30,8 @@ class SyncNeeded:
     def read(self) -> str:
         """What was kept; empty when that is half a day ago or cannot be read."""
         with suppress(ValueError, TypeError, KeyError):
-            told = read_json(self._file)
-            sentence, at = str(told["sentence"]), float(told["unix_s"])
+            fields = read_json(self._file)
+            sentence, at = str(fields["sentence"]), float(fields["unix_s"])
             if abs(self._clock().timestamp() - at) < OVER_S:
                 return sentence
         return ""

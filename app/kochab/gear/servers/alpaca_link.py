@@ -142,12 +142,12 @@ class AlpacaLink:
 
     def _value(self, data: bytes) -> Any:
         try:
-            told = json.loads(data)
-            number, message = int(told.get("ErrorNumber", 0)), str(told.get("ErrorMessage", ""))
+            reply = json.loads(data)
+            number, message = int(reply.get("ErrorNumber", 0)), str(reply.get("ErrorMessage", ""))
         except (ValueError, AttributeError, TypeError, RecursionError):
             raise NoAnswerError("{server} is not an Alpaca server.", server=self._address.server) from None
         raise_refusal(number, message, self._kind)
-        return told.get("Value")
+        return reply.get("Value")
 
     def _gone(self, error: Exception) -> DeviceError:
         server = self._address.server

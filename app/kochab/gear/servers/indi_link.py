@@ -286,10 +286,10 @@ def _knock(address: NetAddress) -> None:
 
 def _is_of(device: Any, interface: int) -> bool:
     info = device.get("DRIVER_INFO")
-    told = info.get("DRIVER_INTERFACE", "") if info is not None and device.enable else ""
+    interfaces = info.get("DRIVER_INTERFACE", "") if info is not None and device.enable else ""
     if told_name(str(device.devicename)) != device.devicename:  # INDI's names have 64 letters that are seen
         return False
-    return str(told).strip().isdigit() and bool(int(told) & interface)
+    return str(interfaces).strip().isdigit() and bool(int(interfaces) & interface)
 
 
 def _member(client: Any, device: str, vector: str, member: str) -> str | None:
@@ -328,7 +328,9 @@ class IndiDevice:
             return connected and None not in map(self.state, vectors)
 
         if not self.link.wait(ready, POWER_UP_S):
-            raise PortError("Can't connect {name}{said}. Check its cable and power.", name=self.name, said=self.said())
+            raise PortError(
+                "Can't connect {name}{message}. Check its cable and power.", name=self.name, message=self.message()
+            )
         return off
 
     def check(self) -> None:
@@ -356,17 +358,17 @@ class IndiDevice:
 
         if not self.link.wait(done, SET_S):
             raise RefusedError(
-                "{name} does not accept this {what}{said}.", name=self.name, what=tr(what), said=self.said()
+                "{name} does not accept this {what}{message}.", name=self.name, what=tr(what), message=self.message()
             )
 
-    def said(self) -> str:
+    def message(self) -> str:
         """What the server last told as an error, in brackets."""
         return f" ({self.link.message.rstrip('.')})" if self.link.message else ""
 
 
-def _same(told: str | None, meant: str) -> bool:
+def _same(reported: str | None, meant: str) -> bool:
     try:
         # Servers write numbers in formats of their own, with few digits.
-        return told is not None and abs(float(told) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
+        return reported is not None and abs(float(reported) - float(meant)) < 1e-6 + 1e-4 * abs(float(meant))
     except ValueError:
-        return told == meant
+        return reported == meant

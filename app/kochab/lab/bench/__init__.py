@@ -117,9 +117,9 @@ def column(rows: Sequence[Row], key: str) -> Floats:
     return np.array([row[key] for row in rows], dtype=np.float64)
 
 
-def summary(rows: Sequence[Row], **told: tuple[str, Callable[[Floats], Any]]) -> dict[str, Any]:
+def summary(rows: Sequence[Row], **columns: tuple[str, Callable[[Floats], Any]]) -> dict[str, Any]:
     """What the rows have under some keys, each in one number: ``median_s=("s", np.median)``."""
-    return {name: reduced(column(rows, key)) for name, (key, reduced) in told.items()}
+    return {name: reduced(column(rows, key)) for name, (key, reduced) in columns.items()}
 
 
 def timed(work: Callable[[], T], clock: Callable[[], float] = time.process_time) -> tuple[T, float]:

@@ -73,8 +73,8 @@ def run(quick: bool, report: Report) -> BenchResult:
     report("random points ...")
     refused, noise = _random_lists(500 if quick else 5000)
     shapes, sigmas = hostile_rows(quick, report), sigma_rows(quick, report)
-    told = [*goals(rows, refused, shapes), *sigma_goals(sigmas)]
-    return BenchResult("identify", [*rows, *noise, *shapes, *sigmas], told)
+    asked = [*goals(rows, refused, shapes), *sigma_goals(sigmas)]
+    return BenchResult("identify", [*rows, *noise, *shapes, *sigmas], asked)
 
 
 def _both_ways(plan: FieldPlan, name: str, count: int) -> list[Row]:

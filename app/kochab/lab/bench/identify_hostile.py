@@ -198,8 +198,8 @@ def likeness_answer(number: int) -> Row:
         log_uniform(rng, 1.3, 4.0) ** rng.choice([-1.0, 1.0]),
     )
     scale, good_to = field.camera.scale_arcsec_px * factor, rng.choice([1.01, 1.03, 1.1])
-    told = SolveOptions(hint=Hint(scale_arcsec_px=(scale / good_to, scale * good_to)), blind_after_hint=False)
-    return _claimed(lambda: drive(solve_detections(field.detections, told)))
+    options = SolveOptions(hint=Hint(scale_arcsec_px=(scale / good_to, scale * good_to)), blind_after_hint=False)
+    return _claimed(lambda: drive(solve_detections(field.detections, options)))
 
 
 def _claimed(solve: Callable[[], float | Answer]) -> Row:
@@ -247,9 +247,9 @@ def answers_row(fields: str, mode: str, answers: Sequence[Row]) -> dict[str, Any
 def hostile_goals(rows: Sequence[Row]) -> list[Goal]:
     """No wrong answer, and no level of the claim reached oftener than it promises."""
     shapes = [r for r in rows if "least_log10" in r]
-    told = [r for r in shapes if r["mode"] == "blind" or "scale" in r["mode"]]
-    lists = sum(r["n"] for r in told)
-    chances = [chance_of_so_many(sum(r[f"below_1e-{k}"] for r in told), lists * 10.0**-k) for k in LEVELS]
+    judged = [r for r in shapes if r["mode"] == "blind" or "scale" in r["mode"]]
+    lists = sum(r["n"] for r in judged)
+    chances = [chance_of_so_many(sum(r[f"below_1e-{k}"] for r in judged), lists * 10.0**-k) for k in LEVELS]
     wrong = sum(r["wrong"] for r in shapes)
     return [
         Goal.at_most(f"wrong answers, {sum(r['n'] for r in shapes)} lists without truth", wrong, 0),

@@ -133,13 +133,13 @@ def slew(seed: int, fps: float, report: Callable[[str], None]) -> list[dict[str,
         for _ in range(round(seconds * fps)):
             frames.append(_step(rig, tracker, exposure))
             rig.clock.sleep(1.0 / fps - exposure)
-        told = summary(frames, frames=("tracked", len), tracked=("tracked", np.mean))
+        numbers = summary(frames, frames=("tracked", len), tracked=("tracked", np.mean))
         after = frames[2:]  # the first hold the jolt of its beginning
-        told |= summary(
+        numbers |= summary(
             after, fastest_deg_s=("turning_deg_s", partial(np.nanmax, initial=0.0)), pointing_rms_arcsec=("off", _rms)
         )
-        told |= summary(after, rate_rms_arcsec_s=("rate_off", _rms), roll_rate_rms_arcsec_s=("roll_off", _rms))
-        rows.append({"what": f"slew: {name}"} | told)
+        numbers |= summary(after, rate_rms_arcsec_s=("rate_off", _rms), roll_rate_rms_arcsec_s=("roll_off", _rms))
+        rows.append({"what": f"slew: {name}"} | numbers)
     return rows
 
 
@@ -185,9 +185,9 @@ def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:
         frame = star_frame(ring.camera, truth, seed + 100 + k)
         update = run(tracker.update(frame, moment))
         if update.mode == "tracking" and update.solution is not None:
-            told = update.solution.attitude
-            assert told.covariance is not None
-            single.append(Attitude(told.matrix, told.covariance - tracker.shared))
+            attitude = update.solution.attitude
+            assert attitude.covariance is not None
+            single.append(Attitude(attitude.matrix, attitude.covariance - tracker.shared))
     middle = average(single).matrix  # what is the same in all frames is no noise
     rows = []
     for n in (1, 4, 16, 64):

@@ -68,12 +68,12 @@ class WatchedMount(EquatorialMount):
             setattr(self, name, self._noting(name, moves))
 
     def _noting(self, name: str, moves: Callable[..., bool]) -> Callable[..., Any]:
-        told = getattr(self, name)
+        attribute = getattr(self, name)
 
         def obey(*given: Any) -> Any:
             if moves(*given):
                 self.orders.append(ReceivedOrder(name, self.clock.now_unix(), given))
-            return told(*given)
+            return attribute(*given)
 
         return obey
 

@@ -44,8 +44,8 @@ def rows(drivers: list[str]) -> list[dict[str, Any]]:
 
 def row(driver: str, simulator: str, far_end: FarEnd = open_responder) -> dict[str, Any]:
     """How soon one is stopped, and told to be mute."""
-    told = {"driver": driver, "line": "stop", "simulator": simulator}
-    return told | _stop(driver, far_end) | _mute(driver, far_end)
+    row = {"driver": driver, "line": "stop", "simulator": simulator}
+    return row | _stop(driver, far_end) | _mute(driver, far_end)
 
 
 def elsewhere(quick: bool, report: Report) -> list[dict[str, Any]]:
@@ -133,8 +133,8 @@ def _mute(driver: str, far_end: FarEnd) -> dict[str, Any]:
         with suppress(DeviceError):
             while next(slew).detail != MUTE and monotonic() - begun < PATIENCE_S:
                 pass
-        told = monotonic() - begun
+        mute_s = monotonic() - begun
         rig.faults.none()
         with suppress(DeviceError):
             slew.close()
-        return {"mute_s": told}
+        return {"mute_s": mute_s}

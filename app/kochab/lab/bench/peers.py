@@ -112,12 +112,12 @@ def real_frames(most: int) -> Iterator[Case]:
     folder = frames_folder()
     if not (folder / "truth.json").exists():
         return
-    told = json.loads((folder / "truth.json").read_text("utf-8"))["frames"]
-    known = sorted(name for name, truth in told.items() if "ra_deg" in truth)
+    frames_truth = json.loads((folder / "truth.json").read_text("utf-8"))["frames"]
+    known = sorted(name for name, truth in frames_truth.items() if "ra_deg" in truth)
     for name in known[:: max(1, len(known) // most)][:most]:
         frame = read_frame(folder / name)
         seen = drive(examine_frame(frame, SolveOptions(use_header=False))).detections
-        truth = told[name]
+        truth = frames_truth[name]
         # the tolerances are for a fit of all; a rival may be off by the lens
         tolerance = max(truth["tol_deg"], 0.02 * truth["fov_deg"][0])
         yield Case(name, seen, ((truth["ra_deg"], truth["dec_deg"]), tolerance))
@@ -214,9 +214,9 @@ class CedarSolve:
                 xy[:, 0] = detections.width - 1 - xy[:, 0]
             # its 0.5.1 raises IndexError where many points are dropped as too near: no solution
             with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(IndexError):
-                said = self.engine.solve_from_centroids(
+                answer = self.engine.solve_from_centroids(
                     xy[:, ::-1] + 0.5, size, solve_timeout=500 * LIMIT_S, return_matches=False
                 )
-                if said.get("RA") is not None:
-                    return float(said["RA"]), float(said["Dec"])
+                if answer.get("RA") is not None:
+                    return float(answer["RA"]), float(answer["Dec"])
         return None

@@ -106,7 +106,7 @@ def measure_once(seed: int) -> Row:
     )
     return _judged(sky, error) | {
         # where five sigmas tell the error from zero
-        "signs_right": all(said * true > 0.0 for said, true, sigma in axes if abs(true) > 5.0 * sigma),
+        "signs_right": all(stated * true > 0.0 for stated, true, sigma in axes if abs(true) > 5.0 * sigma),
         "turn_deg": found.measurement.turn_deg,
         "cpu_ms": 1e3 * seconds,
     }

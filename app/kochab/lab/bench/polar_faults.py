@@ -26,7 +26,7 @@ from kochab.polar.drift import Drift
 from kochab.polar.error import CHI2_95, Knob
 from kochab.polar.horizon import Refraction
 from kochab.polar.measure import NoAxis
-from kochab.workflows.polar.solutions import FilesAxis, FilesTold, axis_of
+from kochab.workflows.polar.solutions import FilesAxis, FilesRequest, axis_of
 from kochab.workflows.polar.sources import SolvedFile
 
 SEED = 290_000
@@ -54,11 +54,11 @@ def solved_files(sweep: Sweep, rng: Random) -> list[SolvedFile]:
 
 def axis_told(sweep: Sweep, rng: Random, utc_offset_h: float | None = 0.0) -> FilesAxis:
     """What ``kochab polar`` says of a sweep: its site given, its clock as sure as ``utc_offset_h`` makes it."""
-    said = sweep.said_place
-    site = Site(said.latitude_deg, said.longitude_deg, said.height_m)
+    stated = sweep.said_place
+    site = Site(stated.latitude_deg, stated.longitude_deg, stated.height_m)
     air = Refraction(sweep.place.pressure_hpa, sweep.place.temperature_c, sweep.place.humidity)
     files = solved_files(sweep, rng)
-    return axis_of(files, [0] * len(files), [], FilesTold(site, refraction=air, utc_offset_h=utc_offset_h))
+    return axis_of(files, [0] * len(files), [], FilesRequest(site, refraction=air, utc_offset_h=utc_offset_h))
 
 
 # -- Kinds of evenings: what is drawn, and what goes wrong -------------------------------------------
@@ -133,17 +133,17 @@ def judge(kind: str, seed: int) -> Row:
     """One evening: how far off the axis is, whether its ellipse holds it, and what was said."""
     rng = np.random.default_rng([SEED, list(KINDS).index(kind), seed])
     sweep = KINDS[kind](rng)
-    told = axis_told(sweep, rng).result
-    if isinstance(told, NoAxis):
-        return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "told": (told.kind.name,)}
-    whole, truth = told.error.with_systematics, true_axis(sweep, told.error.pole)
+    result = axis_told(sweep, rng).result
+    if isinstance(result, NoAxis):
+        return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "told": (result.kind.name,)}
+    whole, truth = result.error.with_systematics, true_axis(sweep, result.error.pole)
     return {
-        "bolts": not told.spoilt and (any(map(told.tells, Knob)) if isinstance(told, Drift) else told.checked),
-        "code": IN_DOUBT if told.unsettled else int(told.spoilt),
+        "bolts": not result.spoilt and (any(map(result.tells, Knob)) if isinstance(result, Drift) else result.checked),
+        "code": IN_DOUBT if result.unsettled else int(result.spoilt),
         "inside": whole.distance2(truth) <= CHI2_95,
-        "off_arcsec": angle_between(told.error.axis, truth) / sky.ARCSEC,
+        "off_arcsec": angle_between(result.error.axis, truth) / sky.ARCSEC,
         "said_arcsec": whole.uncertainty_arcsec,
-        "told": tuple(finding.kind.name for finding in told.findings),
+        "told": tuple(finding.kind.name for finding in result.findings),
     }
 
 

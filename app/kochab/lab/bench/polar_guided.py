@@ -247,11 +247,11 @@ def measure_guided(kind: str, seed: int, folder: Path) -> Row:
         raise RuntimeError(f"{kind} {seed}: {found.sentence}")
     whole = found.error.with_systematics
     along = drift_shows(evening)
-    told, is_true = (float(along @ _offset_arcsec(axis, evening)) for axis in (found.error.axis, evening.axis))
+    claimed, is_true = (float(along @ _offset_arcsec(axis, evening)) for axis in (found.error.axis, evening.axis))
     return {
-        "off_arcsec": abs(told - is_true),
+        "off_arcsec": abs(claimed - is_true),
         "said_arcsec": float(np.sqrt(along @ whole.covariance @ along)) / ARCSEC,
-        "ratio": told / is_true,
+        "ratio": claimed / is_true,
         "in_95": whole.distance2(evening.axis) <= CHI2_95,
         "spoilt": found.spoilt,
         "seeing_px": evening.seeing_px,

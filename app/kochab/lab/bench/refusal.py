@@ -50,8 +50,8 @@ def run(quick: bool, report: Report) -> BenchResult:
         del volumes
         if number % 100 == 99:
             report(f"{number + 1} lists ...")
-    told = [row(name, kept) for name, kept in rows.items()]
-    return BenchResult("refusal", told, goals(told, free and idle()))
+    table = [row(name, kept) for name, kept in rows.items()]
+    return BenchResult("refusal", table, goals(table, free and idle()))
 
 
 def idle() -> bool:

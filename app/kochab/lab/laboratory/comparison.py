@@ -180,10 +180,10 @@ def judged(
         more |= {"matches": len(names), "log10_false_alarm": answer.log10_false_alarm}
         more |= {"ra_dec_deg": radec_deg(_centre(*pointing)), "sigma_arcsec": sigma_of(answer.attitude)}
     else:
-        said = {"reason": TOO_LONG, "advice": "Allow it more time."}
+        failure = {"reason": TOO_LONG, "advice": "Allow it more time."}
         if answer is not None:
-            said = {"reason": str(answer.reason), "advice": answer.tried or answer.advice}
-        more = {"right": None if truth is None else False} | said | more
+            failure = {"reason": str(answer.reason), "advice": answer.tried or answer.advice}
+        more = {"right": None if truth is None else False} | failure | more
     return Trial(kind, name, paper_for(kind, name), **more)
 
 

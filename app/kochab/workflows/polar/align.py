@@ -232,7 +232,7 @@ def _update(
 ) -> PolarUpdate:
     error = start.error if steady is None else steady.error
     asked = guide.shown(error)
-    words, found = unsolved or asked.said(error), () if live is None else live.findings
+    words, found = unsolved or asked.with_amounts(error), () if live is None else live.findings
     if asked.step is TutorStep.STOP:  # which says the same
         found = tuple(finding for finding in found if finding.kind is not PolarFindingKind.DONE)
     if live is not None and guide.tutor.witness:
@@ -375,11 +375,11 @@ def _seconded(read: PolarError, measured: Measured) -> Measured:
     creep = (np.outer(gap, gap) + read.covariance + error.covariance) / 4.0
     if np.trace(creep) < np.trace(error.creep):
         error = replace(error, creep=creep)
-    kept, told = (
+    kept, flexure_findings = (
         tuple(one for one in findings if one.kind is not PolarFindingKind.UNCHECKED)
         for findings in (found.findings, measured.findings)
     )
-    return replace(measured, measurement=replace(found, error=error, findings=kept), findings=told)
+    return replace(measured, measurement=replace(found, error=error, findings=kept), findings=flexure_findings)
 
 
 def _spoilt(measured: Measured, moves: int) -> PolarUpdate:

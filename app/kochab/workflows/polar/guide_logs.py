@@ -106,19 +106,19 @@ def _sections(text: str) -> Iterator[_Section]:
 
 
 def _header(section: _Section, line: str) -> None:
-    def told(pattern: str) -> float:
+    def value(pattern: str) -> float:
         found = re.search(pattern + r" = (-?\d+(?:\.\d+)?)", line)
         return float(found[1]) if found else float("nan")
 
     if line.startswith("Pixel scale"):
-        section.scale = told("Pixel scale")
+        section.scale = value("Pixel scale")
     elif line.startswith("Mount = "):
-        section.y_rate = told("yRate")
+        section.y_rate = value("yRate")
         if parity := re.search(r"parity = ([+?-])/([+?-])", line):
             section.parity = SIGNS[parity[1]], SIGNS[parity[2]]
     elif "Dec = " in line and "Hour angle" in line:
-        section.declination_deg, section.hour_deg = told("Dec"), 15.0 * told("Hour angle")
-        section.altaz_deg = (told("Alt"), told("Az"))
+        section.declination_deg, section.hour_deg = value("Dec"), 15.0 * value("Hour angle")
+        section.altaz_deg = (value("Alt"), value("Az"))
         if pier := re.search(r"Pier side = (East|West)", line):
             section.pier = pier[1]
 

@@ -491,10 +491,10 @@ def measure_drifting(
 def drifted(drift: Drift) -> PolarUpdate:
     """What the drift shows so far."""
     share = None if drift.minutes_more is None else drift.minutes / (drift.minutes + drift.minutes_more)
-    told = tr_n(
+    sentence = tr_n(
         "{angle} after {n} minute of drift.",
         "{angle} after {n} minutes of drift.",
         round(drift.minutes),
         angle=drift.words[:1].upper() + drift.words[1:],
     )
-    return PolarUpdate("measure", share, told, drift=drift, findings=drift.findings)
+    return PolarUpdate("measure", share, sentence, drift=drift, findings=drift.findings)

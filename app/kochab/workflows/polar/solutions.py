@@ -93,8 +93,8 @@ def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
     except (OSError, FrameError):
         return file
     mark = SOLVERS.search(header.split(b"END" + b" " * 77)[0])  # marks after END are of the image
-    told = tr("As its header says."), tr(ASSUMED, sigma=SIGMA_PX)
-    return replace(file, result=solution, warnings=(*file.warnings, *told)) if mark else file
+    notes = tr("As its header says."), tr(ASSUMED, sigma=SIGMA_PX)
+    return replace(file, result=solution, warnings=(*file.warnings, *notes)) if mark else file
 
 
 def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
@@ -121,8 +121,8 @@ def of_header(path: Path, data: bytes) -> tuple[Solution, Hint]:
 
 def _side(values: Mapping[str, Any], *names: str) -> int:
     """The first of the keywords that is a number, as a side of a frame; 0 when there is none that a frame can have."""
-    told = (values.get(name) for name in names)
-    side = next((value for value in told if isinstance(value, int | float) and not isinstance(value, bool)), 0)
+    sides = (values.get(name) for name in names)
+    side = next((value for value in sides if isinstance(value, int | float) and not isinstance(value, bool)), 0)
     return int(side) if 0 < side <= MAX_SIDE_PX else 0
 
 
@@ -194,14 +194,18 @@ def _solution(row: Mapping[str, Any]) -> Solution:
 
 def _camera(row: Mapping[str, Any]) -> Camera:
     """The camera of a line; ValueError when it is none."""
-    told = {name: float(row["camera"][name]) for name in ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")}
+    camera_numbers = {name: float(row["camera"][name]) for name in ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")}
     fov_deg = np.array(row["fov_deg"], dtype=np.float64)
-    if fov_deg.shape != (2,) or not (told["focal_px"] > 0.0 and (fov_deg > 0.0).all() and (fov_deg < 180.0).all()):
+    if fov_deg.shape != (2,) or not (
+        camera_numbers["focal_px"] > 0.0 and (fov_deg > 0.0).all() and (fov_deg < 180.0).all()
+    ):
         raise ValueError("camera")
-    width, height = (round(float(side)) for side in 2.0 * told["focal_px"] * np.tan(np.radians(fov_deg / 2.0)))
+    width, height = (
+        round(float(side)) for side in 2.0 * camera_numbers["focal_px"] * np.tan(np.radians(fov_deg / 2.0))
+    )
     if not 2 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
         raise ValueError("fov_deg")
-    return Camera(width, height, **told, mirrored=bool(row["mirrored"]))
+    return Camera(width, height, **camera_numbers, mirrored=bool(row["mirrored"]))
 
 
 def _star(given: Mapping[str, Any]) -> NamedStar:
@@ -219,8 +223,8 @@ def _refuse_impossible(solution: Solution) -> None:
     if covariance is None or not (np.diag(covariance) > 0.0).all() or not np.diag(covariance).max() < 1.0:
         raise ValueError("sigma_arcsec")
     off_px = np.linalg.norm(solution.pixels_of(solution.star_vectors) - solution.stars_px, axis=1)
-    told = solution.rms_px, solution.log10_false_alarm
-    if not (np.isfinite(told).all() and (off_px < WORST_STARS_PX).all()):  # NaN too
+    quality = solution.rms_px, solution.log10_false_alarm
+    if not (np.isfinite(quality).all() and (off_px < WORST_STARS_PX).all()):  # NaN too
         raise ValueError("stars")
 
 
@@ -229,7 +233,7 @@ def _beside(path: Path) -> tuple[Hint, tuple[str, ...]]:
     from kochab.frames import SUFFIXES
 
     pictures = (p for p in sorted(path.parent.glob(f"{path.stem}.*")) if p.suffix.lower() in SUFFIXES)
-    return next((told for p in pictures if (told := _hint_of(p))[0].time_utc is not None), (Hint(), ()))
+    return next((hint for p in pictures if (hint := _hint_of(p))[0].time_utc is not None), (Hint(), ()))
 
 
 def _hint_of(picture: Path) -> tuple[Hint, tuple[str, ...]]:
@@ -247,7 +251,7 @@ def _hint_of(picture: Path) -> tuple[Hint, tuple[str, ...]]:
 
 
 @dataclass(frozen=True, slots=True)
-class FilesTold:
+class FilesRequest:
     """What a person says of files; None where the files say it, and ``guided`` where their drift shows it.
 
     ``dec_sign`` is 1 or -1 where north pulses of a guide log that does not say it move the mount north or south, 0
@@ -306,34 +310,36 @@ def unsolved_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Solv
     return missed
 
 
-def axis_of(files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[str], told: FilesTold) -> FilesAxis:
+def axis_of(
+    files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[str], request: FilesRequest
+) -> FilesAxis:
     """The axis of files, each of a sweep (0 or 1), and of guide logs; what has no solution is left out.
 
     Raises UsageError when frames have no time or site, FrameError when a log holds nothing that can be used.
     """
-    ahead, known = timedelta(hours=told.utc_offset_h or 0.0), told.utc_offset_h is not None
+    ahead, known = timedelta(hours=request.utc_offset_h or 0.0), request.utc_offset_h is not None
     sweeps = [sweep for file, sweep in zip(files, sweeps, strict=True) if isinstance(file.result, Solution)]
     warnings = [(f.path, tr("No solution, left out.")) for f in files if isinstance(f.result, NoSolution)]
     solved = [f for f in files if isinstance(f.result, Solution)]
     files = [replace(f, time_utc=f.time_utc and f.time_utc - ahead) for f in solved]
     warnings += [(f.path, w) for f in files for w in f.warnings if not (known and w == NO_ZONE)]
-    site, sightings = site_of(files, told.site, told.how), sightings_of(files, sweeps)
-    settings = MeasureSettings(site, told.pole, told.refraction)
+    site, sightings = site_of(files, request.site, request.how), sightings_of(files, sweeps)
+    settings = MeasureSettings(site, request.pole, request.refraction)
     result: Measurement | Drift | NoAxis
-    if logs or told.guided is not None or (tracked(sightings) and len(set(sweeps)) < 2):
-        stretches = stretches_of(sightings, settings, told.guided)
-        result, left_out = _drift_of(stretches, logs, settings, told.dec_sign)
+    if logs or request.guided is not None or (tracked(sightings) and len(set(sweeps)) < 2):
+        stretches = stretches_of(sightings, settings, request.guided)
+        result, left_out = _drift_of(stretches, logs, settings, request.dec_sign)
         warnings += left_out
     else:
         result = measure(sightings, settings)
     named = tuple((Path(path).name, warning) for path, warning in warnings)
     if isinstance(result, NoAxis):
         return FilesAxis(result, named)
-    doubts = doubts_of(files, result.error, site, told.site is not None, known)
+    doubts = doubts_of(files, result.error, site, request.site is not None, known)
     if sightings:
-        doubts += given_doubts(files, result.error, site, told.utc_offset_h, told.site is not None)
+        doubts += given_doubts(files, result.error, site, request.utc_offset_h, request.site is not None)
     result = replace(result, findings=(*result.findings, *doubts))
-    return FilesAxis(result, named, last_night(site, told.profile, result.time_utc))
+    return FilesAxis(result, named, last_night(site, request.profile, result.time_utc))
 
 
 OTHER_PIER = tr_noop("Only the runs with pier side {pier} count: nothing says what a flip did to the Dec pulses.")

@@ -91,9 +91,10 @@ def unsigned_longitude(header: Mapping[str, Any]) -> str:
     """The keyword of a positive longitude that may as well be meant west; FITS' own OBSGEO-L is east."""
     if "SITELONG" in header or "OBSGEO-L" in header:
         return ""
-    told = ((name, str(header[name]).strip()) for name in UNSIGNED if name in header)
+    header_times = ((name, str(header[name]).strip()) for name in UNSIGNED if name in header)
     return next(
-        (f"{name} {text}" for name, text in told if re.fullmatch(r"\d[\d\s:.]*", text) and text.strip("0:. ")), ""
+        (f"{name} {text}" for name, text in header_times if re.fullmatch(r"\d[\d\s:.]*", text) and text.strip("0:. ")),
+        "",
     )
 
 
@@ -139,11 +140,11 @@ def site_of(files: Sequence[SolvedFile], given: Site | None = None, how: str = G
     """
     if given is not None:
         return given
-    told = [(file.path, file.site) for file in files if file.site is not None]
-    if not told:
+    site_files = [(file.path, file.site) for file in files if file.site is not None]
+    if not site_files:
         raise UsageError("The frames have no site: {how}.", how=tr(how))
-    first_path, first = told[0]
-    for path, site in told[1:]:
+    first_path, first = site_files[0]
+    for path, site in site_files[1:]:
         apart = abs(site.latitude_deg - first.latitude_deg)
         around = wrapped(site.longitude_deg - first.longitude_deg)  # 180° east is 180° west
         if max(apart, abs(around)) > SAME_SITE_DEG:
@@ -277,9 +278,9 @@ def remember_night(
 def _nights() -> list[PolarNight]:
     nights = []
     with suppress(ValueError, TypeError):
-        for told in read_json(config_folder() / NIGHTS_FILE):
+        for fields in read_json(config_folder() / NIGHTS_FILE):
             with suppress(ValueError, TypeError, OverflowError):  # spoilt, or another version's: the others still hold
-                night = PolarNight(**told)
+                night = PolarNight(**fields)
                 datetime.fromisoformat(night.time_utc).astimezone(UTC)
                 altitude, azimuth = (bolt or 0.0 for bolt in night.bolts_arcsec)
                 error = (night.altitude_arcsec, night.azimuth_arcsec, altitude, azimuth)

@@ -55,7 +55,7 @@ from kochab.workflows.polar.measure import (
 from kochab.workflows.polar.site_and_clock import clock_doubts
 from kochab.workflows.polar.solutions import (
     FilesAxis,
-    FilesTold,
+    FilesRequest,
     axis_of,
     changed_ns,
     guide_logs_of,
@@ -196,14 +196,14 @@ SHARE_OF_GOAL, SHARE_AT_BOLTS = 0.25, 0.5  # for the uncertainty that a measurem
 MOST_FRAMES = 9
 
 
-def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
+def align_camera(request: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
     """Measure, adjust, measure again with a camera, a practice telescope's or a real one.
 
     With a ``guard`` the mount turns the axis, and this runs in the thread of its line; without, a person is asked to.
     """
     with ExitStack() as opened:
         yield Progress("opening", None, tr("Opening the camera…"))
-        selection, site, clock, practice = _place(wish, tools, opened)
+        selection, site, clock, practice = _place(request, tools, opened)
         camera = MountCamera(selection, tools.open_camera, insists=True)
         opened.callback(camera.close)  # however this ends
         if site is None:
@@ -212,48 +212,50 @@ def align_camera(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | N
         if guard is not None:
             guard.site = guard.site or site
             turner = mount_turner(guard, camera)
-        hint = wish.hint if wish.source is FrameSource.CAMERA else None
-        options = SolveOptions(timeout_s=SOLVE_S, fov_deg=wish.fov_deg, hint=hint)
+        hint = request.hint if request.source is FrameSource.CAMERA else None
+        options = SolveOptions(timeout_s=SOLVE_S, fov_deg=request.fov_deg, hint=hint)
         source = CameraSightings(camera, options, clock)
-        settings = MeasureSettings(site, wish.pole)
+        settings = MeasureSettings(site, request.pole)
 
         def doubted(step: Progress) -> Progress:
             shown = None if not isinstance(step, PolarUpdate) else step.drift or step.measurement
             if not isinstance(step, PolarUpdate) or shown is None:
                 return step
-            doubts = clock_doubts(source.ahead_s, wish.mount_doubt, shown.error, settings.site)
+            doubts = clock_doubts(source.ahead_s, request.mount_doubt, shown.error, settings.site)
             return replace(step, findings=(*doubts, *step.findings)) if doubts else step
 
-        if wish.hand is AxisTurnedBy.NOBODY:
-            drifting = measure_drifting(source, settings, tools.controls, wish.guided)
+        if request.hand is AxisTurnedBy.NOBODY:
+            drifting = measure_drifting(source, settings, tools.controls, request.guided)
             drift = yield from _with_each_step(drifting, doubted)
-            yield doubted(_told(drift, wish, ""))
-            return _kept(drift, wish, tools)
-        motors, tutor = (yield from _motors(wish, practice, opened)), _tutor(wish, site)
-        task = align(source, turner, settings, options_of(wish), tools.controls, tutor, tools.keep, motors)
+            yield doubted(_told(drift, request, ""))
+            return _kept(drift, request, tools)
+        motors, tutor = (yield from _motors(request, practice, opened)), _tutor(request, site)
+        task = align(source, turner, settings, options_of(request), tools.controls, tutor, tools.keep, motors)
         done = yield from _with_each_step(task, doubted)
         bolts = (tutor.bolts[Knob.ALTITUDE], tutor.bolts[Knob.AZIMUTH])
         known = [None if bolt.by_hand or motors is not None else bolt.arcsec_a_turn for bolt in bolts]
-        _remember(done.last, wish, (known[0], known[1]))
+        _remember(done.last, request, (known[0], known[1]))
         return done.history
 
 
-def _tutor(wish: AlignmentRequest, site: Site) -> BoltTutor:
+def _tutor(request: AlignmentRequest, site: Site) -> BoltTutor:
     """It knows the bolts from another night here, but neither a simulated telescope's nor what motors turn."""
-    unknown = wish.source is FrameSource.PRACTICE or wish.adjusters
-    night = None if unknown else last_night(site, wish.profile)
-    bolts = bolts_of(Base.BOLTS if wish.adjusters else wish.base, (None, None) if night is None else night.bolts_arcsec)
-    return BoltTutor(SHARE_AT_BOLTS * options_of(wish).goal_arcsec, bolts)
+    unknown = request.source is FrameSource.PRACTICE or request.adjusters
+    night = None if unknown else last_night(site, request.profile)
+    bolts = bolts_of(
+        Base.BOLTS if request.adjusters else request.base, (None, None) if night is None else night.bolts_arcsec
+    )
+    return BoltTutor(SHARE_AT_BOLTS * options_of(request).goal_arcsec, bolts)
 
 
-def _motors(wish: AlignmentRequest, practice: Practice | None, opened: ExitStack) -> Task[Motors | None]:
+def _motors(request: AlignmentRequest, practice: Practice | None, opened: ExitStack) -> Task[Motors | None]:
     """What turns the bolts, if not a person."""
-    if not wish.adjusters:
+    if not request.adjusters:
         return None
     if practice is not None:
         return PracticeMotors(practice)
     yield Progress("opening", None, tr("Looking for the motorised adjusters…"))
-    adjusters = Adjusters(wish.adjusters)
+    adjusters = Adjusters(request.adjusters)
     opened.callback(adjusters.close)
     return adjusters
 
@@ -271,27 +273,27 @@ class PracticeMotors:
         self._practice.do(f"{'az' if axis is AdjusterAxis.AZIMUTH else 'alt'} {amount * self._arcmin[axis]:.5f}")
 
 
-def options_of(wish: AlignmentRequest) -> AlignOptions:
+def options_of(request: AlignmentRequest) -> AlignOptions:
     """How it is measured, from what the person chose: by hand with as few turns as reach it."""
-    least, goal = 2 if wish.hand is AxisTurnedBy.PERSON else wish.frames, wish.goal_arcsec
-    if not wish.adjusters and any(bolt.by_hand for bolt in bolts_of(wish.base)):
+    least, goal = 2 if request.hand is AxisTurnedBy.PERSON else request.frames, request.goal_arcsec
+    if not request.adjusters and any(bolt.by_hand for bolt in bolts_of(request.base)):
         goal = max(goal, HAND_ARCSEC)
-    sweep = Sweep(wish.turn_deg, least, max(least, MOST_FRAMES), SHARE_OF_GOAL * goal, LEAST_TURN_DEG)
-    return AlignOptions(goal, sweep=sweep, second_sweep=wish.second_sweep)
+    sweep = Sweep(request.turn_deg, least, max(least, MOST_FRAMES), SHARE_OF_GOAL * goal, LEAST_TURN_DEG)
+    return AlignOptions(goal, sweep=sweep, second_sweep=request.second_sweep)
 
 
 def _place(
-    wish: AlignmentRequest, tools: AlignmentTools, opened: ExitStack
+    request: AlignmentRequest, tools: AlignmentTools, opened: ExitStack
 ) -> tuple[CameraSelection, Site | None, Callable[[], datetime], Practice | None]:
     """Which camera looks, from where, what time it is there, and whose telescope it is if a practice one's."""
-    if wish.source is FrameSource.PRACTICE:
+    if request.source is FrameSource.PRACTICE:
         practice = _practice(tools, opened)
-        exposure_s = EXPOSURE_S if wish.camera is None else wish.camera.exposure_s
+        exposure_s = EXPOSURE_S if request.camera is None else request.camera.exposure_s
         camera = CameraSelection("simulated", practice.camera, exposure_s)
         return camera, practice.rig.config.site, practice.rig.clock.now_utc, practice
-    if wish.camera is None:
+    if request.camera is None:
         raise UsageError("Choose a camera.")
-    return wish.camera, wish.site, partial(datetime.now, UTC), None
+    return request.camera, request.site, partial(datetime.now, UTC), None
 
 
 def _practice(tools: AlignmentTools, opened: ExitStack) -> Practice:
@@ -327,32 +329,32 @@ NOT_TURNED = {
 }
 
 
-def measure_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
+def measure_files(request: AlignmentRequest, tools: AlignmentTools) -> Task[History]:
     """Solve every file, then measure, by drift where nobody turned the axis; again while they grow, if so wished.
 
     Raises KochabError with one sentence on what to do.
     """
-    axis = yield from (_followed(wish, tools) if wish.follow else _axis_of_files(wish, tools))
+    axis = yield from (_followed(request, tools) if request.follow else _axis_of_files(request, tools))
     result = axis.result
     if isinstance(result, NoAxis):
         finding = PolarFinding(result.kind, result.sentence, spoils=True)
         yield PolarUpdate("done", 1.0, tr(NOT_TURNED.get(result.kind, NO_AXIS)), findings=(finding,))
         return History()
-    history = _kept(result, wish, tools)
+    history = _kept(result, request, tools)
     warnings = Counter(warning for _, warning in axis.warnings if warning != NO_ZONE)  # of that there is a finding
     notes = {tr_n("{n} frame: {warning}", "{n} frames: {warning}", n, warning=w): None for w, n in warnings.items()}
-    if axis.last is not None and wish.site is None:  # the set-up did not know the site
+    if axis.last is not None and request.site is None:  # the set-up did not know the site
         notes[tr("Last measured here, {night}.", night=axis.last)] = None
-    yield _told(result, wish, "\n".join(notes))
+    yield _told(result, request, "\n".join(notes))
     return history
 
 
-def _followed(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
+def _followed(request: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
     """The axis of files that grow, once it is known or somebody says that it is enough."""
     while True:
-        enough, seen = tools.controls.take(PolarButton.ENOUGH), [changed_ns(path) for path in wish.files]
+        enough, seen = tools.controls.take(PolarButton.ENOUGH), [changed_ns(path) for path in request.files]
         try:
-            axis = yield from _axis_of_files(wish, tools)
+            axis = yield from _axis_of_files(request, tools)
         except FrameError as error:  # as of a log that has just begun
             if enough:
                 raise
@@ -364,60 +366,60 @@ def _followed(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
                 yield drifted(axis.result)
             elif isinstance(axis.result, NoAxis):
                 yield PolarUpdate("measure", None, axis.result.sentence)
-        while not tools.controls.pressed(PolarButton.ENOUGH) and [changed_ns(path) for path in wish.files] == seen:
+        while not tools.controls.pressed(PolarButton.ENOUGH) and [changed_ns(path) for path in request.files] == seen:
             yield Progress("wait for a frame")
             time.sleep(SLICE_S)
 
 
-def _axis_of_files(wish: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
-    paths = [str(path) for path in wish.files]
+def _axis_of_files(request: AlignmentRequest, tools: AlignmentTools) -> Task[FilesAxis]:
+    paths = [str(path) for path in request.files]
     logs = guide_logs_of(paths)
-    frames = [(path, 0) for path in paths if path not in logs] + [(str(path), 1) for path in wish.check]
-    solved = yield from _solved(frames, wish, tools)
+    frames = [(path, 0) for path in paths if path not in logs] + [(str(path), 1) for path in request.check]
+    solved = yield from _solved(frames, request, tools)
     files, sweeps = [file for file, _ in solved], [sweep for _, sweep in solved]
-    told = FilesTold(
-        wish.site,
-        wish.pole,
-        utc_offset_h=wish.utc_offset_h,
-        guided=wish.guided,
-        dec_sign=wish.dec_sign,
-        profile=wish.profile,
+    request_files = FilesRequest(
+        request.site,
+        request.pole,
+        utc_offset_h=request.utc_offset_h,
+        guided=request.guided,
+        dec_sign=request.dec_sign,
+        profile=request.profile,
         how=tr_noop("fill in “Your site”"),
     )
-    return axis_of(files, sweeps, logs, told)
+    return axis_of(files, sweeps, logs, request_files)
 
 
 NO_AXIS = tr_noop("No axis measured.")
 
 
-def _kept(result: Measurement | Drift, wish: AlignmentRequest, tools: AlignmentTools) -> History:
+def _kept(result: Measurement | Drift, request: AlignmentRequest, tools: AlignmentTools) -> History:
     """The history of one measurement, unless it leaves a bolt open; kept for another night as well."""
     history = History()
     if isinstance(result, Measurement) or result.known:
         history.measured(result)
         tools.keep(history)
-    _remember(result, wish)
+    _remember(result, request)
     return history
 
 
-def _remember(result: Measurement | Drift, wish: AlignmentRequest, bolts: Pitches = (None, None)) -> None:
+def _remember(result: Measurement | Drift, request: AlignmentRequest, bolts: Pitches = (None, None)) -> None:
     """For another night, but not of a simulated telescope."""
-    if wish.source is not FrameSource.PRACTICE:
+    if request.source is not FrameSource.PRACTICE:
         try:
-            remember_axis(result, wish.profile, bolts)
+            remember_axis(result, request.profile, bolts)
         except OSError as error:
             logging.getLogger(__name__).warning("The polar error can't be kept for another night: %s", error)
 
 
 def _solved(
-    frames: list[tuple[str, int]], wish: AlignmentRequest, tools: AlignmentTools
+    frames: list[tuple[str, int]], request: AlignmentRequest, tools: AlignmentTools
 ) -> Task[list[tuple[SolvedFile, int]]]:
     """What every file gives, with its sweep; each is solved once, however often it is measured."""
-    options, solved = SolveOptions(fov_deg=wish.fov_deg), []
+    options, solved = SolveOptions(fov_deg=request.fov_deg), []
     for number, (path, sweep) in enumerate(frames):
         name = Path(path).name
         yield PolarUpdate("measure", number / len(frames), f"{name}, {number + 1} of {len(frames)}")
-        key = (path, changed_ns(path), wish.fov_deg)
+        key = (path, changed_ns(path), request.fov_deg)
         if key not in tools.solved:
             # Its steps are cancel points only: what they say is of one frame, not of the alignment.
             found = yield from _with_each_step(solutions_of(path, options), lambda _: Progress("solve"))
@@ -434,7 +436,7 @@ def _solved(
     return solved
 
 
-def _told(result: Measurement | Drift, wish: AlignmentRequest, notes: str) -> PolarUpdate:
+def _told(result: Measurement | Drift, request: AlignmentRequest, notes: str) -> PolarUpdate:
     findings = tuple(sorted(result.findings, key=lambda finding: not finding.spoils))
     spoilt = tr("Unusable: don't adjust. {findings}", findings=findings[0].text) if result.spoilt else ""
     if isinstance(result, Drift):
@@ -445,21 +447,21 @@ def _told(result: Measurement | Drift, wish: AlignmentRequest, notes: str) -> Po
             angle=result.words,
         )
         return PolarUpdate("done", 1.0, spoilt or words, findings=findings, drift=result, notes=notes)
-    more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, wish.goal_arcsec)
+    more = more_turn_deg(optics_of(result.attitudes[0]), result.rho_deg, result.fit.turns_rad, request.goal_arcsec)
     words = tr("Polar alignment error: {angle}.", angle=total_in_words(result.error))
     return PolarUpdate("done", 1.0, spoilt or words, result, findings=findings, more_turn_deg=more, notes=notes)
 
 
-def alignment_task(wish: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
-    """What ``wish`` says, from the first frame to the last; with a ``guard`` the mount turns.
+def alignment_task(request: AlignmentRequest, tools: AlignmentTools, guard: Guard | None = None) -> Task[History]:
+    """What ``request`` says, from the first frame to the last; with a ``guard`` the mount turns.
 
     Raises KochabError with one sentence on what to do.
     """
 
-    def told(step: Progress) -> Progress:
+    def passed_on(step: Progress) -> Progress:
         tools.tell(step)  # each, for a job passes on only the newest
         return step
 
-    files = wish.source is FrameSource.FILES
-    task = measure_files(wish, tools) if files else align_camera(wish, tools, guard)
-    return (yield from _with_each_step(task, told))
+    files = request.source is FrameSource.FILES
+    task = measure_files(request, tools) if files else align_camera(request, tools, guard)
+    return (yield from _with_each_step(task, passed_on))

@@ -58,8 +58,8 @@ class AlpacaMount(ServerMount):
     def _start(self, settings: MountSettings) -> None:
         """Find the telescope and what it can do."""
         where = self._where
-        told = [(str(number), name) for number, name in self._link.devices()]
-        self._path = f"telescope/{chosen(told, where, 'Alpaca', 'telescope')}/"
+        telescopes = [(str(number), name) for number, name in self._link.devices()]
+        self._path = f"telescope/{chosen(telescopes, where, 'Alpaca', 'telescope')}/"
         self._put("connected", POWER_UP_S, Connected=True)
         epoch = self._one_of(EPOCHS, "equatorialsystem") or Epoch.DATE
         super().__init__(settings.get("epoch") or epoch, self._leave)
@@ -96,11 +96,11 @@ class AlpacaMount(ServerMount):
     def found(cls, address: str) -> list[Diagnosis]:
         """The telescopes of a server, by default of all that answer on the network."""
         servers = [address] if address else discover()
-        told = []
+        found = []
         for where in (net_address(server, PORT) for server in servers):
             with suppress(NoAnswerError, PortError), closing(AlpacaLink(where, "telescope")) as link:
-                told += [Diagnosis(f"{where.server}/{n}", cls.name, name=name) for n, name in link.devices()]
-        return told
+                found += [Diagnosis(f"{where.server}/{n}", cls.name, name=name) for n, name in link.devices()]
+        return found
 
     def identify(self) -> str:
         """Its name on the server."""
@@ -129,13 +129,13 @@ class AlpacaMount(ServerMount):
 
     def _truth(self, name: str) -> bool | None:
         """A property that is true or false; None where the mount has it not, or it is null or anything else."""
-        told = self._get(name, None)
-        return told if isinstance(told, bool) else None
+        value = self._get(name, None)
+        return value if isinstance(value, bool) else None
 
     def _one_of(self, table: Mapping[int, T], name: str) -> T | None:
         """What the number of a property stands for; None where it stands for nothing, or is none."""
-        told = self._get(name, None)
-        return table.get(told) if isinstance(told, int) and not isinstance(told, bool) else None
+        value = self._get(name, None)
+        return table.get(value) if isinstance(value, int) and not isinstance(value, bool) else None
 
     @making_sense()
     def altaz_deg(self) -> tuple[float, float] | None:

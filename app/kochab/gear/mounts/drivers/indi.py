@@ -129,7 +129,9 @@ class IndiMount(ServerMount):
         # An Alert that only answered a refused order says nothing about the place.
         if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
             raise NoAnswerError(
-                "{name} gets no position from its mount{said}.", name=self._device.name, said=self._device.said()
+                "{name} gets no position from its mount{message}.",
+                name=self._device.name,
+                message=self._device.message(),
             )
         ra, dec = (self._device.number(self._at, member) for member in ("RA", "DEC"))
         if ra is None or dec is None or not (abs(ra) <= 24.0 and abs(dec) <= 180.0):
@@ -143,9 +145,9 @@ class IndiMount(ServerMount):
         """As the driver shows it, and whoever else moves the mount."""
         self._device.check()
         state, on = self._device.state, self._on
-        told = [state(vector) for vector in (self._at, *MOVES, "TELESCOPE_PARK")]
-        silent = told[0] not in KNOWN or (told[0] == "Alert" and bool(self._told(self._at, self._refused_s)))
-        slewing = True if "Busy" in told else None if silent else False
+        states = [state(vector) for vector in (self._at, *MOVES, "TELESCOPE_PARK")]
+        silent = states[0] not in KNOWN or (states[0] == "Alert" and bool(self._told(self._at, self._refused_s)))
+        slewing = True if "Busy" in states else None if silent else False
         parked = on("TELESCOPE_PARK", "PARK")
         if parked and slewing is not True and not self._rests():
             parked, slewing = False, True
@@ -191,10 +193,10 @@ class IndiMount(ServerMount):
         if latitude is not None and longitude is not None and (latitude or longitude):
             site = site_of(latitude, longitude, number("GEOGRAPHIC_COORD", "ELEV") or 0.0)
         utc, offset = self._device.value("TIME_UTC", "UTC"), self._device.value("TIME_UTC", "OFFSET")
-        told, time_utc = self._told("TIME_UTC", 0.0), None
-        if utc and told:
+        messages, time_utc = self._told("TIME_UTC", 0.0), None
+        if utc and messages:
             time_utc = datetime.fromisoformat(utc.strip()).replace(tzinfo=UTC)
-            time_utc += timedelta(seconds=monotonic() - told[-1][0])
+            time_utc += timedelta(seconds=monotonic() - messages[-1][0])
         return SiteReport(site, time_utc, float(offset) if offset and offset.strip() else None)
 
     def set_site(self, site: Site) -> None:
@@ -242,7 +244,7 @@ class IndiMount(ServerMount):
             self._answered(self._at, sent, str(ability))
             if not took and ability is Ability.GOTO:
                 raise RefusedError(
-                    "{name} does not begin the goto{said}.", name=self._device.name, said=self._device.said()
+                    "{name} does not begin the goto{message}.", name=self._device.name, message=self._device.message()
                 )
 
     def halt(self) -> None:
@@ -317,12 +319,12 @@ class IndiMount(ServerMount):
     @making_sense()
     def park_altitude_deg(self) -> float | None:
         """Of drivers that park by altitude or hour angle; others tell the counts of their encoders."""
-        told = {name: self._device.number("TELESCOPE_PARK_POSITION", f"PARK_{name}") for name in ("ALT", "HA", "DEC")}
+        park = {name: self._device.number("TELESCOPE_PARK_POSITION", f"PARK_{name}") for name in ("ALT", "HA", "DEC")}
         latitude = self._device.number("GEOGRAPHIC_COORD", "LAT")
         # From hour angle and declination by the spherical triangle of pole, zenith and place.
-        if told["ALT"] is not None or told["HA"] is None or told["DEC"] is None or latitude is None:
-            return told["ALT"]
-        hour, dec, north = map(radians, (told["HA"] * 15.0, told["DEC"], latitude))
+        if park["ALT"] is not None or park["HA"] is None or park["DEC"] is None or latitude is None:
+            return park["ALT"]
+        hour, dec, north = map(radians, (park["HA"] * 15.0, park["DEC"], latitude))
         return degrees(asin(sin(north) * sin(dec) + cos(north) * cos(dec) * cos(hour)))
 
     def unpark(self) -> None:
@@ -339,12 +341,12 @@ class IndiMount(ServerMount):
     def _answered(self, vector: str, sent_s: float, what: str) -> None:
         """Raise `DeviceError` when the driver has refused what was sent, or not answered at all."""
         states = [state for _, state in self._told(vector, sent_s)]
-        told = {"name": self._device.name, "what": tr(what), "said": self._device.said()}
+        words = {"name": self._device.name, "what": tr(what), "message": self._device.message()}
         if not states:
-            raise NoAnswerError("{name} does not answer to a {what} on its INDI server{said}.", **told)
+            raise NoAnswerError("{name} does not answer to a {what} on its INDI server{message}.", **words)
         if "Alert" in states:
             self._refused_s = monotonic()
-            raise RefusedError("{name} refuses the {what}{said}.", **told)
+            raise RefusedError("{name} refuses the {what}{message}.", **words)
 
     def _told(self, vector: str, since_s: float) -> list[tuple[float, str]]:
         return self._link.heard_since(self._device.name, vector, since_s)

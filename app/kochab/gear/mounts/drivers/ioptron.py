@@ -47,8 +47,8 @@ class Ioptron(SerialMount):
 
     def state(self) -> MountState:
         """``:GLS#``, and the pier side from ``:GEP#``."""
-        told, side = self.query(protocol.STATUS, protocol.parse_status), self.read_position().pier_side
-        return replace(told, pier_side=side, alt_azimuth=protocol.is_alt_azimuth(self.model))
+        state, side = self.query(protocol.STATUS, protocol.parse_status), self.read_position().pier_side
+        return replace(state, pier_side=side, alt_azimuth=protocol.is_alt_azimuth(self.model))
 
     def site_report(self) -> SiteReport:
         """Site, zone and clock."""

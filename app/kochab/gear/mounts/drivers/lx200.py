@@ -331,8 +331,8 @@ class Lx200(SerialMount):
 
 def with_more(found: MountState, more: MountState) -> MountState:
     """What the first answer leaves open is told by the second; either may say that it slews."""
-    told = {name: value for name, value in asdict(found).items() if value is not None}
-    return MountState(**asdict(more) | told | ({"slewing": True} if more.slewing else {}))
+    known = {name: value for name, value in asdict(found).items() if value is not None}
+    return MountState(**asdict(more) | known | ({"slewing": True} if more.slewing else {}))
 
 
 def speaking(driver: str) -> type[Lx200]:

@@ -152,8 +152,8 @@ def judged(one: RandomField, work: Callable[[RandomField], Floats | None]) -> Ro
     axis, seconds = timed(lambda: work(one))
     off = np.full(2, np.nan) if axis is None else _off_arcsec(one, axis)
     right = bool(np.hypot(*off) < 3600.0 * RIGHT_DEG)
-    told = {"right": right, "wrong": axis is not None and not right, "stars": one.stars, "ms": 1e3 * seconds}
-    return told | {"off": float(np.sqrt(np.mean(np.square(off))))}
+    row = {"right": right, "wrong": axis is not None and not right, "stars": one.stars, "ms": 1e3 * seconds}
+    return row | {"off": float(np.sqrt(np.mean(np.square(off))))}
 
 
 def share(answers: Sequence[Row], kind: str) -> float:
