@@ -145,7 +145,7 @@ def _sightings(folder: Path) -> list[bytes]:
     from kochab.workflows.pointing_model import save_sightings
 
     rows = [MountSighting((10.0, 20.0), Pointing(10.1, 20.1, Epoch.J2000), WHEN, SITE, PierSide.EAST, alt_azimuth=True)]
-    save_sightings(path := folder / "sightings.json", [*rows, MountSighting((1.0, 2.0), rows[0].said, WHEN, None)])
+    save_sightings(path := folder / "sightings.json", [*rows, MountSighting((1.0, 2.0), rows[0].reported, WHEN, None)])
     return [path.read_bytes()]
 
 
@@ -155,7 +155,7 @@ def check_sightings(data: bytes, folder: Path) -> None:
     (path := folder / "sightings.json").write_bytes(data)
     with told(UsageError):
         for one in load_sightings(path):
-            require(np.isfinite([*one.sky_deg, one.said.ra_deg, one.said.dec_deg]).all(), f"{one} is nowhere")
+            require(np.isfinite([*one.sky_deg, one.reported.ra_deg, one.reported.dec_deg]).all(), f"{one} is nowhere")
 
 
 _ROWS = mutate.lines(mutate.raw)

@@ -142,7 +142,7 @@ def log_probability(seen, cause, free, terms):
 
     Nearly linear in the terms (5,), about those given.
     """
-    there, said = (seen.in_axes(p, cause.alt_azimuth) for p in (cause.would_say(seen), seen.said))
+    there, said = (seen.in_axes(p, cause.alt_azimuth) for p in (cause.would_say(seen), seen.reported))
     side = np.ones(len(said)) if cause.alt_azimuth else seen.side
     lon, lat = (np.degrees(f) for f in (np.arctan2(said[:, 1], said[:, 0]), np.arcsin(said[:, 2])))
 
@@ -191,7 +191,7 @@ def test_every_cause_has_the_probability_of_normal_data(arcmin, alt_azimuth) -> 
 
 def test_what_fits_no_cause_is_five_degrees_off_on_average_or_anywhere() -> None:
     """The density of such an offset, nine tenths of it near and a tenth all over the sky; within 2 arcmin it is flat."""
-    cause = Cause("it", "", lambda seen: seen.said, 1.0)
+    cause = Cause("it", "", lambda seen: seen.reported, 1.0)
 
     def density(off_deg):
         seen = Seen([sighting((10.0, 0.0), np.add(of_date((10.0, 0.0)), (0.0, off_deg)))])

@@ -32,7 +32,7 @@ def pointing_errors_deg(mount, model, rng):
     plain, aimed = [], []
     for seen in sightings(mount, NEW, rng, sides=True):
         command = model.aim(seen.expected_deg, seen.time_utc)
-        said = seen.said.ra_deg, seen.said.dec_deg
+        said = seen.reported.ra_deg, seen.reported.dec_deg
         plain.append(apart_deg(seen.expected_deg, said))
         aimed.append(apart_deg(command, said))
     return plain, aimed

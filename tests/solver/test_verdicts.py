@@ -197,14 +197,17 @@ SITE = Site(47.0, 8.5)
 def sighting(ra_off=0.0, dec_off=0.0, sky=(200.0, 30.0), **more):
     plain = MountSighting(sky, Pointing(*sky, Epoch.J2000), TIME, SITE, **more)
     ra, dec = plain.expected_deg
-    return replace(plain, said=Pointing((ra + ra_off) % 360.0, dec + dec_off, Epoch.J2000))
+    return replace(plain, reported=Pointing((ra + ra_off) % 360.0, dec + dec_off, Epoch.J2000))
 
 
 def cause(off_deg, **more):
     """A cause that puts the mount so many degrees north of its report, with tiny terms and a single noise level."""
     tiny = dict.fromkeys(("offset", "axis", "cone"), (1e-6,)) | {"noise": (0.6,)}
     return Cause(
-        f"{off_deg}", "Mend it.", lambda seen: seen.said + np.array([0.0, off_deg]), **({"weight": 0.2} | tiny | more)
+        f"{off_deg}",
+        "Mend it.",
+        lambda seen: seen.reported + np.array([0.0, off_deg]),
+        **({"weight": 0.2} | tiny | more),
     )
 
 
@@ -304,7 +307,7 @@ def test_a_cone_moves_right_ascension_the_more_the_nearer_the_pole_up_to_twenty_
 )
 def test_a_mount_that_is_not_aligned_says_so_or_stands_at_the_pole(aligned, dec, witness) -> None:
     """Whatever it says fits, as likely as any place of the sky; its own word counts twice."""
-    seen = Seen([replace(sighting(aligned=aligned), said=Pointing(100.0, dec, Epoch.J2000))])
+    seen = Seen([replace(sighting(aligned=aligned), reported=Pointing(100.0, dec, Epoch.J2000))])
     found = [c for c in causes(seen) if c.name == "not aligned"]
     assert [(c.weight, c.noise) for c in found] == ([(pytest.approx(0.3 * witness), (60.0,))] if witness else [])
     for c in found:

@@ -104,8 +104,8 @@ def test_sightings_come_back_from_their_file_as_they_were(tmp_path) -> None:
     assert load_sightings(file) == []
     save_sightings(file, seen)
     again = load_sightings(file)
-    assert [(s.sky_deg, s.said, s.time_utc, s.pier_side, s.site) for s in again] == [
-        (s.sky_deg, s.said, s.time_utc, s.pier_side, s.site) for s in seen
+    assert [(s.sky_deg, s.reported, s.time_utc, s.pier_side, s.site) for s in again] == [
+        (s.sky_deg, s.reported, s.time_utc, s.pier_side, s.site) for s in seen
     ]
     assert np.allclose(fit_model(again).terms_deg, fit_model(seen).terms_deg)
     for spoilt in ("", "[]", '{"sightings": [{}]}', '{"sightings": 3}', "\x00"):

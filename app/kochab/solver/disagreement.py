@@ -51,7 +51,7 @@ class MountSighting:
     """
 
     sky_deg: Degrees
-    said: Pointing
+    reported: Pointing
     time_utc: datetime
     site: Site | None = None
     pier_side: PierSide | None = None
@@ -62,7 +62,7 @@ class MountSighting:
     @property
     def expected_deg(self) -> Degrees:
         """What a mount without fault would say, in its own epoch."""
-        return to_mount_epoch(*self.sky_deg, self.said.epoch, self.time_utc)
+        return to_mount_epoch(*self.sky_deg, self.reported.epoch, self.time_utc)
 
 
 class Seen:
@@ -76,7 +76,7 @@ class Seen:
         self.sightings, self.last = sightings, sightings[-1]
         self.site = self.last.site
         self.expected = np.array([s.expected_deg for s in sightings])
-        self.said = np.array([(s.said.ra_deg, s.said.dec_deg) for s in sightings])
+        self.reported = np.array([(s.reported.ra_deg, s.reported.dec_deg) for s in sightings])
         self.sidereal = np.array([sidereal_deg(s.site or Site(0.0, 0.0), s.time_utc) for s in sightings])
         west = np.mod(self.sidereal - self.expected[:, 0], 360.0) < 180.0
         by_hour = np.where(west, 1.0, -1.0) * (self.site is not None)  # no site, no meridian
@@ -86,7 +86,9 @@ class Seen:
     @property
     def shift(self) -> Floats:
         """What the mount says too much (N, 2), degrees of right ascension and declination."""
-        return np.stack([wrapped(self.said[:, 0] - self.expected[:, 0]), self.said[:, 1] - self.expected[:, 1]], axis=1)
+        return np.stack(
+            [wrapped(self.reported[:, 0] - self.expected[:, 0]), self.reported[:, 1] - self.expected[:, 1]], axis=1
+        )
 
     def in_axes(self, places: Floats, alt_azimuth: bool) -> Floats:
         """Directions (N, 3) in the mount's axes: x where the second axis is level, y east, z along the first."""
@@ -180,7 +182,7 @@ def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
     """
     seen = Seen(sightings)
     suspects = weigh(seen, list(causes(seen)))
-    offset = 3600.0 * max(map(apart_deg, seen.expected, seen.said))
+    offset = 3600.0 * max(map(apart_deg, seen.expected, seen.reported))
     shares = {s.name: sum(t.score for t in suspects if t.name == s.name) for s in suspects}
     name = max(shares, key=lambda one: shares[one])
     best = next(s for s in suspects if s.name == name)
@@ -202,7 +204,7 @@ def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
     """Each cause's share of the probability, likeliest first; what is left is for none of them."""
     fits = [fit(seen, cause) for cause in causes]
     logs = [log(cause.weight) + found for cause, (found, _, _) in zip(causes, fits, strict=True)]
-    unknown = log(UNKNOWN) + sum(map(_unknown, map(apart_deg, seen.expected, seen.said)))
+    unknown = log(UNKNOWN) + sum(map(_unknown, map(apart_deg, seen.expected, seen.reported)))
     total = float(np.logaddexp.reduce([unknown, *logs]))
     found = []
     for c, x, (_, terms, left) in zip(causes, logs, fits, strict=True):
@@ -227,13 +229,13 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
     Large noise is rare, or three sightings of a leaning axis would pass for those of a loose mount.
     """
     places = cause.would_say(seen)
-    there, said = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.said))
+    there, reported = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.reported))
     side = np.ones(len(places)) if cause.alt_azimuth else seen.side  # no fork changes sides
     prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
     noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
     terms = np.zeros(5)
     for _ in range(STEPS if cause.fitted else 1):
-        left, slopes = residuals(terms, there, said, side)
+        left, slopes = residuals(terms, there, reported, side)
         y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
         precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
         pull = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
@@ -247,18 +249,18 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
         terms = np.zeros(5)
     odds = 1.0 / (1.0 + noise[:, 0] / RARE_DEG**2)
     total = np.logaddexp.reduce(logs + np.log(odds / odds.sum()), axis=None)
-    return float(total) - log(len(logs)), terms, residuals(terms, there, said, side)[0]
+    return float(total) - log(len(logs)), terms, residuals(terms, there, reported, side)[0]
 
 
-def residuals(terms: Floats, there: Floats, said: Floats, side: Floats) -> tuple[Floats, Floats]:
+def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats) -> tuple[Floats, Floats]:
     """What the mount says too much (N, 2) east and north on the sky, degrees, and its slopes (N, 2, 5) by the terms.
 
-    ``there`` and ``said`` (N, 3) are in the mount's axes. The terms: both axes' offsets, the turn about x and y,
+    ``there`` and ``reported`` (N, 3) are in the mount's axes. The terms: both axes' offsets, the turn about x and y,
     and the cone, which adds to the first axis on one ``side`` and takes away on the other.
     """
     there = turned(there, terms)
     (lon, lat), (at, high) = (
-        (np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))) for v in (there, said)
+        (np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))) for v in (there, reported)
     )
     level = np.cos(high)
     narrow = np.maximum(np.cos(lat), NARROW)
@@ -413,7 +415,7 @@ def days(off_s: float | None, shift_deg: float) -> Iterator[Cause]:
 
 def epochs(last: MountSighting) -> Iterator[Cause]:
     """J2000 taken for the equator of date, or the reverse: some 20 arcmin."""
-    other = Epoch.J2000 if last.said.epoch is Epoch.DATE else Epoch.DATE
+    other = Epoch.J2000 if last.reported.epoch is Epoch.DATE else Epoch.DATE
     option = "J2000" if other is Epoch.J2000 else "date"
     yield Cause(
         tr_noop("epoch"),
@@ -483,11 +485,11 @@ def sites(last: MountSighting) -> Iterator[Cause]:
 def homes(seen: Seen) -> Iterator[Cause]:
     """Still at home: what the mount says has nothing to do with the sky."""
     unaligned = any(s.aligned is False for s in seen.sightings)
-    if unaligned or (np.abs(seen.said[:, 1]) > 89.5).all():
+    if unaligned or (np.abs(seen.reported[:, 1]) > 89.5).all():
         yield Cause(
             tr_noop("not aligned"),
             tr_noop("Align the mount, or sync it on a solved frame."),
-            lambda seen: seen.said,
+            lambda seen: seen.reported,
             0.3 * (CONFIRMED * CONFIRMED if unaligned else CONFIRMED),
             tr_noop("The mount reports that it is not aligned.")
             if unaligned

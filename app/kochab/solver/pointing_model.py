@@ -104,8 +104,8 @@ class PointingModel:
 
         Raises `RefusedError` when that is farther than five degrees away, or beyond a pole.
         """
-        said = said_at(self, place_deg, sidereal_deg(self.site, time_utc))
-        away = apart_deg(said, place_deg)
+        reported = said_at(self, place_deg, sidereal_deg(self.site, time_utc))
+        away = apart_deg(reported, place_deg)
         # so that a NaN is refused, too
         if not away <= FARTHEST_DEG:
             raise RefusedError(
@@ -113,7 +113,7 @@ class PointingModel:
                 away=away,
                 farthest=FARTHEST_DEG,
             )
-        return said
+        return reported
 
 
 def said_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> Degrees:
@@ -142,21 +142,21 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     alt_azimuth = bool(sightings[-1].alt_azimuth)
     terms, left, seen = _fitted(sightings, alt_azimuth)
     there = seen.in_axes(seen.expected, alt_azimuth)
-    said, side = seen.in_axes(seen.said, alt_azimuth), np.ones(len(there)) if alt_azimuth else seen.side
-    slopes = residuals(terms, there, said, side)[1].reshape(-1, 5)
+    reported, side = seen.in_axes(seen.reported, alt_azimuth), np.ones(len(there)) if alt_azimuth else seen.side
+    slopes = residuals(terms, there, reported, side)[1].reshape(-1, 5)
     # two numbers a sighting, less five terms
     freedom = max(1, left.size - 5)
     noise = max(float(np.sqrt((left**2).sum() / freedom)), FLOOR_DEG)
     # the widest priors bound terms that the sightings leave open, as the cone seen from one side
     covariance = np.linalg.inv(slopes.T @ slopes / noise**2 + np.diag(_cause(alt_azimuth).scales().max(axis=0) ** -2.0))
     foretold = [_foretold(sightings, k, alt_azimuth) for k in range(len(sightings))]
-    before = [apart_deg(e, s) for e, s in zip(seen.expected, seen.said, strict=True)]
+    before = [apart_deg(e, s) for e, s in zip(seen.expected, seen.reported, strict=True)]
     return PointingModel(
         tuple(map(float, terms)),
         tuple(map(float, np.sqrt(np.diag(covariance)))),
         alt_azimuth,
         site,
-        sightings[-1].said.epoch,
+        sightings[-1].reported.epoch,
         len(sightings),
         sightings[-1].time_utc,
         3600.0 * _rms(before),
@@ -181,8 +181,8 @@ def _foretold(sightings: Sequence[MountSighting], k: int, alt_azimuth: bool) -> 
     """How far off, degrees, sighting ``k`` is by a model made from the others."""
     terms, _, _ = _fitted([s for j, s in enumerate(sightings) if j != k], alt_azimuth)
     one = Seen([sightings[k]])
-    there, said = one.in_axes(one.expected, alt_azimuth), one.in_axes(one.said, alt_azimuth)
-    off, _ = residuals(terms, there, said, np.ones(1) if alt_azimuth else one.side)
+    there, reported = one.in_axes(one.expected, alt_azimuth), one.in_axes(one.reported, alt_azimuth)
+    off, _ = residuals(terms, there, reported, np.ones(1) if alt_azimuth else one.side)
     return float(np.hypot(*off[0]))
 
 

@@ -44,8 +44,8 @@ def save_sightings(path: Path, sightings: list[MountSighting]) -> None:
     rows = [
         {
             "sky_deg": s.sky_deg,
-            "said_deg": (s.said.ra_deg, s.said.dec_deg),
-            "epoch": s.said.epoch,
+            "said_deg": (s.reported.ra_deg, s.reported.dec_deg),
+            "epoch": s.reported.epoch,
             "time_utc": s.time_utc.isoformat(),
             "site": None if s.site is None else asdict(s.site),
             "pier_side": s.pier_side,
@@ -69,7 +69,7 @@ def load_sightings(path: Path) -> list[MountSighting]:
 
 def _sighting(row: dict[str, Any]) -> MountSighting:
     (ra, dec), (said_ra, said_dec) = (map(float, row[name]) for name in ("sky_deg", "said_deg"))
-    said = Pointing(said_ra % 360.0, said_dec, Epoch(row["epoch"]))
+    reported = Pointing(said_ra % 360.0, said_dec, Epoch(row["epoch"]))
     time_utc = datetime.fromisoformat(row["time_utc"])
 
     if time_utc.tzinfo is None or not (math.isfinite(ra + said_ra) and abs(dec) <= 90.0 and abs(said_dec) <= 90.0):
@@ -79,4 +79,4 @@ def _sighting(row: dict[str, Any]) -> MountSighting:
         raise ValueError(row)
     side = None if row["pier_side"] is None else PierSide(row["pier_side"])
     alt_azimuth = None if row["alt_azimuth"] is None else bool(row["alt_azimuth"])
-    return MountSighting((ra % 360.0, dec), said, time_utc, site, side, alt_azimuth=alt_azimuth)
+    return MountSighting((ra % 360.0, dec), reported, time_utc, site, side, alt_azimuth=alt_azimuth)
