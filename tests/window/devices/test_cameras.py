@@ -66,7 +66,7 @@ def test_what_live_chooses_the_mount_uses(qtbot, commands):
     qtbot.waitUntil(lambda: live.camera.box.found.count() == 2)
     pick(live.camera.box.found, "indi:1/b")
     assert mount.camera.selection == CameraSelection("indi", "indi:1/b", 2.0)
-    assert mount.control.camera.wish == mount.camera.selection
+    assert mount.control.camera.selection == mount.camera.selection
 
 
 def test_what_is_being_typed_stays_until_another_camera_is_chosen(commands):

@@ -198,7 +198,7 @@ def test_what_was_learned_of_the_lens_is_kept_at_the_end():
     steps(task, lambda: one.latest is not None)
     task.close()
     assert engine.kept == 1
-    assert any("guide scope" in sentence for sentence in one.said)
+    assert any("guide scope" in sentence for sentence in one.messages)
 
 
 # recording ----------------------------------------------------------------------------------------
@@ -214,12 +214,12 @@ def test_recording_follows_the_switch_in_the_middle_of_a_stream(tmp_path):
     some = updates()
     recording = Recording(lambda u: {"solved": True}, {"camera": "a camera"})
     assert recording.take(some[0]) == []
-    recording.wish = tmp_path
+    recording.folder = tmp_path
     recording.take(some[1])
     recording.take(some[2])
     assert recording.recorder.recording
     assert recording.recorder.free_bytes > 0
-    recording.wish = None
+    recording.folder = None
     (said,) = recording.take(some[3])
     assert "2 frames" in said
     (folder,) = tmp_path.iterdir()
@@ -232,15 +232,15 @@ def test_recording_follows_the_switch_in_the_middle_of_a_stream(tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("in the way")
     recording = Recording(lambda u: {}, {})
-    recording.wish = tmp_path / "file"
+    recording.folder = tmp_path / "file"
     (said,) = recording.take(updates()[0])
     assert "Can't record to" in said
-    assert recording.recorder is recording.wish is None
+    assert recording.recorder is recording.folder is None
 
 
 def test_a_disk_that_fills_ends_the_recording_and_not_the_stream(tmp_path, monkeypatch):
     recording = Recording(lambda u: {}, {})
-    recording.wish = tmp_path
+    recording.folder = tmp_path
     some = updates()
     recording.take(some[0])
     monkeypatch.setattr("kochab.workflows.live.session.KEEP_FREE_BYTES", 10**18)
@@ -248,7 +248,7 @@ def test_a_disk_that_fills_ends_the_recording_and_not_the_stream(tmp_path, monke
     (said,) = recording.take(some[1])
     assert "stopped after 1 frames" in said
     assert recording.take(some[2]) == []
-    assert recording.wish is None
+    assert recording.folder is None
     assert not recording.recorder.recording
 
 

@@ -162,7 +162,9 @@ def test_a_direction_held_goes_on_step_by_step_without_frames(qtbot, opened, mon
     with controller(qtbot, window, commands) as held:
         frames, orders = [], held.mount.view.orders
         selection = CameraSelection("simulated", "wide")
-        monkeypatch.setattr(held.mount.control, "camera", SimpleNamespace(wish=selection, exposure_told="", close=int))
+        monkeypatch.setattr(
+            held.mount.control, "camera", SimpleNamespace(selection=selection, exposure_told="", close=int)
+        )
         monkeypatch.setattr(orders, "take_frame", lambda: frames.append(len(frames)))
         held.pad.step.setCurrentText("1′")
         held.press(sdl2.SDL_CONTROLLER_BUTTON_DPAD_UP)

@@ -36,14 +36,14 @@ class SharedCameras:
         The settings in force are those of whoever opened it first, until somebody sets others. When
         that one leaves it, those of the next are set.
         """
-        key, wish = (source, address.strip()), settings or CaptureSettings()
+        key, wanted = (source, address.strip()), settings or CaptureSettings()
         while True:
             with self._lock:
                 device = self._cameras.get(key)
                 if device is None or device.over:
                     device = self._cameras[key] = _Device()
             make = self._open_device or cameras.open_camera
-            share = device.join(partial(make, source, address, wish), wish)
+            share = device.join(partial(make, source, address, wanted), wanted)
             if share is not None:
                 return share
 
@@ -51,11 +51,11 @@ class SharedCameras:
 class Share(CameraSource):
     """A camera that may have others beside it."""
 
-    def __init__(self, device: "_Device", source: CameraSource, wish: CaptureSettings) -> None:
+    def __init__(self, device: "_Device", source: CameraSource, wanted: CaptureSettings) -> None:
         self._device, self._source = device, source
         self._open = True
         self.name = source.name
-        self.wish = wish
+        self.wanted = wanted
         self.slot: Frame | None = None  # came while somebody else asked
 
     @property
@@ -115,7 +115,7 @@ class _Device:
         """How many have it."""
         return len(self._shares)
 
-    def join(self, open_source: Callable[[], CameraSource], wish: CaptureSettings) -> Share | None:
+    def join(self, open_source: Callable[[], CameraSource], wanted: CaptureSettings) -> Share | None:
         """Another share, None when the device was just given back."""
         with self._alone():
             if self.over:
@@ -129,7 +129,7 @@ class _Device:
                     self.in_force = source.configure(CaptureSettings())
                     failing.pop_all()
                 self._source = source
-            share = Share(self, self._source, wish)
+            share = Share(self, self._source, wanted)
             self._shares.append(share)
             self._set_for = self._set_for or share
             return share
@@ -197,14 +197,14 @@ class _Device:
         if self._shares and self._set_for not in self._shares:
             eldest = self._shares[0]
             self._set_for = eldest
-            if eldest.wish != CaptureSettings():
-                self._set(eldest, eldest.wish)
+            if eldest.wanted != CaptureSettings():
+                self._set(eldest, eldest.wanted)
 
     def _set(self, share: Share, settings: CaptureSettings) -> None:
         assert self._source is not None
         self.in_force = self._source.configure(settings)
         given = {name: value for name, value in asdict(settings).items() if value is not None}
-        share.wish, self._set_for = replace(share.wish, **given), share
+        share.wanted, self._set_for = replace(share.wanted, **given), share
 
     @contextmanager
     def _alone(self) -> Iterator[None]:

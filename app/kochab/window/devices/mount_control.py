@@ -169,7 +169,7 @@ class MountControl(QObject):
             saved, camera = current_profile(self._settings).camera, self.camera
             self.use_camera(saved if saved.source else None)
             if camera is not None:
-                self._cameras.forget(camera.wish.source, camera.wish.address)
+                self._cameras.forget(camera.selection.source, camera.selection.address)
         # Orders that the line never began end here, so that whoever waits for one hears of it.
         for name in list(self._tasks):
             self._tasks.pop(name).end(OrderFailed(name, sentence, stopped=not sentence))
@@ -216,10 +216,10 @@ class MountControl(QObject):
     def use_camera(self, selection: CameraSelection | None) -> None:
         """Use this camera from now on; another exposure of the same holds for the other views that use it, too."""
         before, new = self.camera, None
-        if before is not None and selection == before.wish:
+        if before is not None and selection == before.selection:
             return
         if selection is not None:
-            same = before is not None and before.wish.camera == selection.camera
+            same = before is not None and before.selection.camera == selection.camera
             new = MountCamera(selection, self._cameras.open, insists=same)
         self.camera = new
         if before is not None and self._line is not None:

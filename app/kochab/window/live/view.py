@@ -53,7 +53,7 @@ class RecordPanel(Page):
         """Frames recorded so far; the switch goes off when the recording has ended by itself."""
         if recording.recorder is not None:
             self.status.setText(recorded_text(recording.recorder))
-        if recording.wish is None:
+        if recording.folder is None:
             self.switch.setChecked(False)
 
     def use_folder(self, folder: Path) -> None:
@@ -149,7 +149,7 @@ class LiveView(View):
         to_record = self._services.wiring.to_record
         self.stream = stream = Stream(request, queue.show, to_record, make_engine)
         if self.record.switch.isChecked():
-            stream.recording.wish = self.record.folder
+            stream.recording.folder = self.record.folder
         self.pointing.clear()
         self.pointing.angle_style = self._services.settings.angle_style
         self._show_message("")
@@ -188,7 +188,7 @@ class LiveView(View):
 
     def _set_recording(self, folder: Path | None) -> None:
         if self.stream is not None:
-            self.stream.recording.wish = folder
+            self.stream.recording.folder = folder
 
     def _show_gone(self, source: str, address: str) -> None:
         box = self.camera.box
@@ -201,8 +201,8 @@ class LiveView(View):
         stream, shown = self.stream, self.display.shown
         if stream is None:
             return
-        while stream.said:
-            self._show_message(stream.said.popleft())
+        while stream.messages:
+            self._show_message(stream.messages.popleft())
         capture = stream.capture
         if capture.name:
             self.camera.fields.show_limits(capture.limits, capture.in_force)
@@ -213,7 +213,7 @@ class LiveView(View):
         if update is not None:
             self._show_status(status_text.stream_status(update, monotonic(), stream.seen_s))
             self.pointing.show_update(
-                update, stream.lens, stream.wish.profile, self.display.drawn_hz, self.display.latency_ms
+                update, stream.lens, stream.request.profile, self.display.drawn_hz, self.display.latency_ms
             )
         elif shown is not None:
             self._show_status(StreamStatus(tr("Searching"), tr("Solving the first frame blind."), "heading"))
@@ -235,7 +235,7 @@ class LiveView(View):
 
     def _finished(self, job: Job, stream: Stream) -> None:
         # What the end told: of the recording, and of the camera's profile.
-        for sentence in stream.said:
+        for sentence in stream.messages:
             self._show_message(sentence, str(self.message.property("role") or ""))
         self.record.show_state(stream.recording)
         if job is self.job:

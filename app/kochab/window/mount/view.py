@@ -297,7 +297,7 @@ class MountView(View):
             self.pad.show_rates(known.connected.rates_deg_s)
         self.tracking.show_state(MountState() if known.report is None else known.report.state, why)
         camera = self.control.camera
-        selection = None if camera is None else camera.wish
+        selection = None if camera is None else camera.selection
         # Not whenever the fields differ: this runs twice a second, and a person may be typing in them.
         if selection != self._shown_camera:
             self._shown_camera = selection

@@ -23,43 +23,43 @@ from kochab.workflows.session.wiring import ToRecord
 
 
 class Recording:
-    """Follows :attr:`wish`, the folder to make a session in, or None: so it is, too, once a session ended by itself.
+    """Follows :attr:`folder`, the folder to make a session in, or None: so it is, too, once a session ended by itself.
 
     ``recorder`` is that of the last session, None before the first and after one that could not begin.
     """
 
     def __init__(self, to_record: ToRecord | None, about: Mapping[str, object]) -> None:
-        self.wish: Path | None = None
+        self.folder: Path | None = None
         self.recorder: Recorder | None = None
         self._to_record, self._about = to_record, about
         self._followed: Path | None = None
 
     def take(self, update: LiveUpdate) -> list[str]:
-        """Record one frame if that is wished; sentences for the person."""
-        said = self._follow()
+        """Record one frame if that is asked for; sentences for the person."""
+        messages = self._follow()
         sentence = None if self.recorder is None else self.recorder.record(update)
         if sentence is not None:
-            self._followed = self.wish = None
-            said.append(sentence)
-        return said
+            self._followed = self.folder = None
+            messages.append(sentence)
+        return messages
 
     def close(self) -> list[str]:
         """End the session, if there is one; what is to be said of it."""
-        self._followed = self.wish = None
+        self._followed = self.folder = None
         return self._end()
 
     def _follow(self) -> list[str]:
-        wish = self.wish
-        if wish == self._followed:
+        folder = self.folder
+        if folder == self._followed:
             return []
-        self._followed, said = wish, self._end()
-        if wish is not None and self._to_record is not None:
+        self._followed, messages = folder, self._end()
+        if folder is not None and self._to_record is not None:
             try:
-                self.recorder = Recorder(session_folder(wish), self._to_record, self._about)
+                self.recorder = Recorder(session_folder(folder), self._to_record, self._about)
             except UsageError as error:
-                self.recorder = self._followed = self.wish = None  # or the next frame would try again
-                said.append(str(error))
-        return said
+                self.recorder = self._followed = self.folder = None  # or the next frame would try again
+                messages.append(str(error))
+        return messages
 
     def _end(self) -> list[str]:
         recorder = self.recorder
@@ -71,7 +71,7 @@ class Recording:
 
 SOLVE_TIMEOUT_S = 10.0
 AHEAD_S = 0.5  # a frame whose answer takes longer is shown before it has one
-MOST_SAID = 50
+MOST_MESSAGES = 50
 
 Show = Callable[[Frame, LiveUpdate | None], None]
 
@@ -104,25 +104,25 @@ class Stream:
     """Run :meth:`task` in a job; everything else may be read and set from any thread.
 
     ``show`` is given every frame to be shown: with its answer, or alone while the solver is slow.
-    ``latest`` is the newest answer, ``said`` sentences for the person that nobody has told yet, and
+    ``latest`` is the newest answer, ``messages`` sentences for the person that nobody has told yet, and
     ``seen_s`` when the newest frame came.
     """
 
     def __init__(
         self,
-        wish: StreamRequest,
+        request: StreamRequest,
         show: Show,
         to_record: ToRecord | None = None,
         make_engine: Callable[[], ProfiledTracker] | None = None,
     ) -> None:
-        self.wish = wish
-        self.capture = Capture(wish.open, wish.again, self._see)
-        self.options = SolveOptions(timeout_s=SOLVE_TIMEOUT_S, hint=wish.hint)
+        self.request = request
+        self.capture = Capture(request.open, request.again, self._see)
+        self.options = SolveOptions(timeout_s=SOLVE_TIMEOUT_S, hint=request.hint)
         self.latest: LiveUpdate | None = None
         self.lens = Lens()
-        self.said: deque[str] = deque(maxlen=MOST_SAID)
+        self.messages: deque[str] = deque(maxlen=MOST_MESSAGES)
         self.seen_s = float("-inf")
-        self.recording = Recording(to_record, {"camera": wish.name, "solve": options_json(self.options)})
+        self.recording = Recording(to_record, {"camera": request.name, "solve": options_json(self.options)})
         self._show = show
         self._make_engine = make_engine or self._engine
         self._held: tuple[Frame, float] | None = None  # waits for its answer, since when
@@ -141,16 +141,16 @@ class Stream:
                 else:
                     self._let_go()
                     if step.stage == WARNING:
-                        self.said.append(step.detail)
+                        self.messages.append(step.detail)
                     yield step
         finally:
             live.close()
-            self.said.extend(self.recording.close())
+            self.messages.extend(self.recording.close())
             try:
                 if engine.keep() is not None:
-                    self.said.append(tr("The camera profile “{profile}” was kept.", profile=self.wish.profile))
+                    self.messages.append(tr("The camera profile “{profile}” was kept.", profile=self.request.profile))
             except KochabError as error:
-                self.said.append(str(error))
+                self.messages.append(str(error))
 
     def _see(self, frame: Frame) -> None:
         """A frame has come: shown at once unless its answer will be there in a moment."""
@@ -174,8 +174,8 @@ class Stream:
         self._show(update.shot.frame, update)
         self.latest = update
         self._learn(update, engine)
-        self.said.extend(w for w in update.warnings if w not in self.said)
-        self.said.extend(self.recording.take(update))
+        self.messages.extend(w for w in update.warnings if w not in self.messages)
+        self.messages.extend(self.recording.take(update))
 
     def _learn(self, update: LiveUpdate, engine: ProfiledTracker) -> None:
         """Remember a doubt until a later frame agrees with the profile."""
@@ -184,4 +184,4 @@ class Stream:
         self.lens = Lens(profile, update.track.doubt or ("" if learned else self.lens.doubt))
 
     def _engine(self) -> ProfiledTracker:
-        return ProfiledTracker(self.wish.profile, self.options)
+        return ProfiledTracker(self.request.profile, self.options)

@@ -30,8 +30,10 @@ class MountCamera(CameraSource):
 
     name = "camera"
 
-    def __init__(self, wish: CameraSelection, open_camera: OpenCamera | None = None, insists: bool = False) -> None:
-        self.wish, self.insists = wish, insists
+    def __init__(
+        self, selection: CameraSelection, open_camera: OpenCamera | None = None, insists: bool = False
+    ) -> None:
+        self.selection, self.insists = selection, insists
         self._open_camera = open_camera
         self._camera: CameraSource | None = None
 
@@ -42,13 +44,13 @@ class MountCamera(CameraSource):
 
     @property
     def exposure_told(self) -> str:
-        """What is to be known of an exposure that is not the one wished for; empty when it is."""
+        """What is to be known of an exposure that is not the one asked for; empty when it is."""
         camera = self._camera
         settings = None if camera is None else camera.in_force
         if camera is None or settings is None or settings.exposure_s is None:
             return ""
-        now_s, wish_s = settings.exposure_s, self.wish.exposure_s
-        if abs(now_s - wish_s) <= 0.01 * wish_s:
+        now_s, asked_s = settings.exposure_s, self.selection.exposure_s
+        if abs(now_s - asked_s) <= 0.01 * asked_s:
             return ""
         if camera.alone:
             return tr("The camera uses {now_s:g} s exposures.", now_s=now_s)
@@ -82,8 +84,8 @@ class MountCamera(CameraSource):
             from kochab.gear import cameras
 
             opened = self._open_camera or cameras.open_camera
-            settings = CaptureSettings(exposure_s=self.wish.exposure_s)
-            self._camera = opened(self.wish.source, self.wish.address, settings)
+            settings = CaptureSettings(exposure_s=self.selection.exposure_s)
+            self._camera = opened(self.selection.source, self.selection.address, settings)
             self.name = self._camera.name
             if self.insists and self.exposure_told:
                 self._camera.configure(settings)
@@ -103,13 +105,13 @@ def frame_solver(camera: MountCamera, guard: Guard, tell: Callable[[object], Non
         frame = lost_in_space((yield from fresh_frame(camera)))
         tell(FrameTaken(frame))
         # Asked before the solve: afterwards the mount would report where it is by then.
-        said = None
+        reported = None
         with suppress(DeviceError):
-            said = with_retries(guard.position_icrs)
+            reported = with_retries(guard.position_icrs)
         yield Progress("solving")
         solved = yield from solve_open_frame(frame, SolveOptions(timeout_s=LIMIT_S))
-        if isinstance(solved.result, Solution) and said is not None:
-            tell(SolvedPosition(solved.result, said, guard.clock()))
+        if isinstance(solved.result, Solution) and reported is not None:
+            tell(SolvedPosition(solved.result, reported, guard.clock()))
         tell(solved)
         return solved.result
 
