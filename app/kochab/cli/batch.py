@@ -59,7 +59,7 @@ def _print(outcome: Json, as_json: bool) -> int:
             outcome["warnings"] = [*outcome["warnings"], *failures]
         print(to_line(outcome), flush=True)
     elif "error" in outcome:
-        failures = [about(outcome["file"], outcome["error"])]
+        failures = [with_file_name(outcome["file"], outcome["error"])]
     else:
         print(card(outcome), flush=True)
     for sentence in failures:
@@ -67,7 +67,7 @@ def _print(outcome: Json, as_json: bool) -> int:
     return 2 if failures else _code(outcome)
 
 
-def about(file: str, sentence: str) -> str:
+def with_file_name(file: str, sentence: str) -> str:
     """A sentence about a file with the file's name, once."""
     names_it = sentence.removeprefix("Can't open ").startswith((printable(file), printable(Path(file).name)))
     return sentence if names_it else f"{file}: {sentence}"

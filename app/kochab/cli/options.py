@@ -237,8 +237,8 @@ def everything() -> str:
     for kind in KINDS:
         prefix = "" if kind == "method" else f"{kind}."
         for name, found in _registry(kind).loaded().items():
-            about = "the default" if name in DEFAULTS else getattr(found, "paper", "")
-            lines.append(f"--{kind} {name}{f'   ({about})' if about else ''}")
+            remark = "the default" if name in DEFAULTS else getattr(found, "paper", "")
+            lines.append(f"--{kind} {name}{f'   ({remark})' if remark else ''}")
             for option in options_of(found):
                 absent = f": {option.none}" if option.none else ""
                 what = f"{option.text} [{option.range_text}{absent}]"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kochab.cli.batch import about
+from kochab.cli.batch import with_file_name
 from kochab.cli.options import add_options, between, named, scale_range, valued
 from kochab.cli.output import Json, with_progress
 from kochab.cli.process import say
@@ -163,7 +163,7 @@ def _measure(args: argparse.Namespace) -> tuple[int, Measurement | Drift | None]
     sweeps = [sweep for found, sweep in each for one in found if isinstance(one, SolvedFile)]
     unsolved = {id(file): _unusable(file) for file in unsolved_of(files, sweeps)}
     if bad := [one for each in tried if isinstance(one := unsolved.get(id(each), each), UnusableFrame)]:
-        sentence = " ".join(about(one.path, one.reason) for one in bad)
+        sentence = " ".join(with_file_name(one.path, one.reason) for one in bad)
         return _fail(sentence, args.json, max(one.code for one in bad), bad), None
     # None leaves it to how the drift in RA and Dec looks.
     guided = None if args.guided is None else args.guided == "yes"
@@ -383,6 +383,6 @@ def _fail(
             )
         )
     else:
-        for sentence_text in [about(one.path, one.reason) for one in bad] or [sentence]:
+        for sentence_text in [with_file_name(one.path, one.reason) for one in bad] or [sentence]:
             say(sentence_text)
     return code

@@ -94,13 +94,13 @@ def parse_json(text: str | bytes) -> Any:
         raise _too_deep() from None
     level = [value]
     for _ in range(DEEPEST):
-        level = [child for node in level for child in _within(node) if isinstance(child, dict | list)]
+        level = [child for node in level for child in _children(node) if isinstance(child, dict | list)]
     if level:
         raise _too_deep()
     return value
 
 
-def _within(node: Any) -> Any:
+def _children(node: Any) -> Any:
     return node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
 
 

@@ -127,7 +127,7 @@ def apart(xy: Floats, reach: Floats) -> Bools:
 
     ``reach`` (N,) px belongs to the brighter of a pair.
     """
-    return _kept(len(xy), *_within(xy, reach))
+    return _kept(len(xy), *_close_pairs(xy, reach))
 
 
 def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach: Floats) -> Bools:
@@ -137,7 +137,7 @@ def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach
     how far the brighter star's light may go. Between two stars the light sinks below the fainter
     peak by a quarter of it or more; on a plateau, a halo or a trail it does not.
     """
-    i, j = _within(xy, reach)
+    i, j = _close_pairs(xy, reach)
     if not len(i):
         return np.ones(len(xy), dtype=np.bool_)
     valley = _lowest_between(pixels, xy[i], xy[j])
@@ -146,7 +146,7 @@ def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach
     return _kept(len(xy), i[bump], j[bump])
 
 
-def _within(xy: Floats, reach: Floats) -> tuple[Indices, Indices]:
+def _close_pairs(xy: Floats, reach: Floats) -> tuple[Indices, Indices]:
     """Pairs i < j of positions (N, 2), the second within the reach (N,) of the first."""
     i, j = close_pairs(xy, float(reach.max(initial=0.0)))
     near = np.hypot(*(xy[i] - xy[j]).T) <= reach[i]

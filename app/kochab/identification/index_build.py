@@ -206,7 +206,7 @@ def _marks(quad: Ints32) -> NDArray[np.uint64]:
     return mark
 
 
-def _within(task: Task[LevelQuads], start: float, width: float) -> Task[LevelQuads]:
+def _as_part(task: Task[LevelQuads], start: float, width: float) -> Task[LevelQuads]:
     """The same task as a part, ``start`` to ``start + width``, of a longer one."""
     while True:
         try:
@@ -286,7 +286,7 @@ def build_volume(
             begin, width = 0.1 + 0.75 * i / len(stars), 0.3 / len(stars)
             yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
             task = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
-            level = yield from _within(task, begin, width)
+            level = yield from _as_part(task, begin, width)
             wanted, done = max(1, int(level.first.sum())), 0
             for part in level.parts():
                 found.add(*_encode(grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])))
@@ -300,7 +300,7 @@ def build_volume(
         (folder / BEGUN).unlink()  # the scratch files are used up from here on
         yield from found.write(folder)
     # last: a folder without it is no volume
-    about = {
+    header = {
         "steps": steps,
         "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],
         "offsets": offsets,
@@ -308,7 +308,7 @@ def build_volume(
         "quads": found.quads,
         "mark": mark,
     }
-    (folder / "index.json").write_text(json.dumps(about) + "\n", "utf-8")
+    (folder / "index.json").write_text(json.dumps(header) + "\n", "utf-8")
 
 
 def _begun(folder: Path, plan: dict[str, Any]) -> dict[str, Any]:

@@ -112,7 +112,7 @@ def matching_triangles(table: PairTable, angles: DetectionAngles, corners: Corne
     if len(row) == 0:
         return []
     first, second, third = one.take(row), table.other[pairs].take(row), table.neighbour.take(found)
-    far = _apart(table, second, third)
+    far = _separations(table, second, third)
     if fixed:
         off_rad = np.abs(far - angles.angle[b][c])
     else:
@@ -128,7 +128,7 @@ def matching_triangles(table: PairTable, angles: DetectionAngles, corners: Corne
     return list(zip(*(column.tolist() for column in stars), strict=True))
 
 
-def _apart(table: PairTable, one: Ints32, other: Ints32) -> Floats:
+def _separations(table: PairTable, one: Ints32, other: Ints32) -> Floats:
     """Angles (K,) between stars, rad."""
     v = table.vectors
     cosine = (v.take(one, axis=0) * v.take(other, axis=0)).sum(axis=1)

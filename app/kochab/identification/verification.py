@@ -269,13 +269,13 @@ def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, ben
         step = np.linalg.solve(normal, flat @ off.ravel()).tolist()
     except np.linalg.LinAlgError:
         return pointing
-    turn = small_rotation(np.array([_within(s, 0.2) for s in step[:3]]))
-    k1 = _within(pointing.k1 + step[4], 0.6) if bend else pointing.k1
-    focal = pointing.focal * math.exp(_within(step[3], 0.2))
+    turn = small_rotation(np.array([_clipped(s, 0.2) for s in step[:3]]))
+    k1 = _clipped(pointing.k1 + step[4], 0.6) if bend else pointing.k1
+    focal = pointing.focal * math.exp(_clipped(step[3], 0.2))
     return CandidatePointing(turn @ pointing.matrix, focal, pointing.mirrored, k1)
 
 
-def _within(value: float, limit: float) -> float:
+def _clipped(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 

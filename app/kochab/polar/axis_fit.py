@@ -302,7 +302,7 @@ def find_movement(attitudes: Sequence[LocalAttitude], fit: AxisFit, towards: Flo
         names[best.after if one else min(max(gaps) + 1, len(names) - 1)],
         best.angle_rad / ARCSEC,
         float(best.sigma_rad.max()) / ARCSEC,
-        _widened(fitted := _knowing(attitudes, best, towards), _about(fitted, models)),
+        _widened(fitted := _knowing(attitudes, best, towards), _second_moment(fitted, models)),
         likely=sure and best.cause in ON_THE_MOUNT and len(attitudes) >= ENOUGH_FRAMES,
         turned=turned,
         causes=causes,
@@ -361,7 +361,7 @@ def average_over_fault_models(attitudes: Sequence[LocalAttitude], fit: AxisFit, 
     models = [*_gradual(attitudes, fit), *_sudden(fit_with_movement(attitudes, towards))]
     mean = np.einsum("k,ki->i", _odds(models), np.stack([g.axis for g in models]))
     moved = replace(fit, axis=mean / np.linalg.norm(mean))
-    return _widened(moved, _about(moved, models))
+    return _widened(moved, _second_moment(moved, models))
 
 
 def _sudden(movement_fits: Sequence[MovementFit]) -> list["Gradual"]:
@@ -384,7 +384,7 @@ def _sudden(movement_fits: Sequence[MovementFit]) -> list["Gradual"]:
 def undetected_creep_covariance(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> Floats:
     """Covariance (2, 2), rad^2, that comes on top where frames share an axis but can't show whether it moved."""
     still = Gradual(fit.axis, fit.covariance, -0.5 * fit.chi2 + float(np.log(STILL)))
-    return _about(fit, [*_gradual(attitudes, fit), still]) - fit.covariance
+    return _second_moment(fit, [*_gradual(attitudes, fit), still]) - fit.covariance
 
 
 def _odds(models: Sequence[Gradual]) -> Floats:
@@ -392,9 +392,9 @@ def _odds(models: Sequence[Gradual]) -> Floats:
     return np.asarray(odds / odds.sum())
 
 
-def _about(fit: AxisFit, models: Sequence[Gradual]) -> Floats:
+def _second_moment(fit: AxisFit, models: Sequence[Gradual]) -> Floats:
     """The second moment (2, 2) of what the models say of the axis, about the fit's own."""
-    apart = np.stack([_apart(fit, g.axis) for g in models])
+    apart = np.stack([_offset(fit, g.axis) for g in models])
     each = np.einsum("ki,kj->kij", apart, apart) + np.stack([g.covariance for g in models])
     return np.asarray(np.einsum("k,kij->ij", _odds(models), each))
 
@@ -452,7 +452,7 @@ def _scattered(
     return Gradual(found.axis, found.covariance, evidence)
 
 
-def _apart(fit: AxisFit, axis: Floats) -> Floats:
+def _offset(fit: AxisFit, axis: Floats) -> Floats:
     """How far another axis (3,) is along (altitude, azimuth on the sky)."""
     return np.stack(tangents(fit.axis)) @ (axis - fit.axis)
 

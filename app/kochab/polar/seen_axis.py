@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import angle_between
 from kochab.polar.rotations import about, rotation_vectors, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude
 
@@ -234,14 +235,10 @@ def _movement(cause: Cause, state: _State, places: Floats, whole: Floats) -> tup
     if cause is Cause.MOUNT:
         # of the difference of both axes; their tangents are alike where the movement is small
         spread = whole[4:6, 4:6] + whole[:2, :2] - whole[4:6, :2] - whole[:2, 4:6]
-        return _apart(*state.axes), np.sqrt(np.maximum(np.linalg.eigvalsh(spread), 0.0))
+        return angle_between(*state.axes), np.sqrt(np.maximum(np.linalg.eigvalsh(spread), 0.0))
     scale = np.diag([1.0, sine])
     spread = scale @ (whole[4:6, 4:6] + whole[2:4, 2:4] - whole[4:6, 2:4] - whole[2:4, 4:6]) @ scale
-    return _apart(*places), np.sqrt(np.maximum(np.linalg.eigvalsh(spread), 0.0))
-
-
-def _apart(one: Floats, other: Floats) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+    return angle_between(*places), np.sqrt(np.maximum(np.linalg.eigvalsh(spread), 0.0))
 
 
 def _undone(cause: Cause, state: _State, places: Floats) -> Floats:
@@ -259,4 +256,4 @@ def _between(one: Floats, other: Floats) -> Floats:
     """The shortest rotation (3, 3) that takes a unit vector to another."""
     across = np.cross(one, other)
     length = float(np.linalg.norm(across))
-    return about(across / length, _apart(one, other)) if length > 1e-12 else np.eye(3)
+    return about(across / length, angle_between(one, other)) if length > 1e-12 else np.eye(3)

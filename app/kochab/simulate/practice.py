@@ -37,7 +37,7 @@ HELP = (
 )
 
 
-def _within(word: str, most: float) -> float:
+def _checked_number(word: str, most: float) -> float:
     """The number that was typed, no larger than a hand would turn anything."""
     value = float(word)
     if not abs(value) <= most:
@@ -183,16 +183,16 @@ class PracticeNight:
             case "":
                 return ""
             case "alt":
-                mount.turn_bolts(_within(words[0], MOST_ARCMIN), 0.0)
+                mount.turn_bolts(_checked_number(words[0], MOST_ARCMIN), 0.0)
                 return "Altitude bolt turned."
             case "az":
-                mount.turn_bolts(0.0, _within(words[0], MOST_ARCMIN))
+                mount.turn_bolts(0.0, _checked_number(words[0], MOST_ARCMIN))
                 return "Azimuth bolt turned."
             case "ra":
-                mount.turn_by_hand(_within(words[0], MOST_DEG), asked="asked" in words)
+                mount.turn_by_hand(_checked_number(words[0], MOST_DEG), asked="asked" in words)
                 return "RA axis turned by hand; the mount has not noticed."
             case "dec":
-                mount.turn_by_hand(0.0, _within(words[0], MOST_DEG), "asked" in words)
+                mount.turn_by_hand(0.0, _checked_number(words[0], MOST_DEG), "asked" in words)
                 return "Dec axis turned by hand; the mount has not noticed."
             case "track":
                 mount.tracking = ("off", "on").index(words[0]) == 1

@@ -78,7 +78,7 @@ def bodies_in_frame(
     free = ~matched.any(axis=1)
     bodies = []
     for given in near:
-        body = _within(solution, given) if given.trail else given
+        body = _clipped_to_frame(solution, given) if given.trail else given
         (x, y) = solution.pixels_of(body.vector[None])[0].tolist()
         disc_px = body.diameter_arcsec / 2.0 / camera.scale_arcsec_px
         if not (-disc_px <= x <= camera.width - 1 + disc_px and -disc_px <= y <= camera.height - 1 + disc_px):
@@ -96,7 +96,7 @@ def bodies_in_frame(
     return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, julian_years(time_utc), catalogue))
 
 
-def _within(solution: Solution, body: Body) -> Body:
+def _clipped_to_frame(solution: Solution, body: Body) -> Body:
     """A satellite at the middle of its trail through the frame, with that part alone; the same when it is outside."""
     xy = solution.pixels_of(np.array([unit_vectors(*place) for place in body.trail]))
     size = (solution.camera.width - 0.5, solution.camera.height - 0.5)

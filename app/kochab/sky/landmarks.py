@@ -112,10 +112,10 @@ def name_of_field(solution: Solution) -> str:
         best = int(np.argmin(np.where(seen, score, np.inf)))
         place = constellation_at(known.vectors[near[best]])
         if place == constellation or away[best] < 0.5:  # towards the edge a neighbour's object names no frame
-            return _within(known.names[near[best]], place)
+            return _name_in_constellation(known.names[near[best]], place)
     named = [star for star in solution.stars if star.name and star.mag < STAR_MAG and wide < STAR_FIELD_DEG]
-    return _within(min(named, key=lambda star: star.mag).name, constellation) if named else constellation
+    return _name_in_constellation(min(named, key=lambda star: star.mag).name, constellation) if named else constellation
 
 
-def _within(name: str, constellation: str) -> str:
+def _name_in_constellation(name: str, constellation: str) -> str:
     return tr("{name} in {constellation}", name=name, constellation=constellation)

@@ -148,14 +148,14 @@ class SmallBodies:
         ephemeris, jd = shipped_ephemeris(), float(observer.jd_tdb[0])
         sun = ephemeris("sun", observer.jd_tdb)
         # all bodies first, cheaply, by two-body orbits; only those that may be in the field are integrated
-        about = two_body(self.state, jd - self.epoch_jd)[:, :3]
-        vectors = about + sun - observer.place
+        heliocentric = two_body(self.state, jd - self.epoch_jd)[:, :3]
+        vectors = heliocentric + sun - observer.place
         years = np.abs(jd - self.epoch_jd) / 365.25
         stray = np.radians(0.2 + STRAY_DEG_PER_YEAR * years**1.5) * np.maximum(
             1.0, 1.5 / np.linalg.norm(vectors, axis=1)
         )
         reach = np.cos(np.minimum(np.pi, radius_rad + stray))
-        bright = magnitudes(self, vectors, about)[0] < faintest + 0.5 + np.minimum(stray, 2.0)
+        bright = magnitudes(self, vectors, heliocentric)[0] < faintest + 0.5 + np.minimum(stray, 2.0)
         rows = np.flatnonzero((unit(vectors) @ centre >= reach) & bright & (self.sigma_arcsec(jd) <= MOST_ARCSEC))
         known = [_known(self.names[row], bool(self.comet[row]), jd) for row in rows.tolist()]
         rows = rows[np.array(known, dtype=np.bool_)]

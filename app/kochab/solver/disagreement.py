@@ -270,8 +270,8 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats) -> t
     slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, 1.0, side * level / narrow
     east = np.stack([-np.sin(lon), np.cos(lon), 0.0 * lon], axis=1)
     north = np.cross(there, east)
-    for k, about in enumerate(np.eye(3)[:2], start=2):
-        moved = np.cross(there, about)
+    for k, tilt_axis in enumerate(np.eye(3)[:2], start=2):
+        moved = np.cross(there, tilt_axis)
         slopes[:, 0, k], slopes[:, 1, k] = (moved * east).sum(axis=1) * level / narrow, (moved * north).sum(axis=1)
     return off, slopes
 

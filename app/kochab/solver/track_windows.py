@@ -85,7 +85,7 @@ def look(
     top = stamps.core(1).max(axis=(1, 2))
     found = (snr > SNR) & (sharp | (snr > top / noise)) & (np.hypot(*(xy - peak).T) < max(2.0, 1.5 * major))
     found &= major < LONGEST_PX  # the middle of a trail that leaves its window is not known
-    found &= np.all(np.abs(xy - places) <= half, axis=1) & _apart(xy, max(1.5, major))
+    found &= np.all(np.abs(xy - places) <= half, axis=1) & _first_of_close(xy, max(1.5, major))
     sigma = np.hypot(FLOOR_PX, 1.2 * major / np.maximum(snr, 1.0))
     if frame.saturation is not None:
         clipped = top + level >= 0.98 * frame.saturation
@@ -151,7 +151,7 @@ def _smoothed(value: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(0.25 * (lines[:, :, :-2] + lines[:, :, 2:]) + 0.5 * lines[:, :, 1:-1])
 
 
-def _apart(xy: Floats, distance_px: float) -> Bools:
+def _first_of_close(xy: Floats, distance_px: float) -> Bools:
     """Which places no earlier one is as near to: one star is one witness, however many look."""
     d2 = np.square(xy[:, None] - xy).sum(axis=2)
     return np.asarray(~np.tril(d2 < distance_px**2, -1).any(axis=1))

@@ -236,10 +236,10 @@ class FolderCamera(CameraSource):
         """What stays the same as long as it is the same folder of the same drive."""
         try:
             # Device and inode: an unmounted drive leaves an empty folder of the same name.
-            about = self._folder.stat()
+            status = self._folder.stat()
         except OSError as error:
             raise self._gone(error) from None
-        return about.st_dev, about.st_ino
+        return status.st_dev, status.st_ino
 
     def _gone(self, error: OSError) -> LineLostError:
         return LineLostError(
@@ -262,16 +262,16 @@ def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:
                     if depth > 1:
                         yield from _pictures(Path(entry.path), depth - 1)
                 elif os.path.splitext(entry.name)[1].lower() in SUFFIXES:
-                    about = entry.stat()
-                    yield entry.path, Stamp(about.st_size, about.st_mtime_ns)
+                    status = entry.stat()
+                    yield entry.path, Stamp(status.st_size, status.st_mtime_ns)
 
 
 def _stamp(path: str) -> Stamp | None:
     try:
-        about = os.stat(path)
+        status = os.stat(path)
     except OSError:
         return None
-    return Stamp(about.st_size, about.st_mtime_ns)
+    return Stamp(status.st_size, status.st_mtime_ns)
 
 
 def _timed(frame: Frame, stamp: Stamp) -> Frame:

@@ -103,7 +103,7 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
     Raises UsageError when the folder holds no session that can be read.
     """
     try:
-        about = read_json(folder / SESSION)
+        facts = read_json(folder / SESSION)
         text = read_text(folder / LINES, largest_bytes=LARGEST_LINES_BYTES)
     except TextError:
         raise UsageError(
@@ -112,9 +112,9 @@ def read_session(folder: Path) -> tuple[Json, list[Json]]:
             session=SESSION,
             lines=LINES,
         ) from None
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
+    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
         raise UsageError("The session in {folder} was recorded by another version of Kochab.", folder=folder)
-    return about, _lines(text, folder)
+    return facts, _lines(text, folder)
 
 
 def _lines(text: str, folder: Path) -> list[Json]:
@@ -140,7 +140,7 @@ class Recorder:
     """Writes one session into ``folder``, which is made when it is not there, and must be empty.
 
     ``to_json`` gives the line of an update in the form of the command line, finite numbers only.
-    ``about`` is what is to be remembered of camera and solver; ``solve`` in it should be
+    ``facts`` is what is to be remembered of camera and solver; ``solve`` in it should be
     :func:`~kochab.workflows.live.session.options_json`, so that a replay solves alike.
 
     Raises UsageError when the folder cannot be written, holds files already, or its disk is nearly full.
@@ -150,7 +150,7 @@ class Recorder:
         self,
         folder: Path,
         to_json: Callable[[LiveUpdate], Json],
-        about: Mapping[str, object] | None = None,
+        facts: Mapping[str, object] | None = None,
         keep_free_bytes: int = KEEP_FREE_BYTES,
     ) -> None:
         self.folder, self.frames, self.solved, self.free_bytes = folder, 0, 0, 0
@@ -160,7 +160,7 @@ class Recorder:
             "format": FORMAT,
             "kochab": __version__,
             "started_utc": datetime.now(UTC).isoformat(),
-            **(about or {}),
+            **(facts or {}),
         }
         self._lines: IO[str] | None = self._open()
 
@@ -232,8 +232,8 @@ class Recorder:
                 keep=self._keep_free_bytes // 1_000_000,
             )
 
-    def _write_about(self, about: Json) -> None:
-        write_atomically(self.folder / SESSION, json.dumps(about, indent=1) + "\n")
+    def _write_about(self, facts: Json) -> None:
+        write_atomically(self.folder / SESSION, json.dumps(facts, indent=1) + "\n")
 
 
 def recorded(live: Live, recorder: Recorder) -> Live:
@@ -306,7 +306,7 @@ def replay(folder: Path, engine: ProfiledTracker) -> Generator[Progress | Replay
         track = yield from engine.update(frame, moment)
         ago_s = max(0.0, (datetime.now(UTC) - moment).total_seconds())
         shot = Shot(number, frame, received - ago_s, received)
-        yield Replayed(_update(shot, track), line, intact, _apart(track.solution, line))
+        yield Replayed(_update(shot, track), line, intact, _difference_arcsec(track.solution, line))
 
 
 def _frame(path: Path, line: Json) -> Task[tuple[Frame, bool]]:
@@ -331,7 +331,7 @@ def _update(shot: Shot, track: TrackUpdate) -> LiveUpdate:
     return LiveUpdate(shot, track, monotonic(), good, warnings=shot.frame.warnings)
 
 
-def _apart(found: Solution | None, line: Json) -> float | None:
+def _difference_arcsec(found: Solution | None, line: Json) -> float | None:
     if found is None or not line.get("solved"):
         return None
     try:

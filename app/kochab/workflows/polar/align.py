@@ -296,7 +296,7 @@ def align(
 
     def agreeing(found: Measurement) -> LiveError | None:
         """What the measurement before reads in the first frame of one within the goal, where both agree."""
-        if live is None or not _within(found, options):
+        if live is None or not _reaches_goal(found, options):
             return None
         read = live.update(found.attitudes[0])
         return read if _agree(read, found.error) else None
@@ -346,7 +346,7 @@ def align(
         live = adjusted.live if adjusted.end is AdjustingEnd.THERE else None
 
 
-def _within(found: Measurement, options: AlignOptions) -> bool:
+def _reaches_goal(found: Measurement, options: AlignOptions) -> bool:
     """Whether the total and some of its sigmas are within the goal."""
     reach = found.error.total_arcsec + options.sure * found.error.sigma_total_arcsec
     return not found.spoilt and reach <= options.goal_arcsec
@@ -355,7 +355,7 @@ def _within(found: Measurement, options: AlignOptions) -> bool:
 def _good(measured: Measured, options: AlignOptions) -> bool:
     """Whether it is within the goal for sure, or within its uncertainty."""
     found = measured.measurement
-    return _within(found, options) or (not found.spoilt and found.error.below_uncertainty)
+    return _reaches_goal(found, options) or (not found.spoilt and found.error.below_uncertainty)
 
 
 AGREE2 = 9.0  # squared distance in sigmas, two dimensions: one in 90 that agree are taken for others

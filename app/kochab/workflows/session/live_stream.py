@@ -28,10 +28,10 @@ class Recording:
     ``recorder`` is that of the last session, None before the first and after one that could not begin.
     """
 
-    def __init__(self, to_record: ToRecord | None, about: Mapping[str, object]) -> None:
+    def __init__(self, to_record: ToRecord | None, facts: Mapping[str, object]) -> None:
         self.folder: Path | None = None
         self.recorder: Recorder | None = None
-        self._to_record, self._about = to_record, about
+        self._to_record, self._about = to_record, facts
         self._followed: Path | None = None
 
     def take(self, update: LiveUpdate) -> list[str]:
