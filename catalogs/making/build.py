@@ -14,6 +14,7 @@ from catalogs.making.merge import merge
 from catalogs.making.objects import write_boundaries, write_objects, write_outlines
 from catalogs.making.solar_system import write_ephemeris, write_small_bodies
 from catalogs.making.sources import LIST_EPOCH, POLE_SIN, Listed, Sources, least_of_each, read_sources, row_of
+from kochab.core.attitude import ARCSEC
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
 from kochab.sky.catalogue import Catalogue
@@ -28,7 +29,6 @@ from kochab.sky.catalogue_file import (
     write_manifest,
     write_whole,
 )
-from kochab.sky.proper_motion import ARCSEC
 
 DEBIAN = {"astrometry-data-tycho2-07-littleendian": "2-4", "kstars-data": "5:3.6.2-2", "stellarium-data": "0.22.2-1"}
 PYPI = {

@@ -18,9 +18,10 @@ from catalogs.making.sources import (
     shift_arcsec,
 )
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.attitude import ARCSEC
 from kochab.core.progress import Progress, Task
 from kochab.sky.catalogue_file import HIPPARCOS, MERGED, MOVING, REDATED, V_FROM_VT, StarList
-from kochab.sky.proper_motion import ARCSEC, moved
+from kochab.sky.proper_motion import moved
 
 # The cells in which an astrometry.net index keeps only so many stars: HEALPix of any size. Which cell a star falls
 # in tells whether a star that the index lacks may have been left out for room: only if the cell is full, and of

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from kochab.core.attitude import Attitude, angle_between, attitude_from, unit_vectors
+from kochab.core.attitude import ARCSEC, Attitude, angle_between, attitude_from, unit_vectors
 from kochab.core.frame import Site
 from kochab.polar.error import (
     PolarError,
@@ -18,7 +18,7 @@ from kochab.polar.error import (
     turns_in_words,
 )
 from kochab.polar.horizon import Horizon, Pole, Refraction, name_of, northern, pole_direction
-from kochab.polar.rotations import ARCSEC, alt_az
+from kochab.polar.rotations import alt_az
 from kochab.polar.sighting import LocalAttitude, Sighting, covariance_of, to_local
 
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)

@@ -11,7 +11,7 @@ import pytest
 
 from kochab.attitude import small_rotation
 from kochab.attitude.fit import refine
-from kochab.core.attitude import Attitude, angle_between, radec_deg, unit
+from kochab.core.attitude import ARCSEC, Attitude, angle_between, radec_deg, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches, NamedStar, Solution
@@ -19,7 +19,7 @@ from kochab.lab.bench.polar_frames import Night, Overhead
 from kochab.polar.horizon import Refraction
 from kochab.polar.live import LivePhase
 from kochab.polar.measure import MeasureSettings, measure
-from kochab.polar.rotations import ARCSEC, direction
+from kochab.polar.rotations import direction
 from kochab.polar.sighting import Sighting, seen_by, to_local, with_one_camera
 
 SITE, AIR = Site(40.0, 11.5, 500.0), Refraction(960.0, 5.0)

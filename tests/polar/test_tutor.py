@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kochab.core.attitude import ARCSEC
 from kochab.core.frame import Site
 from kochab.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, Base, Bolt, bolts_of
 from kochab.polar.error import (
@@ -20,7 +21,7 @@ from kochab.polar.error import (
     turns_in_words,
 )
 from kochab.polar.horizon import pole_direction
-from kochab.polar.rotations import ARCSEC, alt_az, direction
+from kochab.polar.rotations import alt_az, direction
 from kochab.polar.tutor import BoltTutor, TutorStep
 
 

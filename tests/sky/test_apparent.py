@@ -16,7 +16,7 @@ from kochab.sky.apparent import (
     without_aberration,
 )
 
-ARCSEC = np.degrees(1.0) * 3600.0
+ARCSEC_PER_RAD = np.degrees(1.0) * 3600.0
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)
 
 
@@ -38,7 +38,7 @@ def test_aberration_agrees_with_astropy():
     # Astropy bends light at the Sun as well: 4 mas at right angles to it, more near it.
     sun = get_sun(time).cartesian.xyz.value
     away = spread() @ (sun / np.linalg.norm(sun)) < 0.5
-    gap = np.linalg.norm(with_aberration(spread(), WHEN) - seen, axis=1) * ARCSEC
+    gap = np.linalg.norm(with_aberration(spread(), WHEN) - seen, axis=1) * ARCSEC_PER_RAD
     assert gap[away].max() < 0.02
 
 
@@ -46,7 +46,7 @@ def test_aberration_is_20_arcsec_across_the_motion():
     velocity = earth_velocity(WHEN)
     across = np.cross(velocity, [0.0, 0.0, 1.0])
     across /= np.linalg.norm(across)
-    moved = np.linalg.norm(aberrated(across[None], velocity) - across) * ARCSEC
+    moved = np.linalg.norm(aberrated(across[None], velocity) - across) * ARCSEC_PER_RAD
     assert 20.0 < moved < 21.0
     ahead = velocity / np.linalg.norm(velocity)
     assert aberrated(ahead[None], velocity)[0] == pytest.approx(ahead, abs=1e-12)
@@ -71,7 +71,7 @@ def test_the_apparent_place_agrees_with_erfa():
         ra, dec = np.arctan2(v[1], v[0]), np.arcsin(v[2])
         ri, di, eo = erfa.atci13(ra, dec, 0, 0, 0, 0, jd, 0.0)
         want.append(unit_vectors(np.degrees(erfa.anp(ri - eo)), np.degrees(di)))
-    gap = np.linalg.norm(apparent(spread(40), WHEN) - want, axis=1) * ARCSEC
+    gap = np.linalg.norm(apparent(spread(40), WHEN) - want, axis=1) * ARCSEC_PER_RAD
     assert np.median(gap) < 0.01
     assert gap.max() < 0.1  # the Sun's bending, which we leave out
     assert from_apparent(apparent(spread(40), WHEN), WHEN) == pytest.approx(spread(40), abs=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from astropy.coordinates import SkyCoord
 
-ARCSEC = np.degrees(1.0) * 3600.0
+ARCSEC_PER_RAD = np.degrees(1.0) * 3600.0
 
 KNOWN = {
     # The brightest, and stars whose source gave them at 1991.65 rather than J2000.
@@ -34,7 +34,7 @@ def test_a_star_is_where_it_was_at_j2000(catalogue, name):
     place, *_ = KNOWN[name]
     want = SkyCoord(place, unit=(u.hourangle, u.deg)).cartesian.xyz.value
     found = catalogue.vectors([catalogue.find(name)])[0]
-    assert np.linalg.norm(found - want) * ARCSEC < 0.5
+    assert np.linalg.norm(found - want) * ARCSEC_PER_RAD < 0.5
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -51,7 +51,7 @@ def test_a_star_is_where_it_is_now(catalogue, name):
     now = start.apply_space_motion(dt=26.0 * u.yr).cartesian.xyz.value
     want = now / np.linalg.norm(now)
     found = catalogue.vectors([catalogue.find(name)], 2026.0)[0]
-    assert np.linalg.norm(found - want) * ARCSEC < within
+    assert np.linalg.norm(found - want) * ARCSEC_PER_RAD < within
     assert np.linalg.norm(found) == pytest.approx(1.0, abs=1e-12)
 
 
@@ -62,7 +62,7 @@ def test_every_star_of_the_naked_eye_is_there_once(catalogue):
     assert brightest[:4] == ["Sirius", "Canopus", "Arcturus", "Vega"]
     near = np.linalg.norm(catalogue.vectors(rows)[:, None] - catalogue.vectors(rows), axis=2)
     np.fill_diagonal(near, 1.0)
-    assert near.min() * ARCSEC > 1.5
+    assert near.min() * ARCSEC_PER_RAD > 1.5
 
 
 def test_nothing_bright_is_without_a_name(catalogue):

@@ -3,12 +3,12 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from kochab.core.attitude import apart_deg, east_north
+from kochab.core.attitude import ARCSEC, apart_deg, east_north
 from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.sky.planet_moons import MOONS, from_planet, planet_moons
 from kochab.sky.small_bodies import bodies_near
-from kochab.sky.solar_system import ARCSEC, BodyKind, major_bodies, observer_at
+from kochab.sky.solar_system import BodyKind, major_bodies, observer_at
 
 JUPITER = [  # arcsec east and north of Jupiter, from the Earth's centre: PyEphem 4.2.1, whose moons are the BDL's series
     ("2001-02-03T04:00", [[117.07, 26.27], [-171.02, -39.59], [257.81, 64.21], [-211.18, -20.31]]),
@@ -182,7 +182,7 @@ def test_callisto_is_where_jpl_has_it():
     tilt = np.radians(84381.448 / 3600.0)
     level = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
     apart = from_planet("Jupiter", "Callisto", places[:, 0]) - places[:, 1:] @ level.T
-    assert np.linalg.norm(apart, axis=1).max() * ARCSEC / 4.2 < 0.25
+    assert np.linalg.norm(apart, axis=1).max() / ARCSEC / 4.2 < 0.25
 
 
 def test_hyperion_is_where_jpl_has_it():

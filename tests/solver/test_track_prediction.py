@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kochab.attitude.filter import ARCSEC, begin
-from kochab.core.attitude import Attitude, attitude_from, unit_vectors
+from kochab.attitude.filter import begin
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.mount import SIDEREAL_RAD_S

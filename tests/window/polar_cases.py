@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from kochab.core.attitude import ARCSEC
 from kochab.polar.error import PolarError
-from kochab.polar.rotations import ARCSEC, direction
+from kochab.polar.rotations import direction
 from kochab.polar.tutor import BoltTutor
 from kochab.workflows.session.alignment_state import AlignmentState
 

@@ -7,15 +7,15 @@ from kochab.core.attitude import unit_vectors
 from kochab.workflows.live.update import WINDOW_S, DriftMeter
 
 ARCMIN = 1 / 60
-ARCSEC = 1 / 3600
+ARCSEC_DEG = 1 / 3600
 
 
 def drifting(ra_deg, dec_deg, ra_rate, dec_rate, times, noise=0.0, seed=1):
     """Centres that drift by arcsec a minute on the sky."""
     rng = np.random.default_rng(seed)
     for t in times:
-        east = (ra_rate * t / 60 + rng.normal(0, noise)) * ARCSEC / np.cos(np.radians(dec_deg))
-        north = (dec_rate * t / 60 + rng.normal(0, noise)) * ARCSEC
+        east = (ra_rate * t / 60 + rng.normal(0, noise)) * ARCSEC_DEG / np.cos(np.radians(dec_deg))
+        north = (dec_rate * t / 60 + rng.normal(0, noise)) * ARCSEC_DEG
         yield float(t), unit_vectors(ra_deg + east, dec_deg + north)
 
 

@@ -22,9 +22,8 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import ARCSEC, Attitude
 
-ARCSEC = float(np.radians(1.0 / 3600.0))
 MOST_AGILE = 1e10  # of q: the velocity changes by 56 deg/s in a second, more than any mount's
 
 

@@ -8,6 +8,9 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 
+ARCSEC = math.pi / 648_000.0
+"""One arcsecond, radians: ``x * ARCSEC`` is in radians, ``x / ARCSEC`` in arcseconds."""
+
 Angle = TypeVar("Angle", float, Floats)
 
 

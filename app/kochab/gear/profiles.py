@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from kochab.core import tr_noop
 from kochab.core.angle_text import parse_site, site_text
+from kochab.core.attitude import ARCSEC
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.mount import Epoch
@@ -39,7 +40,6 @@ BOUNDS: dict[str, tuple[float, float, str]] = {
 }
 """The least and the most of each number, and what to say of one beyond."""
 LIMITS = ("lowest_altitude_deg", "highest_altitude_deg", "past_meridian_deg", "hour_angle_deg", "horizon_deg")
-ARCSEC_PER_RAD = math.degrees(1.0) * 3600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class EquipmentProfile:
         """The pixel scale, binning counted; None without focal length and pixel size."""
         if self.focal_length_mm is None or self.pixel_size_um is None:
             return None
-        return ARCSEC_PER_RAD * 1e-3 * self.pixel_size_um * (self.binning or 1) / self.focal_length_mm
+        return 1e-3 * self.pixel_size_um * (self.binning or 1) / self.focal_length_mm / ARCSEC
 
     def hint_of(self, source: str, address: str) -> Hint | None:
         """The pixel scale, good to a tenth, for frames of this camera; None for another, or when it is not known."""

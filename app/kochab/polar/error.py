@@ -10,9 +10,10 @@ import numpy as np
 
 from kochab.core import number, tr, tr_n, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between
+from kochab.core.attitude import ARCSEC, angle_between
 from kochab.core.errors import UsageError
-from kochab.polar.rotations import ARCSEC, alt_az, wrapped_rad
+from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.polar.rotations import alt_az, wrapped_rad
 
 CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
 
@@ -147,7 +148,6 @@ class PolarError:
 
 # -- Good enough? What is left of the error does to the frames that a person wants to take --------
 
-SIDEREAL_RAD_S = 7.292e-5
 CORNER_MM, DECLINATION_DEG = 14.0, 60.0  # of an APS-C sensor, from the guide star; as far as most objects are
 MOST_PX = 1.0
 

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import ARCSEC
 from kochab.polar.axis_fit import chance_of
 from kochab.polar.error import PolarError
-from kochab.polar.rotations import ARCSEC, tangents
+from kochab.polar.rotations import tangents
 
 TUBE_ARCSEC, WORSE = 30.0, 5.0 / 3.0
 """One sigma of the droop before anything is known: a 9 inch Schmidt-Cassegrain's guide scope was seen to sag by 32

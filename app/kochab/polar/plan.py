@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import ARCSEC
 from kochab.core.mount import Direction
 from kochab.polar.axis_fit import foreseen_covariance
 from kochab.polar.error import PolarError
 from kochab.polar.flexure import SweepResult, combine_sweeps
 from kochab.polar.horizon import northern, pole_direction
 from kochab.polar.measure import Measurement, MeasureSettings
-from kochab.polar.rotations import ARCSEC, about, direction
+from kochab.polar.rotations import about, direction
 from kochab.polar.sighting import LocalAttitude
 
 STEP_DEG, MOST_DEG = 5.0, 120.0

@@ -5,8 +5,6 @@ import numpy as np
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
 
-ARCSEC = np.pi / 648000.0  # radians
-
 
 def wrapped_rad(angle: float) -> float:
     """An angle in [-pi, pi)."""

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import ARCSEC, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
 from kochab.sky.astrometry_index import read_index
 from kochab.sky.catalogue import Catalogue, open_catalogue
 from kochab.sky.catalogue_file import EPOCH, MOVING, StarList, write_deep, write_manifest
-from kochab.sky.proper_motion import ARCSEC, moved
+from kochab.sky.proper_motion import moved
 
 # -- What every reader of a foreign catalogue gives --------------------------------------------
 

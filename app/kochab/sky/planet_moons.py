@@ -12,9 +12,9 @@ import numpy as np
 
 from kochab.core import data_folder
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between, radec_deg
+from kochab.core.attitude import ARCSEC, angle_between, radec_deg
 from kochab.sky.ephemeris import shipped_ephemeris
-from kochab.sky.solar_system import ARCSEC, AU_KM, Body, BodyKind, Observer, lit_share, phase_angle_deg
+from kochab.sky.solar_system import AU_KM, Body, BodyKind, Observer, lit_share, phase_angle_deg
 
 MOONS = {  # radius in km; V at 1 au from Sun and observer, full (Astronomical Almanac); sigma of the place, arcsec
     "Jupiter": {
@@ -102,11 +102,11 @@ def planet_moons(observer: Observer, planet: Body) -> list[Body]:
             dec_deg=dec,
             distance_au=distance,
             magnitude=v + float(5.0 * np.log10(distance * solar)),
-            diameter_arcsec=float(2.0 * np.arcsin(radius_km / AU_KM / distance) * ARCSEC),
+            diameter_arcsec=float(2.0 * np.arcsin(radius_km / AU_KM / distance) / ARCSEC),
             phase=lit_share(angle),
             sigma_arcsec=observer.sigma_arcsec(distance, sigma),
         )
-        apart = angle_between(body.vector, planet.vector) * ARCSEC
+        apart = angle_between(body.vector, planet.vector) / ARCSEC
         # hidden only when farther than the planet and within its disc
         if distance < planet.distance_au or apart > planet.diameter_arcsec / 2.0:
             found.append(body)

@@ -3,9 +3,7 @@
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit
-
-ARCSEC = np.radians(1.0 / 3600.0)
+from kochab.core.attitude import ARCSEC, unit
 
 
 def tangent(vector: Floats) -> tuple[Floats, Floats]:

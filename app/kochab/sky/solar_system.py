@@ -16,14 +16,13 @@ import numpy as np
 
 from kochab.core import tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg, unit, unit_vectors
+from kochab.core.attitude import ARCSEC, radec_deg, unit, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.progress import Task
 from kochab.sky.apparent import JD_UNIX, LIGHT_AU_DAY, julian_date_tt, of_date_matrix
 from kochab.sky.ephemeris import shipped_ephemeris
 
 AU_KM = 149597870.7
-ARCSEC = np.degrees(1.0) * 3600.0
 PARALLAX_ARCSEC = 8.794143
 """How far the Earth's radius shifts a body at 1 au."""
 
@@ -172,7 +171,7 @@ def major_bodies(observer: Observer) -> list[Body]:
                 dec_deg=dec,
                 distance_au=distance,
                 magnitude=magnitude(name, vectors[0], from_sun, angle),
-                diameter_arcsec=float(2.0 * np.arcsin(radius_km / AU_KM / distance) * ARCSEC),
+                diameter_arcsec=float(2.0 * np.arcsin(radius_km / AU_KM / distance) / ARCSEC),
                 phase=lit_share(angle),
                 sigma_arcsec=observer.sigma_arcsec(distance, 0.3 if name == "moon" else 0.1),
             )

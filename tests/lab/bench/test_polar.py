@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from kochab.core.attitude import angle_between
+from kochab.core.attitude import ARCSEC, angle_between
 from kochab.lab.bench import polar, polar_faults, polar_frames, polar_guided, polar_moved, polar_rig
 from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
-from kochab.polar.rotations import ARCSEC
 from kochab.polar.sighting import to_local
 
 

@@ -7,11 +7,10 @@ import erfa
 import numpy as np
 import pytest
 
-from kochab.core.attitude import angle_between
+from kochab.core.attitude import ARCSEC, angle_between
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_frames as bench
 from kochab.polar.horizon import Refraction
-from kochab.polar.rotations import ARCSEC
 
 SITE, AIR = Site(47.0, 8.0, 500.0), Refraction(960.0, 12.0)
 

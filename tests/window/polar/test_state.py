@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kochab.core.attitude import ARCSEC
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.error import Knob, altitude_in_words, cure, total_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind
-from kochab.polar.rotations import ARCSEC
 from kochab.polar.tutor import BoltTutor
 from kochab.server.phone_page import PhonePage
 from kochab.window.polar.bolts_view import BoltsView

@@ -15,7 +15,7 @@ import numpy as np
 from kochab.attitude import small_rotation
 from kochab.attitude.filter import rotation_vector
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.mount import Direction
@@ -35,7 +35,6 @@ START = datetime(2026, 3, 1, 21, 0, tzinfo=UTC)
 YEAR = 2026.16
 SIZES = {"1.2 MP": (1280, 960), "2 MP": (1920, 1080), "6 MP": (3000, 2000)}
 EXPOSURE_S = 0.02
-ARCSEC = float(np.degrees(3600.0))  # in a radian
 SWING_DEG = 0.4
 SCALE_ARCSEC_PX = 30.0
 
@@ -89,7 +88,7 @@ def star_frame(camera: Camera, matrix: Floats, seed: int, bayer: str | None = No
 
 def off_arcsec(matrix: Floats, truth: Floats) -> Floats:
     """The rotation (3,), arcsec, from one attitude to another."""
-    return rotation_vector(truth @ matrix.T) * ARCSEC
+    return rotation_vector(truth @ matrix.T) / ARCSEC
 
 
 # -- The slew test that the thesis of 2018 (section 10.1) asked for, and averages -----------------
@@ -151,7 +150,7 @@ def _step(rig: PracticeRig, tracker: Tracker, exposure_s: float) -> dict[str, An
     off, rate_off, true = np.full(2, np.nan), np.full(3, np.nan), np.full(3, np.nan)
     if update.filtered_centre is not None:
         truth, true = rig.truth(middle).attitude.matrix, true_rates(rig, middle)
-        off = (truth @ update.filtered_centre.boresight)[:2] * ARCSEC
+        off = (truth @ update.filtered_centre.boresight)[:2] / ARCSEC
         if update.mode == "tracking" and update.rates_deg_s is not None:
             rate_off = np.array(update.rates_deg_s) * 3600.0 - true
     return {
@@ -172,7 +171,7 @@ def true_rates(rig: PracticeRig, unix_s: float, span_s: float = 0.02) -> Floats:
     """The camera's angular velocity (3,) against the stars, arcsec/s, about its own axes."""
     before = rig.truth(unix_s - span_s / 2).attitude.matrix
     after = rig.truth(unix_s + span_s / 2).attitude.matrix
-    return -rotation_vector(after @ before.T) / span_s * ARCSEC
+    return -rotation_vector(after @ before.T) / span_s / ARCSEC
 
 
 def average_rows(frames: int, seed: int) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from kochab.attitude.fit import refine
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, angle_between, radec_deg
+from kochab.core.attitude import ARCSEC, Attitude, angle_between, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches, NamedStar, Solution
@@ -141,7 +141,7 @@ def judge(kind: str, seed: int) -> Row:
         "bolts": not result.spoilt and (any(map(result.tells, Knob)) if isinstance(result, Drift) else result.checked),
         "code": IN_DOUBT if result.unsettled else int(result.spoilt),
         "inside": whole.distance2(truth) <= CHI2_95,
-        "off_arcsec": angle_between(result.error.axis, truth) / sky.ARCSEC,
+        "off_arcsec": angle_between(result.error.axis, truth) / ARCSEC,
         "said_arcsec": whole.uncertainty_arcsec,
         "told": tuple(finding.kind.name for finding in result.findings),
     }

@@ -19,7 +19,7 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit
+from kochab.core.attitude import ARCSEC, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import run as drive
@@ -43,7 +43,6 @@ FULL, QUICK = 40, 2  # runs a field
 WIDTH, HEIGHT = 1600, 1200
 STARS, FWHM_PX, SKY_E, FAINTEST_PX = 300, 3.0, 300.0, 0.15
 CORNER, DECENTRED, SEEING_ARCSEC = 0.03, 0.01, 0.7
-ARCSEC = np.pi / 648000.0
 ACCUSED = {
     PolarFindingKind.DEC_MOVED,
     PolarFindingKind.CAMERA_TURNED,

@@ -16,8 +16,9 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit
+from kochab.core.attitude import ARCSEC, unit
 from kochab.core.frame import Site
+from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.lab.bench import Goal, Report, Row, column, summary
 from kochab.polar.drift import measure_drift
 from kochab.polar.error import CHI2_95
@@ -27,8 +28,6 @@ from kochab.workflows.polar.guide_logs import guide_log
 
 SEED = 290_000
 FULL, QUICK = 25, 3  # of each kind
-ARCSEC = np.pi / 648000.0
-SIDEREAL_RAD_S = 2.0 * np.pi / 86164.0905
 UP = np.array([0.0, 0.0, 1.0])
 LEAST_INSIDE, RATIO = 0.95, (0.95, 1.05)
 COLUMNS = (

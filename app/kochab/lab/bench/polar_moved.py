@@ -14,7 +14,7 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit
+from kochab.core.attitude import ARCSEC, unit
 from kochab.core.frame import Site
 from kochab.lab.bench import Goal, Report, Row, column, summary
 from kochab.polar.error import CHI2_95
@@ -23,7 +23,6 @@ from kochab.polar.sighting import LocalAttitude
 
 SEED = 161_000
 FULL, QUICK = 400, 10
-ARCSEC = np.pi / 648000.0
 NOISE = np.array([1.0, 1.0, 4.0]) * ARCSEC
 UP = np.array([0.0, 0.0, 1.0])
 BEGUN = datetime(2026, 3, 14, 20, 0, tzinfo=UTC)

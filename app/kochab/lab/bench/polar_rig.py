@@ -14,7 +14,7 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import ARCSEC, Attitude
 from kochab.core.frame import Site
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress, Task
@@ -33,7 +33,6 @@ from kochab.workflows.polar.align import Alignment, AlignOptions, align
 from kochab.workflows.polar.measure import Sweep, foreseen_arcsec
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 
-ARCSEC = np.pi / 648000.0
 DOWN = np.array([0.0, 0.0, -1.0])
 EXPOSURE_S, OVERHEAD_S = 1.0, 1.0
 ANY_HOUR_DEG, LOWEST_DEG = (-180.0, 180.0), 25.0

@@ -15,10 +15,10 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import ARCSEC
 
 Random = np.random.Generator
 
-ARCSEC = np.pi / 180 / 3600
 ARCMIN = np.pi / 180 / 60
 
 

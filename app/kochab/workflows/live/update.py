@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import east_north
+from kochab.core.attitude import ARCSEC, east_north
 from kochab.core.solution import NoSolution, Solution
 from kochab.solver.tracker import Mode, TrackUpdate
 from kochab.workflows.live.capture import Shot
 
-ARCSEC = float(np.degrees(1.0) * 3600.0)
 WINDOW_S = 60.0
 MOST = 300
 SLEW_ARCSEC_MIN = 3000.0  # faster than this between two frames the mount was moved: an untracked sky makes 902 at most
@@ -59,14 +58,14 @@ class DriftMeter:
 
     def _moved(self, time_s: float, centre: Floats) -> bool:
         last_s, last = self._points[-1]
-        arcsec = float(np.linalg.norm(centre - last)) * ARCSEC
+        arcsec = float(np.linalg.norm(centre - last)) / ARCSEC
         return arcsec > SLEW_ARCSEC and arcsec * 60.0 > SLEW_ARCSEC_MIN * (time_s - last_s)
 
     def _line(self) -> Drift:
         times = np.array([t for t, _ in self._points])
         centres = np.array([c for _, c in self._points])
         axes = east_north(centres[-1])
-        offsets = centres @ axes.T * ARCSEC  # (N, 2) of the gnomonic plane, small angles
+        offsets = centres @ axes.T / ARCSEC  # (N, 2) of the gnomonic plane, small angles
         # Minutes about their mean: slope and level are then independent. cov=True scales by the scatter, N - 2 degrees.
         line, covariance = np.polyfit((times - times.mean()) / 60.0, offsets, 1, cov=True)
         (ra, dec), (ra_sigma, dec_sigma) = line[0].tolist(), np.sqrt(covariance[0, 0]).tolist()

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from kochab.core import tr, tr_noop
+from kochab.core.attitude import ARCSEC
 from kochab.core.errors import RefusedError
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution
@@ -17,7 +18,7 @@ from kochab.polar.flexure import UNKNOWN
 from kochab.polar.live import LiveError, LivePhase, Steady, SteadyError
 from kochab.polar.measure import Measurement, MeasureSettings, PolarFinding, PolarFindingKind, combine_measurements
 from kochab.polar.report import History
-from kochab.polar.rotations import ARCSEC, tangents
+from kochab.polar.rotations import tangents
 from kochab.polar.sighting import to_local
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
 from kochab.workflows.polar.measure import Measured, Sweep, Turner, back_at_start, measure_axis, second_sweep

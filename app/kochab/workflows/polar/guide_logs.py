@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import ARCSEC
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.text_input import TextError, read_text
@@ -23,7 +24,6 @@ from kochab.polar.drift import PULSES, Stretch, upright
 from kochab.polar.horizon import northern, observed_at, pole_direction
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.pulses import pulse_response
-from kochab.polar.rotations import ARCSEC
 from kochab.polar.sighting import LocalAttitude
 
 BIN_S = 30.0

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from kochab.core import tr, tr_n, tr_noop
-from kochab.core.attitude import angle_between, wrapped
+from kochab.core.attitude import ARCSEC, angle_between, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Mount
@@ -40,7 +40,6 @@ from kochab.polar.plan import (
     turn_needed_deg,
     weighted_arcsec,
 )
-from kochab.polar.rotations import ARCSEC
 from kochab.polar.sighting import LocalAttitude, Sighting
 from kochab.workflows.polar.sources import NotMeasuredError, RestWatch, SightingSource, turned_deg
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction

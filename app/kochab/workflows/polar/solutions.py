@@ -12,7 +12,7 @@ import numpy as np
 
 from kochab.attitude.fit import refine
 from kochab.core import tr, tr_noop
-from kochab.core.attitude import Attitude, unit_vectors
+from kochab.core.attitude import ARCSEC, Attitude, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Hint, Site
@@ -27,7 +27,7 @@ from kochab.polar.bolts import Pitches
 from kochab.polar.drift import Drift, Stretch, either, measure_drift, stretches_of, tracked
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
-from kochab.polar.rotations import ARCSEC, best_rotation
+from kochab.polar.rotations import best_rotation
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.guide_logs import guide_log, is_guide_log
 from kochab.workflows.polar.site_and_clock import doubts_of, given_doubts

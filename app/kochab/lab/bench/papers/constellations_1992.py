@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import Attitude, unit
+from kochab.core.attitude import ARCSEC, Attitude, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import run
@@ -141,7 +141,6 @@ def _disc(rng: np.random.Generator, count: int) -> Floats:
 PAPER_RUNS = 500
 RIGHT_DEG = 0.5
 COARSE_DEG = 0.1  # the mean error of the attitude a Predictional Estimate begins with (table 4)
-ARCSEC_RAD = float(np.degrees(3600.0))
 
 
 def judged(one: RandomField, work: Callable[[RandomField], Floats | None]) -> Row:
@@ -182,7 +181,7 @@ def _right(one: Sequence[Row], other: Sequence[Row]) -> Bools:
 def _off_arcsec(one: RandomField, axis: Floats) -> Floats:
     """How far (2,) an axis is off along the camera's x and y, arcsec."""
     x, y, z = one.attitude.matrix @ axis
-    return np.array([x, y]) / max(float(z), 1e-3) * ARCSEC_RAD
+    return np.array([x, y]) / max(float(z), 1e-3) / ARCSEC
 
 
 def rows(quick: bool, seed: int) -> list[dict[str, Any]]:
