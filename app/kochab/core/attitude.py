@@ -11,6 +11,9 @@ from kochab.core.arrays import Floats
 ARCSEC = math.pi / 648_000.0
 """One arcsecond, radians: ``x * ARCSEC`` is in radians, ``x / ARCSEC`` in arcseconds."""
 
+Degrees = tuple[float, float]
+"""Two coordinates of a place, degrees: right ascension or an axis, and declination."""
+
 Angle = TypeVar("Angle", float, Floats)
 
 

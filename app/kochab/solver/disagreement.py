@@ -18,12 +18,10 @@ import numpy as np
 
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
 from kochab.gear.mounts.coordinates import sidereal_deg, to_mount_epoch
-
-Degrees = tuple[float, float]
 
 AGREE_ARCSEC = 120.0  # a mount's own rounding, and what mechanics leave
 NAMED = 0.8

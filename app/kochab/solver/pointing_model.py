@@ -12,7 +12,7 @@ import numpy as np
 
 from kochab.core import tr, tr_n, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, unit_vectors
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch
@@ -26,7 +26,6 @@ from kochab.solver.disagreement import (
     SET_UP,
     SMALL,
     Cause,
-    Degrees,
     MountSighting,
     Seen,
     axes_of,

@@ -11,10 +11,8 @@ from enum import StrEnum
 from math import cos, radians
 
 from kochab.core import tr_noop
-from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.workflows.sync_mount import shifted
-
-Degrees = tuple[float, float]
 
 LEARN_FROM_DEG = 0.1
 SLIP_FROM_DEG = 0.2

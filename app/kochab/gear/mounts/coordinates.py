@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Mount, Pointing
@@ -78,7 +78,6 @@ def utc_of(year: int, month: int, day: int, hour: int, minute: int, second: int,
 # and declination shows it: its own site and time turn them into coordinates of date, which are
 # some 20 arcmin from those of J2000.
 
-Degrees = tuple[float, float]
 AGREES_DEG, DIFFERS_DEG = 4.0 / 60.0, 12.0 / 60.0  # some report their angles in whole arcminutes
 
 

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
 from kochab.core import tr, tr_noop
-from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
@@ -25,7 +25,7 @@ from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
-from kochab.gear.mounts.motion_plan import Degrees, Limits, Plan, Preview, SyncEvidence
+from kochab.gear.mounts.motion_plan import Limits, Plan, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s

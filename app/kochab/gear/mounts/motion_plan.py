@@ -10,7 +10,7 @@ import numpy as np
 
 from kochab.core import tr
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between, separation_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, angle_between, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import MountState
 from kochab.core.solution import Solution
@@ -19,7 +19,6 @@ from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg
 # -- What a guarded mount may do, and the evidence a sync must bring ---------------------------
 
 
-Degrees = tuple[float, float]
 Horizon = tuple[tuple[float, float], ...]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg, separation_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Direction, Epoch, MountState, PierSide, Pointing
 from kochab.gear.mounts.coordinates import (
@@ -23,7 +23,6 @@ from kochab.gear.mounts.coordinates import (
     to_mount_epoch,
 )
 from kochab.gear.mounts.motion_plan import (
-    Degrees,
     Limits,
     Plan,
     Preview,

@@ -11,14 +11,14 @@ import numpy as np
 
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.errors import NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import MountState, PierSide, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
-from kochab.gear.mounts.motion_plan import Aim, Degrees, Plan, Severity
+from kochab.gear.mounts.motion_plan import Aim, Plan, Severity
 from kochab.gear.mounts.motion_policy import MotionPolicy, crosses, horizon, sun
 from kochab.gear.mounts.restart_watch import RestartWatch
 from kochab.gear.mounts.standing import Reading

@@ -13,10 +13,10 @@ from time import monotonic, sleep
 from typing import TypeVar
 
 from kochab.core import tr, tr_noop
-from kochab.core.attitude import wrapped
+from kochab.core.attitude import Degrees, wrapped
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Home, MountState, PierSide, TrackingRate
-from kochab.gear.mounts.drivers.motor_mount import AT_HOME_DEG, Degrees, MotorMount
+from kochab.gear.mounts.drivers.motor_mount import AT_HOME_DEG, MotorMount
 from kochab.gear.mounts.drivers.nexstar import EQUATORIAL
 from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, Conversation

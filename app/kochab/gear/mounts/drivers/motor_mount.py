@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import ClassVar, NoReturn, Protocol
 
 from kochab.core import tr_noop
-from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.errors import DeviceError, RefusedError, StoppedError
 from kochab.core.mount import (
     CONFIRM_HOME,
@@ -33,8 +33,6 @@ from kochab.gear.mounts.serial_line import Command
 # -- From encoder angles to hour angle and declination, and back -------------------------------
 # Both angles are zero at home. The first grows as the sky turns in the north, and shrinks in the
 # south. With the second at or below zero the telescope is west of its pier, else east (as EQMOD).
-
-Degrees = tuple[float, float]
 
 
 def to_sky(axes_deg: Degrees, south: bool) -> tuple[float, float, PierSide]:
