@@ -5,8 +5,8 @@ import pytest
 
 from kochab.attitude import filter as filtering
 from kochab.attitude import small_rotation
-from kochab.attitude.filter import begin, predicted, rotation_vector, updated
-from kochab.core.attitude import ARCSEC, Attitude, attitude_from
+from kochab.attitude.filter import begin, predicted, updated
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector
 
 SIGMA = 15.0 * ARCSEC
 

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from kochab.attitude import small_rotation
-from kochab.attitude.filter import rotation_vector
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, rotation_vector
 from kochab.lab.estimators import average
 
 ARCSEC = np.radians(1 / 3600)

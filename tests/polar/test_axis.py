@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kochab.core.attitude import angle_between
+from kochab.core.attitude import angle_between, rotation_vector
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.axis_fit import axis_of_two, chance_of, find_movement, fit_axis, merge_frames_of_one_place
-from kochab.polar.rotations import alt_az, rotation_vector, tangents
+from kochab.polar.rotations import alt_az, tangents
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
 

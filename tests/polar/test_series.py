@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from kochab.cli.main import main
-from kochab.core.attitude import ARCSEC, Attitude, attitude_from
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector
 from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, measure
-from kochab.polar.rotations import rotation_vector
 from kochab.polar.sighting import Sighting
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.sources import solve_polar_file

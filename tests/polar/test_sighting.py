@@ -7,13 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kochab.attitude.fit import refine
-from kochab.core.attitude import Attitude, angle_between, attitude_from, unit_vectors
+from kochab.core.attitude import Attitude, angle_between, attitude_from, rotation_vector, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches
 from kochab.polar.live import LivePhase
 from kochab.polar.measure import MeasureSettings, measure
-from kochab.polar.rotations import rotation_vector
 from kochab.polar.sighting import Sighting, covariance_of, to_local
 from tests.polar.displaced import ARCSEC, displaced, solution
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, Attitude
+from kochab.core.attitude import ARCSEC, Attitude, rotation_vector
 
 MOST_AGILE = 1e10  # of q: the velocity changes by 56 deg/s in a second, more than any mount's
 
@@ -130,15 +130,6 @@ def updated(state: FilterState, measured: Attitude) -> FilterState:
         contradicted,
         state.step_s,
     )
-
-
-def rotation_vector(matrix: Floats) -> Floats:
-    """The vector (3,) of a rotation (3, 3), rad: the inverse of ``small_rotation``, under pi."""
-    vee = 0.5 * np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
-    sine = float(np.linalg.norm(vee))
-    # The arc sine alone folds at 90°, the arc cosine loses the small angles.
-    angle = float(np.arctan2(sine, 0.5 * (np.trace(matrix) - 1.0)))
-    return vee if sine < 1e-12 else vee * (angle / sine)
 
 
 def _covariance(attitude: Attitude) -> Floats:

@@ -132,6 +132,27 @@ def apart_deg(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
     return separation_deg(unit_vectors(*a_deg), unit_vectors(*b_deg))
 
 
+def rotation_vector(matrix: Floats) -> Floats:
+    """Rotation vector (3,), radians, of length at most pi, of a rotation matrix (3, 3)."""
+    return np.asarray(rotation_vectors(matrix[None])[0])
+
+
+def rotation_vectors(matrices: Floats) -> Floats:
+    """Rotation vectors (N, 3), radians, of length at most pi, of matrices (N, 3, 3)."""
+    m = matrices
+    skew = np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=-1)
+    twice_sine = np.sqrt(np.einsum("ij,ij->i", skew, skew))
+    # trace - 1 is twice the cosine; arctan2 of both keeps arcseconds that arccos loses near zero
+    angle = np.arctan2(twice_sine, np.einsum("ijj->i", m) - 1.0)
+    if angle.max() >= 3.0:  # near half a turn the skew part vanishes
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_matrix(m).as_rotvec())
+    safe = np.where(twice_sine > 1e-12, twice_sine, 1.0)
+    # angle / (2 sin) tends to 1/2
+    return np.asarray(np.where(twice_sine > 1e-12, angle / safe, 0.5)[:, None] * skew)
+
+
 def roll_at(matrix: Floats, direction: Floats) -> float:
     """Position angle (deg east of north) of the camera's up, seen at an ICRS direction (3,)."""
     east, north = east_north(direction)

@@ -11,9 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from kochab.attitude import directions, sigma_rad, small_rotation
-from kochab.attitude.filter import rotation_vector
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, east_north, radec_deg, unit, unit_vectors, wrapped
+from kochab.core.attitude import Attitude, east_north, radec_deg, rotation_vector, unit, unit_vectors, wrapped
 from kochab.core.camera import Camera
 from kochab.core.registry import choice, integer, number
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC
-from kochab.polar.rotations import about, about_each, rotation_vector, rotation_vectors, tangents
+from kochab.core.attitude import ARCSEC, rotation_vector, rotation_vectors
+from kochab.polar.rotations import about, about_each, tangents
 from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, MovementFit, fit_with_movement
 from kochab.polar.sighting import LocalAttitude
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, angle_between
+from kochab.core.attitude import ARCSEC, angle_between, rotation_vector
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
@@ -27,7 +27,7 @@ from kochab.polar.axis_fit import (
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
 from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction, tracking_rad_s
-from kochab.polar.rotations import about, rotation_vector
+from kochab.polar.rotations import about
 from kochab.polar.seen_axis import Cause
 from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics, to_local, with_one_camera
 

@@ -17,11 +17,6 @@ def cross_matrix(vector: Floats) -> Floats:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def rotation_vector(matrix: Floats) -> Floats:
-    """Rotation vector (3,), radians, of length at most pi, of a rotation matrix (3, 3)."""
-    return np.asarray(rotation_vectors(matrix[None])[0])
-
-
 def about(axis: Floats, angle_rad: float) -> Floats:
     """Rotation matrix (3, 3) about a unit vector (3,), right-handed."""
     return small_rotation(np.asarray(axis) * angle_rad)  # Rodrigues' formula, exact for large angles too
@@ -33,22 +28,6 @@ def about_each(axis: Floats, angles_rad: Floats) -> Floats:
     # 1 - cos as 2 sin^2 of the half: the difference itself cancels at small turns
     sine, rest = np.sin(angles_rad), 2.0 * np.sin(np.asarray(angles_rad) / 2.0) ** 2
     return np.asarray(np.eye(3) + sine[:, None, None] * k + rest[:, None, None] * (k @ k))
-
-
-def rotation_vectors(matrices: Floats) -> Floats:
-    """Rotation vectors (N, 3), radians, of length at most pi, of matrices (N, 3, 3)."""
-    m = matrices
-    skew = np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=-1)
-    twice_sine = np.sqrt(np.einsum("ij,ij->i", skew, skew))
-    # trace - 1 is twice the cosine; arctan2 of both keeps arcseconds that arccos loses near zero
-    angle = np.arctan2(twice_sine, np.einsum("ijj->i", m) - 1.0)
-    if angle.max() >= 3.0:  # near half a turn the skew part vanishes
-        from scipy.spatial.transform import Rotation
-
-        return np.asarray(Rotation.from_matrix(m).as_rotvec())
-    safe = np.where(twice_sine > 1e-12, twice_sine, 1.0)
-    # angle / (2 sin) tends to 1/2
-    return np.asarray(np.where(twice_sine > 1e-12, angle / safe, 0.5)[:, None] * skew)
 
 
 def best_rotation(before: Floats, after: Floats) -> Floats:

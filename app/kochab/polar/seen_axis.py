@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between
-from kochab.polar.rotations import about, rotation_vectors, tangents, wrapped_rad
+from kochab.core.attitude import angle_between, rotation_vectors
+from kochab.polar.rotations import about, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude
 
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, predicted, rotation_vector
+from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, predicted
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, rotation_vector
 from kochab.core.camera import Camera
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.identification.predictional_estimate import expected_px

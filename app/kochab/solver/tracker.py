@@ -15,11 +15,11 @@ from typing import Literal
 
 import numpy as np
 
-from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, begin, predicted, rotation_vector, updated
+from kochab.attitude.filter import RATE_SIGMA_RAD_S, FilterState, begin, predicted, updated
 from kochab.attitude.fit import as_rotation
 from kochab.attitude.least_squares import PARAMETERS, project_with_jacobian
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, rotation_vector
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Progress, Task
