@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from kochab.identification.verification import (
-    crowding,
-    least_likely,
-    log10_agreement,
-    log10_ball,
-    log10_by_distance,
-    pair,
-)
+from kochab.identification.pairing import mutual_nearest_of_few
+from kochab.identification.verification import crowding, least_likely, log10_agreement, log10_ball, log10_by_distance
 
 
 @pytest.mark.parametrize(
@@ -60,7 +54,7 @@ def test_the_bound_holds_for_points_thrown_at_random() -> None:
     trials, least = 5000, []
     for _ in range(trials):
         stars, seen = rng.uniform(0, 100, (30, 2)), rng.uniform(0, 100, (20, 2))
-        least.append(least_likely(pair(seen, stars, 10.0)[2], 20, 30, 1e4, 10.0, 0)[0])
+        least.append(least_likely(mutual_nearest_of_few(seen, stars, 10.0)[2], 20, 30, 1e4, 10.0, 0)[0])
     _holds(least)
 
 
@@ -85,13 +79,13 @@ def _fits(rng, seen, stars, reach_px):
         turn = (seen[i[a]] - seen[i[b]]) / (stars[j[a]] - stars[j[b]])
         shift = seen[i[a]] - turn * stars[j[a]]
         for radius in (reach_px, reach_px / 2, reach_px / 2.8, reach_px / 2.8):
-            k, m, _ = pair(_plane(seen), _plane(turn * stars + shift), radius)
+            k, m, _ = mutual_nearest_of_few(_plane(seen), _plane(turn * stars + shift), radius)
             if len(k) < 4:
                 break
             turn, shift = np.linalg.lstsq(np.stack([stars[m], np.ones(len(m))], axis=1), seen[k], rcond=None)[0]
         places = turn * stars + shift
         if np.sqrt(np.mean(np.abs(places - stars) ** 2)) <= reach_px:
-            yield pair(_plane(seen), _plane(places), reach_px)[2]
+            yield mutual_nearest_of_few(_plane(seen), _plane(places), reach_px)[2]
 
 
 def _plane(places):

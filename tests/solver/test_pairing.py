@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from kochab.core.attitude import angle_between, attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
-from kochab.solver.matches import centroid_sigma, field_centre, mutual_nearest, without_companions
+from kochab.identification.pairing import mutual_nearest
+from kochab.solver.matches import centroid_sigma, field_centre, without_companions
 
 
 def by_hand(a: np.ndarray, b: np.ndarray, tolerance: float) -> set[tuple[int, int]]:

@@ -16,7 +16,7 @@ from kochab.attitude.least_squares import project_with_jacobian
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
-from kochab.identification.verification import pair
+from kochab.identification.pairing import mutual_nearest_of_few
 
 FEWEST = 2  # stars: one leaves the roll open
 ROUNDS = 6
@@ -58,7 +58,7 @@ def predictional_estimate(
     """
     last = np.zeros((2, 0), dtype=np.int64)
     for _ in range(ROUNDS):
-        i, j, distance2 = pair(xy, expected_px(camera, matrix, vectors), reach_px)
+        i, j, distance2 = mutual_nearest_of_few(xy, expected_px(camera, matrix, vectors), reach_px)
         if len(i) < FEWEST:
             return None
         matrix, _ = differential(camera, matrix, xy[i], vectors[j], np.ones(len(i)))

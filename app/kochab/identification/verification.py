@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kochab.attitude import small_rotation
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.identification.index import RA_STEPS, Volume
+from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.quads import FieldStars, Hypotheses, directions
 
 T = TypeVar("T")
@@ -229,21 +230,6 @@ class Verdict:
     rms_px: float
 
 
-def pair(seen: Floats, expected: Floats, radius: float) -> tuple[Ints, Ints, Floats]:
-    """Mutual nearest pairs within ``radius``: indices into both lists and the distances squared."""
-    if len(seen) == 0 or len(expected) == 0:
-        none = np.zeros(0, dtype=np.int64)
-        return none, none, np.zeros(0)
-    dx = seen[:, 0, None] - expected[None, :, 0]
-    dy = seen[:, 1, None] - expected[None, :, 1]
-    d2 = dx * dx + dy * dy
-    j = d2.argmin(axis=1)
-    best = d2[np.arange(len(seen)), j]
-    i = (best < radius * radius).nonzero()[0]
-    i = i[d2[:, j[i]].argmin(axis=0) == i]
-    return i, j[i], best[i]
-
-
 def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) -> CandidatePointing:
     """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion.
 
@@ -339,7 +325,7 @@ def improve(
     last = 0
     for step in range(steps):
         xy, uv = pointing.project(sky)
-        i, j, d2 = pair(seen, xy, radius)
+        i, j, d2 = mutual_nearest_of_few(seen, xy, radius)
         if len(i) < (5 if step else FEWEST):
             return None
         pointing = refit(pointing, seen[i], xy[j], uv[j], bend=len(i) >= 10)
@@ -359,11 +345,11 @@ def _agreement(
     """How unlikely chance makes it that ``seen`` (n, 2) agree so well with ``expected`` (N, 2), log10.
 
     Both are px from the frame's middle, ``half`` (2,) is half the frame. Also the radius of the least
-    likely agreement, px, and the pairs within ``reach_px``, as :func:`pair` gives them. Only ``evidence``
+    likely agreement, px, and the pairs within ``reach_px``, as :func:`mutual_nearest_of_few` gives them. Only ``evidence``
     (n,) counts, and no star of its ``own`` (N,) that proposed; ``free`` numbers of the pointing were
     fitted to it, none when only the proposers were used.
     """
-    pairs = pair(seen, expected, reach_px)
+    pairs = mutual_nearest_of_few(seen, expected, reach_px)
     square = pairs[2][evidence[pairs[0]] & ~own[pairs[1]]]
     return *chance_of(square, seen[evidence], expected, half, reach_px, free), pairs
 

@@ -16,9 +16,9 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
 from kochab.detection import DETECTORS, Detector
+from kochab.identification.pairing import mutual_nearest
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
-from kochab.solver.matches import mutual_nearest
 
 SIZE = (1224, 816)  # px
 STARS = 80

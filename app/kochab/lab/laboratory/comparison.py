@@ -24,9 +24,9 @@ from kochab.core.registry import Registry, checked
 from kochab.core.solution import Identification, Matches, NoSolution, Solution
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
+from kochab.identification.pairing import mutual_nearest
 from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
 from kochab.solver import SolveOptions
-from kochab.solver.matches import mutual_nearest
 from kochab.solver.pipeline import examine_frame
 
 FIT = "fit"

@@ -21,7 +21,8 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import Answer, with_places
-from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, pair, refit
+from kochab.identification.pairing import mutual_nearest_of_few
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, refit
 from kochab.sky import open_catalogue
 
 MOST_EVIDENCE = 40  # so many of the brightest detections may be evidence
@@ -119,7 +120,7 @@ def _tail(pointing: CandidatePointing, seen: Floats, sky: Floats, half: Floats, 
     places, _ = pointing.project(sky)
     xy = places[(np.abs(places) < half).all(axis=1)]
     # free=0: nothing was fitted to these stars.
-    return chance_of(pair(seen, xy, reach_px)[2], seen, places, half, reach_px, free=0)[0]
+    return chance_of(mutual_nearest_of_few(seen, xy, reach_px)[2], seen, places, half, reach_px, free=0)[0]
 
 
 def _fitted(start: CandidatePointing, seen: Floats, vectors: Floats, reach_px: float) -> tuple[CandidatePointing, Ints]:

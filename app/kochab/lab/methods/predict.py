@@ -20,8 +20,9 @@ from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number
 from kochab.core.solution import Identification, Matches
 from kochab.identification import Answer
+from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.predictional_estimate import expected_px, predictional_estimate
-from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, improve, pair
+from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, improve
 from kochab.lab.methods.confirmation import AngularMethod, refused
 from kochab.sky import open_catalogue
 
@@ -159,7 +160,7 @@ def _checked(
     if pointing is None or abs(np.log(pointing.focal / lens.focal_px)) > 0.1:
         return None
     places, _ = pointing.project(vectors[near])
-    i, j, distance2 = pair(xy - middle, places, reach_px)
+    i, j, distance2 = mutual_nearest_of_few(xy - middle, places, reach_px)
     alarm, _ = chance_of(distance2, xy - middle, places, half, reach_px, free=5, candidates=tried)
     if alarm > ACCEPT_LOG10:
         return None
