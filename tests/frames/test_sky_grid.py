@@ -12,8 +12,8 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Solution
 from kochab.frames.sky_grid import grid_lines
-from kochab.polar.horizon import STANDARD_REFRACTION as AIR
-from kochab.polar.horizon import Horizon
+from kochab.sky.horizon import STANDARD_REFRACTION as AIR
+from kochab.sky.horizon import Horizon
 
 
 def solution_at(ra, dec, roll=0.0, fov=12.0):

@@ -14,9 +14,10 @@ from kochab.core.errors import FrameError
 from kochab.core.frame import Site
 from kochab.polar.drift import CREEP_ARCSEC_H, Stretch, measure_drift, stretches_of, tracked
 from kochab.polar.error import CHI2_95, Knob
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, NoAxis, PolarFindingKind, measure_local, stood_still
+from kochab.polar.pole import Pole
 from kochab.polar.sighting import Sighting
+from kochab.sky.horizon import Refraction
 from kochab.workflows.polar.guide_logs import guide_log, is_guide_log
 from tests.nights import guide_logs
 from tests.polar.mounts import ARCSEC, WHEN, Mount

@@ -9,11 +9,12 @@ from scipy.spatial.transform import Rotation
 from kochab.core.mount import Direction
 from kochab.polar.error import CHI2_68, CHI2_95, PolarError
 from kochab.polar.flexure import REST_ARCSEC, TUBE_ARCSEC, UNKNOWN, Droop, SweepResult, combine_sweeps, lever
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, combine_measurements, measure_local
 from kochab.polar.plan import Optics, plan_second
+from kochab.polar.pole import Pole
 from kochab.polar.rotations import tangents
 from kochab.polar.sighting import LocalAttitude
+from kochab.sky.horizon import Refraction
 from tests.polar.mounts import ARCSEC, Mount
 
 VACUUM = Refraction(pressure_hpa=0.0)

@@ -17,9 +17,10 @@ from kochab.polar.error import (
     total_in_words,
     turns_in_words,
 )
-from kochab.polar.horizon import Horizon, Pole, Refraction, name_of, northern, pole_direction
+from kochab.polar.pole import Pole, name_of, northern, pole_direction
 from kochab.polar.rotations import alt_az
 from kochab.polar.sighting import LocalAttitude, Sighting, covariance_of, to_local
+from kochab.sky.horizon import Horizon, Refraction
 
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)
 SITE = Site(40.0, 11.5, 520.0)

@@ -18,7 +18,7 @@ import pytest
 
 from kochab.core.frame import Site
 from kochab.polar.error import PolarError
-from kochab.polar.horizon import Pole, pole_direction
+from kochab.polar.pole import Pole, pole_direction
 from kochab.sky.apparent import JD_UNIX, TT_MINUS_UTC_S
 from tests.polar.plane import axis_of_plane
 

@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kochab.core.mount import SIDEREAL_DEG_S
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.live import LivePhase, Moment, declination_moved
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
+from kochab.polar.pole import Pole
 from kochab.polar.rotations import tangents
 from kochab.polar.sighting import LocalAttitude
+from kochab.sky.horizon import Refraction
 from tests.polar.mounts import ARCSEC, WHEN, Mount
 
 VACUUM = Refraction(pressure_hpa=0.0)

@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from kochab.core.camera import Camera
 from kochab.polar.axis_fit import fit_axis
 from kochab.polar.flexure import Droop
-from kochab.polar.horizon import Pole, Refraction, pole_direction
 from kochab.polar.live import LivePhase
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFindingKind, measure_local, slipping
+from kochab.polar.pole import Pole, pole_direction
+from kochab.sky.horizon import Refraction
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.test_flexure import bent
 
@@ -289,10 +290,10 @@ def test_a_slipping_clutch_is_the_gap_between_asked_and_done():
 def test_systematics_have_the_expected_size():
     """A clock 60 s wrong with the mount 48' off: 13 arcsec; a latitude wrong: as much, nearly."""
     from kochab.core.attitude import Attitude
-    from kochab.polar.horizon import Horizon
     from kochab.polar.measure import measure
     from kochab.polar.rotations import best_rotation
     from kochab.polar.sighting import Sighting
+    from kochab.sky.horizon import Horizon
 
     mount = Mount(40.0, 0.0, 48.0 * 60.0 / np.cos(np.radians(40.0)))
 

@@ -16,11 +16,11 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches, NamedStar, Solution
 from kochab.lab.bench.polar_frames import Night, Overhead
-from kochab.polar.horizon import Refraction
 from kochab.polar.live import LivePhase
 from kochab.polar.measure import MeasureSettings, measure
 from kochab.polar.rotations import direction
 from kochab.polar.sighting import Sighting, seen_by, to_local, with_one_camera
+from kochab.sky.horizon import Refraction
 
 SITE, AIR = Site(40.0, 11.5, 500.0), Refraction(960.0, 5.0)
 AXIS = direction(np.radians(40.4), np.radians(-0.3))

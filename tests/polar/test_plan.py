@@ -7,9 +7,10 @@ from kochab.core.attitude import angle_between
 from kochab.core.frame import Site
 from kochab.core.mount import Direction
 from kochab.polar.axis_fit import fit_axis
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.plan import Optics, best_path, more_turn_deg, sweep_path, turn_needed_deg, weighted_arcsec
+from kochab.polar.pole import Pole
+from kochab.sky.horizon import Refraction
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane, plane_of_three_arcsec, two_attitudes_arcsec
 

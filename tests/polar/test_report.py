@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from kochab.core.errors import KochabError
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, measure_local
+from kochab.polar.pole import Pole
 from kochab.polar.report import Entry, History, ellipses, error_over_time, report_html, write_report
+from kochab.sky.horizon import Refraction
 from tests.polar.mounts import WHEN, Mount
 
 

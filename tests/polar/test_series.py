@@ -15,9 +15,10 @@ from kochab.cli.main import main
 from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector
 from kochab.core.frame import Site
 from kochab.core.progress import run
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, measure
+from kochab.polar.pole import Pole
 from kochab.polar.sighting import Sighting
+from kochab.sky.horizon import Refraction
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.sources import solve_polar_file
 

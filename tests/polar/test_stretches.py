@@ -10,8 +10,9 @@ from kochab.lab.bench import polar_sweeps as sky
 from kochab.lab.bench.polar_faults import axis_told, judge, solved_files, true_axis
 from kochab.polar.drift import Drift, Stretch, measure_drift, mountings_of, stretches_of, tracked
 from kochab.polar.error import CHI2_95
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind
+from kochab.polar.pole import Pole
+from kochab.sky.horizon import Refraction
 from kochab.workflows.polar.sources import sightings_of
 from tests.polar.mounts import Mount
 

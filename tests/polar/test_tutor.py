@@ -20,7 +20,7 @@ from kochab.polar.error import (
     sayable,
     turns_in_words,
 )
-from kochab.polar.horizon import pole_direction
+from kochab.polar.pole import pole_direction
 from kochab.polar.rotations import alt_az, direction
 from kochab.polar.tutor import BoltTutor, TutorStep
 

@@ -9,10 +9,11 @@ from kochab.core.mount import Direction
 from kochab.polar import plan
 from kochab.polar.error import PolarError
 from kochab.polar.flexure import CombinedSweeps, Droop, SweepResult, combine_sweeps, lever, rest_covariance
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, measure_local
 from kochab.polar.plan import Optics, SweepPath, away_from_axis, plan_second, weighted_arcsec
+from kochab.polar.pole import Pole
 from kochab.polar.rotations import tangents
+from kochab.sky.horizon import Refraction
 from tests.polar.mounts import ARCSEC, Mount
 
 MOUNT = Mount(40.0)

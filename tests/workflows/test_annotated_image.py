@@ -17,7 +17,7 @@ from kochab.core.errors import KochabError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.sky_grid import grid_lines
-from kochab.polar.horizon import Horizon
+from kochab.sky.horizon import Horizon
 from kochab.sky.layer import MARKS, Layers, in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.small_bodies import shipped_small_bodies

@@ -15,7 +15,6 @@ from kochab.core.solution import NoSolution, Reason
 from kochab.gear.adjusters import AdjusterAxis
 from kochab.lab.bench.polar_rig import ALIGN, RigSky, follow, make_rig
 from kochab.polar.bolts import Base
-from kochab.polar.horizon import Refraction
 from kochab.polar.measure import MeasureSettings, PolarFinding, PolarFindingKind, measure_local
 from kochab.polar.plan import Optics, best_path, sweep_path
 from kochab.polar.sighting import Sighting, to_local
@@ -24,6 +23,7 @@ from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
+from kochab.sky.horizon import Refraction
 from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, _agree, adjust, align
 from kochab.workflows.polar.measure import (
     MOST_POINTS,

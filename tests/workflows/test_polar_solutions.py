@@ -20,8 +20,8 @@ from kochab.core.frame import Site
 from kochab.core.solution import NamedStar, Solution
 from kochab.frames.hints import NO_ZONE
 from kochab.frames.wcs import wcs_text, write_wcs
-from kochab.polar.horizon import Pole
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
+from kochab.polar.pole import Pole
 from kochab.polar.sighting import Sighting
 from kochab.workflows.polar.site_and_clock import doubts_of
 from kochab.workflows.polar.solutions import solved_before

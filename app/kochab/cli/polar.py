@@ -30,10 +30,11 @@ from kochab.polar.error import (
     split_in_words,
     total_in_words,
 )
-from kochab.polar.horizon import Pole, Refraction, name_of
 from kochab.polar.measure import Measurement, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import creep_to_show_arcsec, more_turn_deg, plan_second
+from kochab.polar.pole import Pole, name_of
 from kochab.polar.report import History, write_report
+from kochab.sky.horizon import Refraction
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.measure import optics_of
 from kochab.workflows.polar.solutions import (

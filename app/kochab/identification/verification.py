@@ -345,9 +345,9 @@ def _agreement(
     """How unlikely chance makes it that ``seen`` (n, 2) agree so well with ``expected`` (N, 2), log10.
 
     Both are px from the frame's middle, ``half`` (2,) is half the frame. Also the radius of the least
-    likely agreement, px, and the pairs within ``reach_px``, as :func:`mutual_nearest_of_few` gives them. Only ``evidence``
-    (n,) counts, and no star of its ``own`` (N,) that proposed; ``free`` numbers of the pointing were
-    fitted to it, none when only the proposers were used.
+    likely agreement, px, and the pairs within ``reach_px``, as :func:`mutual_nearest_of_few` gives them.
+    Only ``evidence`` (n,) counts, and no star of its ``own`` (N,) that proposed; ``free`` numbers of the
+    pointing were fitted to it, none when only the proposers were used.
     """
     pairs = mutual_nearest_of_few(seen, expected, reach_px)
     square = pairs[2][evidence[pairs[0]] & ~own[pairs[1]]]

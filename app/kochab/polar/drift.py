@@ -20,8 +20,8 @@ from kochab.core.attitude import ARCSEC, angle_between, rotation_vectors
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, offset_in_words, total_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
-from kochab.polar.horizon import pole_direction
 from kochab.polar.measure import FAR_DEG, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
+from kochab.polar.pole import pole_direction
 from kochab.polar.rotations import about, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 

@@ -21,8 +21,8 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, rotation_vector
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import PolarError, angle_in_words, finer_in_words
-from kochab.polar.horizon import tracking_rad_s
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
+from kochab.polar.pole import tracking_rad_s
 from kochab.polar.rotations import about, alt_az, cross_matrix, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, seen_by
 

@@ -26,10 +26,11 @@ from kochab.polar.axis_fit import (
 )
 from kochab.polar.error import CHI2_95, PolarError, angle_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, UNKNOWN, CombinedSweeps, Droop, SweepResult, combine_sweeps
-from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction, pole_direction, tracking_rad_s
+from kochab.polar.pole import Pole, pole_direction, tracking_rad_s
 from kochab.polar.rotations import about
 from kochab.polar.seen_axis import Cause
 from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics, to_local, with_one_camera
+from kochab.sky.horizon import STANDARD_REFRACTION, Refraction
 
 
 class PolarFindingKind(StrEnum):

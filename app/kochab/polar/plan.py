@@ -11,8 +11,8 @@ from kochab.core.mount import Direction
 from kochab.polar.axis_fit import foreseen_covariance
 from kochab.polar.error import PolarError
 from kochab.polar.flexure import SweepResult, combine_sweeps
-from kochab.polar.horizon import northern, pole_direction
 from kochab.polar.measure import Measurement, MeasureSettings
+from kochab.polar.pole import northern, pole_direction
 from kochab.polar.rotations import about, direction
 from kochab.polar.sighting import LocalAttitude
 

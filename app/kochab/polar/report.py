@@ -16,8 +16,8 @@ from kochab.core.frame import Site
 from kochab.frames.atomic_file import write_atomically
 from kochab.polar.drift import Drift
 from kochab.polar.error import PolarError, angle_in_words
-from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement
+from kochab.polar.pole import Pole
 
 SPARSE_S = 2.0  # live errors are kept this far apart
 

@@ -12,8 +12,8 @@ from kochab.core.attitude import ARCSEC, Attitude, angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches, Solution
-from kochab.polar.horizon import STANDARD_REFRACTION, Horizon, Refraction
 from kochab.polar.rotations import alt_az, best_rotation
+from kochab.sky.horizon import STANDARD_REFRACTION, Horizon, Refraction
 
 GRID = 5  # field points a side
 WIDEST_DEG = 20.0  # beyond this much of the field refraction is no longer nearly linear; its middle is used

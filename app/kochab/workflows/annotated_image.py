@@ -24,8 +24,8 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import avm_packet, compass, csv_text, ds9_regions
 from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
-from kochab.polar.horizon import horizon_of
 from kochab.sky.frame_bodies import body_marks
+from kochab.sky.horizon import horizon_of
 from kochab.sky.layer import (
     DOT_PX,
     DOTTED,

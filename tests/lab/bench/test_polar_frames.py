@@ -10,7 +10,7 @@ import pytest
 from kochab.core.attitude import ARCSEC, angle_between
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_frames as bench
-from kochab.polar.horizon import Refraction
+from kochab.sky.horizon import Refraction
 
 SITE, AIR = Site(47.0, 8.0, 500.0), Refraction(960.0, 12.0)
 

@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QImage, QPainter, QWheelEvent
 
 from kochab.core.frame import Site
 from kochab.frames.export import compass
-from kochab.polar.horizon import Horizon
+from kochab.sky.horizon import Horizon
 from kochab.sky.layer import BODY_MAG, LINES, MARKS, Layers, Mark
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import Body, BodyKind

@@ -14,7 +14,7 @@ from kochab.core.angle_text import AngleStyle
 from kochab.core.attitude import apart_deg, unit_vectors
 from kochab.core.frame import Site
 from kochab.gear.actions import CONNECT, Need
-from kochab.polar.horizon import Horizon, Refraction
+from kochab.sky.horizon import Horizon, Refraction
 from kochab.sky.layer import in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import BodyKind

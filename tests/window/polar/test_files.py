@@ -19,8 +19,8 @@ from kochab.frames.wcs import write_wcs
 from kochab.gear.mount_events import PositionReport
 from kochab.gear.session import CameraSelection
 from kochab.polar.error import Knob, PolarError
-from kochab.polar.horizon import Pole, pole_direction
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure
+from kochab.polar.pole import Pole, pole_direction
 from kochab.polar.sighting import Sighting
 from kochab.polar.tutor import TutorStep
 from kochab.server.phone_page import state_json

@@ -17,8 +17,8 @@ from kochab.frames.fits_write import write_fits
 from kochab.gear.session import CameraSelection
 from kochab.polar.bolts import HAND_ARCSEC, Base
 from kochab.polar.error import Knob
-from kochab.polar.horizon import Pole
 from kochab.polar.measure import PolarFinding, PolarFindingKind
+from kochab.polar.pole import Pole
 from kochab.polar.report import History
 from kochab.polar.tutor import Instruction
 from kochab.simulate.practice import PracticeNight

@@ -9,7 +9,7 @@ from PySide6.QtCore import QSettings, Qt
 from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Hint, Site
 from kochab.gear.profiles import current_profile, load_profile
-from kochab.polar.horizon import Horizon
+from kochab.sky.horizon import Horizon
 from kochab.sky.layer import AMOUNTS
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.preferences import OFFLINE, Preferences

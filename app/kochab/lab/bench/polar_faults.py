@@ -24,8 +24,8 @@ from kochab.lab.bench import polar_sweeps as sky
 from kochab.lab.bench.polar_sweeps import Random, Sweep
 from kochab.polar.drift import Drift
 from kochab.polar.error import CHI2_95, Knob
-from kochab.polar.horizon import Refraction
 from kochab.polar.measure import NoAxis
+from kochab.sky.horizon import Refraction
 from kochab.workflows.polar.solutions import FilesAxis, FilesRequest, axis_of
 from kochab.workflows.polar.sources import SolvedFile
 

@@ -26,12 +26,12 @@ from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
 from kochab.lab.bench import Goal, Report, Row, column, summary, timed
 from kochab.polar.error import CHI2_95
-from kochab.polar.horizon import Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
 from kochab.sky import open_catalogue
 from kochab.sky.apparent import JD_UNIX, julian_years
+from kochab.sky.horizon import Refraction
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_frame
 

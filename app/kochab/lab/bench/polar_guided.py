@@ -22,8 +22,9 @@ from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.lab.bench import Goal, Report, Row, column, summary
 from kochab.polar.drift import measure_drift
 from kochab.polar.error import CHI2_95
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings, NoAxis
+from kochab.polar.pole import Pole
+from kochab.sky.horizon import Refraction
 from kochab.workflows.polar.guide_logs import guide_log
 
 SEED = 290_000

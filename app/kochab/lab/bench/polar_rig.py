@@ -21,14 +21,15 @@ from kochab.core.progress import Progress, Task
 from kochab.core.progress import run as run_task
 from kochab.core.solution import NoSolution
 from kochab.polar.error import Knob, PolarError
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.plan import Optics, sweep_path
+from kochab.polar.pole import Pole
 from kochab.polar.sighting import Sighting, to_local
 from kochab.polar.tutor import BoltTutor, Instruction
 from kochab.simulate.mechanics.geometry import BoltErrors, Build, MountConfig
 from kochab.simulate.night_sky import AIR
 from kochab.simulate.rig import PracticeRig, RigConfig, random_place
+from kochab.sky.horizon import Refraction
 from kochab.workflows.polar.align import Alignment, AlignOptions, align
 from kochab.workflows.polar.measure import Sweep, foreseen_arcsec
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate

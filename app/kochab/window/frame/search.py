@@ -12,7 +12,6 @@ from kochab.core.attitude import angle_between, east_north
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
-from kochab.polar.horizon import horizon_of
 from kochab.sky.finder import Found, NotFound, find
 from kochab.window.frame.picker import Picker
 from kochab.window.frame.session import Session

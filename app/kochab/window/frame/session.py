@@ -31,7 +31,7 @@ NEEDED = (
     "kochab.workflows.solve_frame",
     "kochab.identification.triangles",
     "kochab.solver.diagnosis",
-    "kochab.polar.horizon",
+    "kochab.sky.horizon",
     "erfa",
     *(target.partition(":")[0] for target in (*IDENTIFIERS.own.values(), *DRIVERS.own.values())),
 )

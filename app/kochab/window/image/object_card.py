@@ -20,7 +20,7 @@ from kochab.sky.solar_system import AU_KM, BodyKind
 from kochab.window.widgets import button, column, copy_text, label, row, styled_frame
 
 if TYPE_CHECKING:
-    from kochab.polar.horizon import Horizon
+    from kochab.sky.horizon import Horizon
 
 KINDS = {
     "G": tr_noop("Galaxy"),

@@ -19,7 +19,7 @@ from kochab.polar.error import (
     knob_in_words,
     split_in_words,
 )
-from kochab.polar.horizon import Pole, name_of
+from kochab.polar.pole import Pole, name_of
 from kochab.polar.report import RINGS_ARCSEC
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.polar.frame_fields import zone_box

@@ -21,10 +21,11 @@ from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.text_input import TextError, read_text
 from kochab.polar.drift import PULSES, Stretch, upright
-from kochab.polar.horizon import northern, observed_at, pole_direction
 from kochab.polar.measure import MeasureSettings
+from kochab.polar.pole import northern, pole_direction
 from kochab.polar.pulses import pulse_response
 from kochab.polar.sighting import LocalAttitude
+from kochab.sky.horizon import observed_at
 
 BIN_S = 30.0
 LEAST_ARCSEC = 0.1  # no mean over a bin is better than that

@@ -16,7 +16,6 @@ from kochab.core.progress import Progress, Task
 from kochab.polar.drift import Drift, measure_drift, stretches_of
 from kochab.polar.error import angle_in_words
 from kochab.polar.flexure import UNKNOWN, Droop
-from kochab.polar.horizon import pole_direction
 from kochab.polar.measure import (
     Measurement,
     MeasureSettings,
@@ -40,6 +39,7 @@ from kochab.polar.plan import (
     turn_needed_deg,
     weighted_arcsec,
 )
+from kochab.polar.pole import pole_direction
 from kochab.polar.sighting import LocalAttitude, Sighting
 from kochab.workflows.polar.sources import NotMeasuredError, RestWatch, SightingSource, turned_deg
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction

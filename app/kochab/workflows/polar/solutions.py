@@ -25,9 +25,10 @@ from kochab.frames.samples import MAX_SIDE_PX
 from kochab.frames.wcs import wcs_of
 from kochab.polar.bolts import Pitches
 from kochab.polar.drift import Drift, Stretch, either, measure_drift, stretches_of, tracked
-from kochab.polar.horizon import STANDARD_REFRACTION, Pole, Refraction
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
+from kochab.polar.pole import Pole
 from kochab.polar.rotations import best_rotation
+from kochab.sky.horizon import STANDARD_REFRACTION, Refraction
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.guide_logs import guide_log, is_guide_log
 from kochab.workflows.polar.site_and_clock import doubts_of, given_doubts

@@ -28,6 +28,7 @@ from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.measure import NIGHT_HOURS, MeasureSettings
 from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+from kochab.sky.horizon import Horizon, sun_altitude_deg
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.solve_frame import solve_file, solve_open_frame

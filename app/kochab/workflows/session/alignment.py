@@ -35,9 +35,9 @@ from kochab.gear.session import (
 from kochab.polar.bolts import HAND_ARCSEC, Base, Pitches, bolts_of
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob, total_in_words
-from kochab.polar.horizon import Pole
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind
 from kochab.polar.plan import more_turn_deg
+from kochab.polar.pole import Pole
 from kochab.polar.report import History
 from kochab.polar.tutor import BoltTutor
 from kochab.solver import SolveOptions

@@ -1,4 +1,4 @@
-"""From ICRS to the horizon of a site (precession, aberration, refraction), and the pole to aim at.
+"""Where a star is tonight: from ICRS to the horizon of a site (precession, aberration, refraction) and back.
 
 All of it is ERFA's (``apco``, ``atciqz``, ``atioq``). Nothing is downloaded: UT1 is taken for UTC,
 which turns the sky by at most 0.9 s about the pole and so moves an axis by no more than its
@@ -7,17 +7,13 @@ distance from the pole times 13.5 arcsec a radian; polar motion (0.3 arcsec) is 
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame, Site
-from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.polar.rotations import alt_az, direction
 from kochab.sky.apparent import JD_UNIX, julian_date_tt
 
 SEA_LEVEL_HPA = 1013.25
@@ -85,6 +81,18 @@ class Horizon:
         return float(altitude), float(np.degrees(np.arctan2(east, north)) % 360.0)
 
 
+def observed_at(site: Site, refraction: Refraction, hour_rad: Floats, declination_rad: Floats) -> Floats:
+    """Directions (N, 3) in E, N, U, refracted, of apparent hour angles and declinations (N,)."""
+    import erfa
+
+    latitude, height = np.radians(site.latitude_deg), site.height_m
+    context = erfa.apio(0.0, 0.0, 0.0, latitude, height, 0.0, 0.0, *refraction.constants(site))
+    context["diurab"] = 0.0  # diurnal aberration moves a star there by 0.3 arcsec, but not the axis
+    azimuth, zenith_distance, *_ = erfa.atioq(-np.asarray(hour_rad), np.asarray(declination_rad), context)
+    level = np.sin(zenith_distance)
+    return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
+
+
 def horizon_of(frame: Frame, site: Site | None = None) -> Horizon | None:
     """Where and when a frame was taken, at ``site`` if it does not say where; None when either is not known."""
     where = frame.hint.site or site
@@ -113,75 +121,3 @@ def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
     place = (np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
     polar_motion = (0.0, 0.0, erfa.sp00(tt, 0.0))
     return erfa.apco(tt, 0.0, *earth, *place, *polar_motion, *refraction.constants(site))
-
-
-# -- The pole to align to ----------------------------------------------------------------------
-
-
-class Pole(StrEnum):
-    """The three points that people align to; they lie up to an arcminute apart and more.
-
-    Tracking over the sky is best at the refracted pole at middle latitudes, and half-way between
-    the two near latitude 20 degrees.
-    """
-
-    REFRACTED = tr_noop("refracted")
-    TRUE = tr_noop("true")
-    HALF_WAY = tr_noop("half-way")
-
-
-def northern(site: Site) -> bool:
-    """Whether the axis points to the north celestial pole there; the equator counts as north."""
-    return site.latitude_deg >= 0.0
-
-
-def tracking_rad_s(site: Site) -> float:
-    """How fast, right-handed about the elevated pole, a camera turns that tracks the sky."""
-    return -SIDEREAL_RAD_S if northern(site) else SIDEREAL_RAD_S
-
-
-def pole_direction(site: Site, pole: Pole = Pole.REFRACTED, refraction: Refraction = STANDARD_REFRACTION) -> Floats:
-    """Unit vector (3,) in E, N, U of the elevated pole (refracted by ERFA ``apio``, ``atioq``)."""
-    azimuth = 0.0 if northern(site) else np.pi
-    true = abs(np.radians(site.latitude_deg))
-    if pole is Pole.TRUE:
-        return direction(true, azimuth)
-    # the pole refracted as a star that stands there, its hour angle any
-    up = np.pi / 2.0 if northern(site) else -np.pi / 2.0
-    refracted = float(np.arcsin(observed_at(site, refraction, np.zeros(1), np.full(1, up))[0, 2]))
-    return direction(refracted if pole is Pole.REFRACTED else 0.5 * (true + refracted), azimuth)
-
-
-def observed_at(site: Site, refraction: Refraction, hour_rad: Floats, declination_rad: Floats) -> Floats:
-    """Directions (N, 3) in E, N, U, refracted, of apparent hour angles and declinations (N,)."""
-    import erfa
-
-    latitude, height = np.radians(site.latitude_deg), site.height_m
-    context = erfa.apio(0.0, 0.0, 0.0, latitude, height, 0.0, 0.0, *refraction.constants(site))
-    context["diurab"] = 0.0  # diurnal aberration moves a star there by 0.3 arcsec, but not the axis
-    azimuth, zenith_distance, *_ = erfa.atioq(-np.asarray(hour_rad), np.asarray(declination_rad), context)
-    level = np.sin(zenith_distance)
-    return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
-
-
-POLES = {
-    Pole.REFRACTED: (
-        tr_noop("refracted north pole at altitude {altitude:.2f}°"),
-        tr_noop("refracted south pole at altitude {altitude:.2f}°"),
-    ),
-    Pole.TRUE: (
-        tr_noop("true north pole at altitude {altitude:.2f}°"),
-        tr_noop("true south pole at altitude {altitude:.2f}°"),
-    ),
-    Pole.HALF_WAY: (
-        tr_noop("half-way north pole at altitude {altitude:.2f}°"),
-        tr_noop("half-way south pole at altitude {altitude:.2f}°"),
-    ),
-}
-
-
-def name_of(pole: Pole, site: Site) -> str:
-    """Words for a screen: which pole, of which sky."""
-    north, south = POLES[pole]
-    altitude = np.degrees(alt_az(pole_direction(site, pole))[0])
-    return tr(north if northern(site) else south, altitude=altitude)
