@@ -12,9 +12,9 @@ from kochab.core.attitude import apart_deg
 from kochab.core.frame import Site
 from kochab.core.mount import TrackingRate
 from kochab.gear.mounts import DRIVERS, probe
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers import lx200
 from kochab.simulate.responders import open_responder
+from kochab.sky.horizon import sidereal_deg
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.lines import serve_pty
 

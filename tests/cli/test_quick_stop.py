@@ -14,9 +14,9 @@ from kochab.core.attitude import apart_deg
 from kochab.core.mount import Direction
 from kochab.gear import quick_stop
 from kochab.gear.mounts import DRIVERS, SERVERS
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.profiles import EquipmentProfile, save_profile
 from kochab.gear.session import MountSelection, guarded
+from kochab.sky.horizon import sidereal_deg
 from tests.boards import BOARDS, served
 from tests.gear.mounts.bench import COUNTERS, SITE, alpaca, indi, place, simulated, still
 from tests.gear.mounts.indi_server import indi_server

@@ -17,9 +17,9 @@ import pytest
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import Home, PierSide
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers.motor_mount import natural_side, to_axes, to_sky
 from kochab.gear.mounts.drivers.skywatcher import SkyWatcher
+from kochab.sky.horizon import sidereal_deg
 from tests.simulate.test_indi import own_network, still_running
 
 HOURS_AND_DECS = ((-60.0, 80.0), (-40.0, 70.0), (75.0, 80.0))  # from home, beside it, and across the meridian

@@ -141,7 +141,7 @@ def test_every_nickname_means_something_and_no_two_of_one_name_stand_apart():
 
 
 def test_the_zenith_is_overhead():
-    from kochab.gear.mounts.coordinates import altitude_deg
+    from kochab.sky.horizon import altitude_deg
 
     site = Site(47.4, 8.5, 500.0)
     found = run(find("zenith", NIGHT, site))

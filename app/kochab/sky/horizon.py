@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import Degrees, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Frame, Site
-from kochab.sky.apparent import JD_UNIX, julian_date_tt
+from kochab.sky.apparent import JD_UNIX, apparent, julian_date_tt
 
 SEA_LEVEL_HPA = 1013.25
 SCALE_HEIGHT_M = 8434.0  # R T / (M g) of air at 288 K
@@ -100,12 +101,8 @@ def horizon_of(frame: Frame, site: Site | None = None) -> Horizon | None:
 
 
 def sun_altitude_deg(site: Site, time_utc: datetime) -> float:
-    """How high the Sun stands, degrees, to a few minutes of arc (ERFA ``epv00``, without refraction)."""
-    import erfa
-
-    heliocentric, _ = erfa.epv00(julian_date_tt(time_utc), 0.0)
-    sun = -heliocentric["p"] / np.linalg.norm(heliocentric["p"])
-    return Horizon(site, time_utc, Refraction(0.0)).altaz_deg(sun)[0]
+    """How high the Sun stands, degrees, to a few minutes of arc, without refraction."""
+    return float(altitude_deg(sun_vector(time_utc)[None], site, time_utc)[0])
 
 
 @lru_cache(maxsize=64)
@@ -121,3 +118,50 @@ def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
     place = (np.radians(site.longitude_deg), np.radians(site.latitude_deg), site.height_m)
     polar_motion = (0.0, 0.0, erfa.sp00(tt, 0.0))
     return erfa.apco(tt, 0.0, *earth, *place, *polar_motion, *refraction.constants(site))
+
+
+# -- Without refraction: sidereal time, hour angles and geometric altitudes of places of date ------
+
+
+def sidereal_deg(site: Site, time_utc: datetime) -> float:
+    """Local apparent sidereal time, degrees in [0, 360) (ERFA ``gst06a``, UT1 taken as UTC)."""
+    import erfa
+
+    ut1 = JD_UNIX + time_utc.astimezone(UTC).timestamp() / 86400.0  # they differ by less than 0.9 s, which is 14 arcsec
+    turn = np.degrees(erfa.gst06a(ut1, 0.0, julian_date_tt(time_utc), 0.0))
+    return float((turn + site.longitude_deg) % 360.0)
+
+
+def hour_angle_deg(ra_deg: float, site: Site, time_utc: datetime) -> float:
+    """Hour angle of a right ascension of date, degrees in [-180, 180), west positive."""
+    return wrapped(sidereal_deg(site, time_utc) - ra_deg)
+
+
+def altitude_deg(vectors: Floats, site: Site, time_utc: datetime) -> Floats:
+    """Geometric altitudes (N,), degrees, of equatorial vectors of date (N, 3); no refraction."""
+    zenith = unit_vectors(sidereal_deg(site, time_utc), site.latitude_deg)
+    return np.degrees(np.arcsin(np.clip(vectors @ zenith, -1.0, 1.0)))
+
+
+def horizon_frame(site: Site, sidereal: float) -> Floats:
+    """Rotation (3, 3) to vectors of date from (south, east, up); ``sidereal`` in degrees."""
+    up = unit_vectors(sidereal, site.latitude_deg)
+    east = unit_vectors(sidereal + 90.0, 0.0)
+    return np.stack([np.cross(east, up), east, up], axis=1)
+
+
+def sun_vector(time_utc: datetime) -> Floats:
+    """Apparent direction (3,) of the Sun, true equator and equinox of date (ERFA ``epv00``)."""
+    import erfa
+
+    heliocentric, _ = erfa.epv00(julian_date_tt(time_utc), 0.0)
+    towards = -np.asarray(heliocentric["p"], dtype=np.float64)
+    return np.asarray(apparent(np.atleast_2d(towards / np.linalg.norm(towards)), time_utc)[0])
+
+
+def from_altaz(altitude: float, azimuth: float, site: Site, time_utc: datetime) -> Degrees:
+    """RA and Dec of date, degrees, of a geometric altitude and azimuth (north over east)."""
+    h, a = np.radians([altitude, azimuth])
+    # The frame's x is south, its y east, its z up.
+    level = np.array([-np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)])
+    return radec_deg(horizon_frame(site, sidereal_deg(site, time_utc)) @ level)

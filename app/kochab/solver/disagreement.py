@@ -21,7 +21,8 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
-from kochab.gear.mounts.coordinates import sidereal_deg, to_mount_epoch
+from kochab.gear.mounts.coordinates import to_mount_epoch
+from kochab.sky.horizon import sidereal_deg
 
 AGREE_ARCSEC = 120.0  # a mount's own rounding, and what mechanics leave
 NAMED = 0.8

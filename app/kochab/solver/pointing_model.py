@@ -16,7 +16,7 @@ from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch
-from kochab.gear.mounts.coordinates import sidereal_deg
+from kochab.sky.horizon import sidereal_deg
 from kochab.solver.disagreement import (
     AXES,
     BUILT,

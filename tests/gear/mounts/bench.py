@@ -7,9 +7,9 @@ from types import SimpleNamespace
 from kochab.core.frame import Site
 from kochab.core.mount import Home
 from kochab.gear.mounts import open_mount
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.simulate.serial_line import Faults, pty_line
+from kochab.sky.horizon import sidereal_deg
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.dialects import open_any
 

@@ -9,9 +9,9 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import LineLostError, NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Epoch, MountState, Pointing, SiteReport, TrackingRate
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.sky.horizon import sidereal_deg
 
 SITE = Site(50.0, 8.0)
 NIGHT = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)

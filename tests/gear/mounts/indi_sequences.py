@@ -30,9 +30,10 @@ from kochab.core.mount import SIDEREAL_DEG_S, Direction, Epoch, Pointing, Tracki
 from kochab.gear import mount_events as events
 from kochab.gear.mount_line import MountLine
 from kochab.gear.mounts import open_mount
-from kochab.gear.mounts.coordinates import from_mount_epoch, sidereal_deg
+from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
+from kochab.sky.horizon import sidereal_deg
 from kochab.workflows.nudge import nudge
 from tests.gear.cameras.own_network import own_network
 from tests.gear.mounts.sequences import FALLS_DEG, LOW_DEG, PAST_DEG, altitude_deg, ordered, place_of_axes

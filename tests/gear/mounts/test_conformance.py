@@ -11,9 +11,10 @@ from kochab.core.errors import DeviceError, RefusedError, StoppedError
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import DRIVERS
-from kochab.gear.mounts.coordinates import from_mount_epoch, sidereal_deg, to_mount_epoch
+from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.simulate.responders import RESPONDERS
+from kochab.sky.horizon import sidereal_deg
 from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, Night, alpaca, indi, moved, place, simulated, still, where
 from tests.gear.mounts.imaginary import Imaginary
 from tests.simulate.dialects import DIALECT_RESPONDERS, open_any

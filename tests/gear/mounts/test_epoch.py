@@ -10,16 +10,10 @@ from hypothesis import strategies as st
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing
-from kochab.gear.mounts.coordinates import (
-    altitude_deg,
-    from_mount_epoch,
-    hour_angle_deg,
-    sidereal_deg,
-    sun_vector,
-    to_mount_epoch,
-)
+from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
 from kochab.gear.mounts.drivers.motor_mount import natural_side, to_axes, to_sky
 from kochab.gear.mounts.motion_plan import by_axes, great_circle, over_the_pole, turned
+from kochab.sky.horizon import altitude_deg, hour_angle_deg, sidereal_deg, sun_vector
 
 WHEN = datetime(2025, 3, 14, 22, tzinfo=UTC)  # measured by now in every table astropy brings along
 

@@ -8,11 +8,12 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Pointing, SiteReport
-from kochab.gear.mounts.coordinates import epoch_of, from_altaz, from_mount_epoch, reported_epoch, to_mount_epoch
+from kochab.gear.mounts.coordinates import epoch_of, from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.drivers.nexstar import SynScan
 from kochab.gear.mounts.protocols import ioptron, lx200
 from kochab.gear.mounts.serial_line import ProtocolError
 from kochab.simulate.responders import RESPONDERS
+from kochab.sky.horizon import from_altaz
 from tests.gear.mounts.bench import simulated
 from tests.gear.mounts.imaginary import NIGHT, SITE, Imaginary, at
 
@@ -37,7 +38,7 @@ def level_of(ra_deg, dec_deg):
     import erfa
     import numpy as np
 
-    from kochab.gear.mounts.coordinates import hour_angle_deg
+    from kochab.sky.horizon import hour_angle_deg
 
     hour = np.radians(hour_angle_deg(ra_deg, SITE, NIGHT))
     azimuth, altitude = erfa.hd2ae(hour, np.radians(dec_deg), np.radians(SITE.latitude_deg))

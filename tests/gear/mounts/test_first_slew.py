@@ -10,12 +10,12 @@ from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home, MountState, PierSide, Pointing
 from kochab.core.progress import run
-from kochab.gear.mounts.coordinates import altitude_deg, hour_angle_deg, sidereal_deg
 from kochab.gear.mounts.drivers.motor_mount import natural_side
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, unit_vectors
 from kochab.gear.mounts.motion_policy import MotionPolicy
 from kochab.gear.mounts.slew_supervisor import SupervisedMotion, allowed_region
+from kochab.sky.horizon import altitude_deg, hour_angle_deg, sidereal_deg
 from tests.gear.mounts.bench import SITE, place
 from tests.gear.mounts.imaginary import NIGHT
 from tests.gear.mounts.test_conformance import wait_for

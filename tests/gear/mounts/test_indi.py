@@ -16,10 +16,10 @@ from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.probe import find_served, probe
+from kochab.sky.horizon import sidereal_deg
 from tests.gear.mounts.bench import LIMITS, SITE, place, simulated
 
 from .indi_server import indi_server

@@ -14,19 +14,11 @@ from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, TrackingRate
 from kochab.core.progress import run
 from kochab.core.solution import Solution
-from kochab.gear.mounts.coordinates import (
-    altitude_deg,
-    epoch_of,
-    from_altaz,
-    from_mount_epoch,
-    sidereal_deg,
-    sun_vector,
-    to_mount_epoch,
-    utc_of,
-)
+from kochab.gear.mounts.coordinates import epoch_of, from_mount_epoch, to_mount_epoch, utc_of
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence, great_circle, turned
 from kochab.gear.mounts.motion_policy import MotionPolicy, leaving_home, with_paths
 from kochab.gear.mounts.slew_supervisor import SupervisedMotion, allowed_region, may_flip, slew_limit_s
+from kochab.sky.horizon import altitude_deg, from_altaz, sidereal_deg, sun_vector
 from tests.gear.mounts.imaginary import NIGHT, NOON, SITE, at, guarded
 
 READY = MountState(slewing=False, parked=False, aligned=True, tracking=True)

@@ -8,8 +8,8 @@ import pytest
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.mount import Direction, MountState, PierSide
 from kochab.gear.mounts import motion_policy as policy
-from kochab.gear.mounts.coordinates import hour_angle_deg, sun_vector
 from kochab.gear.mounts.motion_plan import Limits, Plan
+from kochab.sky.horizon import hour_angle_deg, sun_vector
 
 from .imaginary import NIGHT, NOON, SITE, at
 

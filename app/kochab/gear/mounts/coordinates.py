@@ -1,53 +1,16 @@
-"""Coordinates of a mount: sidereal time, hour angle, altitude, the Sun, and the epoch."""
+"""Coordinates of a mount: the epoch it uses, given, or found by its own altitude and azimuth."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Mount, Pointing
-from kochab.sky.apparent import JD_UNIX, apparent, from_apparent, julian_date_tt
-
-
-def sidereal_deg(site: Site, time_utc: datetime) -> float:
-    """Local apparent sidereal time, degrees in [0, 360) (ERFA ``gst06a``, UT1 taken as UTC)."""
-    import erfa
-
-    ut1 = JD_UNIX + time_utc.astimezone(UTC).timestamp() / 86400.0  # they differ by less than 0.9 s, which is 14 arcsec
-    turn = np.degrees(erfa.gst06a(ut1, 0.0, julian_date_tt(time_utc), 0.0))
-    return float((turn + site.longitude_deg) % 360.0)
-
-
-def hour_angle_deg(ra_deg: float, site: Site, time_utc: datetime) -> float:
-    """Hour angle of a right ascension of date, degrees in [-180, 180), west positive."""
-    return wrapped(sidereal_deg(site, time_utc) - ra_deg)
-
-
-def altitude_deg(vectors: Floats, site: Site, time_utc: datetime) -> Floats:
-    """Geometric altitudes (N,), degrees, of equatorial vectors of date (N, 3); no refraction."""
-    zenith = unit_vectors(sidereal_deg(site, time_utc), site.latitude_deg)
-    return np.degrees(np.arcsin(np.clip(vectors @ zenith, -1.0, 1.0)))
-
-
-def horizon_frame(site: Site, sidereal: float) -> Floats:
-    """Rotation (3, 3) to vectors of date from (south, east, up); ``sidereal`` in degrees."""
-    up = unit_vectors(sidereal, site.latitude_deg)
-    east = unit_vectors(sidereal + 90.0, 0.0)
-    return np.stack([np.cross(east, up), east, up], axis=1)
-
-
-def sun_vector(time_utc: datetime) -> Floats:
-    """Apparent direction (3,) of the Sun, true equator and equinox of date (ERFA ``epv00``)."""
-    import erfa
-
-    heliocentric, _ = erfa.epv00(julian_date_tt(time_utc), 0.0)
-    towards = -np.asarray(heliocentric["p"], dtype=np.float64)
-    return np.asarray(apparent(np.atleast_2d(towards / np.linalg.norm(towards)), time_utc)[0])
-
+from kochab.sky.apparent import apparent, from_apparent
+from kochab.sky.horizon import from_altaz
 
 # Kochab uses ICRS, mounts the equator of date or J2000.
 # J2000 and ICRS differ by 0.02 arcsec and are taken as one. "Of date" is the apparent place: true
@@ -108,14 +71,6 @@ def epoch_of(pointing: Pointing, altaz_deg: Degrees, site: Site, time_utc: datet
         if near < AGREES_DEG and far > DIFFERS_DEG:
             return nearest
     return None
-
-
-def from_altaz(altitude: float, azimuth: float, site: Site, time_utc: datetime) -> Degrees:
-    """RA and Dec of date, degrees, of a geometric altitude and azimuth (north over east)."""
-    h, a = np.radians([altitude, azimuth])
-    # The frame's x is south, its y east, its z up.
-    level = np.array([-np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)])
-    return radec_deg(horizon_frame(site, sidereal_deg(site, time_utc)) @ level)
 
 
 def of_date(pointing: Pointing, time_utc: datetime) -> Degrees:

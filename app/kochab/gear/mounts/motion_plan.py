@@ -14,7 +14,7 @@ from kochab.core.attitude import Degrees, angle_between, separation_deg, unit_ve
 from kochab.core.frame import Site
 from kochab.core.mount import MountState
 from kochab.core.solution import Solution
-from kochab.gear.mounts.coordinates import hour_angle_deg, sidereal_deg
+from kochab.sky.horizon import hour_angle_deg, sidereal_deg
 
 # -- What a guarded mount may do, and the evidence a sync must bring ---------------------------
 

@@ -13,15 +13,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Direction, Epoch, MountState, PierSide, Pointing
-from kochab.gear.mounts.coordinates import (
-    altitude_deg,
-    from_mount_epoch,
-    horizon_frame,
-    of_date,
-    sidereal_deg,
-    sun_vector,
-    to_mount_epoch,
-)
+from kochab.gear.mounts.coordinates import from_mount_epoch, of_date, to_mount_epoch
 from kochab.gear.mounts.motion_plan import (
     Limits,
     Plan,
@@ -38,6 +30,7 @@ from kochab.gear.mounts.motion_plan import (
     warn,
 )
 from kochab.gear.mounts.sync_needed import SyncNeeded
+from kochab.sky.horizon import altitude_deg, horizon_frame, sidereal_deg, sun_vector
 
 Findings = Iterator[RuleFinding]
 AHEAD_S = 60.0  # tracking ends so long before its limit

@@ -16,12 +16,13 @@ from kochab.core.errors import NoAnswerError, NotStoppedError, RefusedError, Sto
 from kochab.core.mount import MountState, PierSide, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
-from kochab.gear.mounts.coordinates import horizon_frame, of_date, sidereal_deg
+from kochab.gear.mounts.coordinates import of_date
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
 from kochab.gear.mounts.motion_plan import Aim, Plan, Severity
 from kochab.gear.mounts.motion_policy import MotionPolicy, crosses, horizon, sun
 from kochab.gear.mounts.restart_watch import RestartWatch
 from kochab.gear.mounts.standing import Reading
+from kochab.sky.horizon import horizon_frame, sidereal_deg
 
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side

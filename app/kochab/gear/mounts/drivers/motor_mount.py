@@ -25,10 +25,10 @@ from kochab.core.mount import (
     TrackingRate,
 )
 from kochab.core.text_input import read_json
-from kochab.gear.mounts.coordinates import sidereal_deg
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.gear.mounts.serial_line import Command
+from kochab.sky.horizon import sidereal_deg
 
 # -- From encoder angles to hour angle and declination, and back -------------------------------
 # Both angles are zero at home. The first grows as the sky turns in the north, and shrinks in the
