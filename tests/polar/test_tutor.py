@@ -213,10 +213,10 @@ def test_turns_have_words(turns, words):
 
 @given(st.floats(-8, 8))
 def test_what_is_said_is_never_more_than_what_is_wanted(turns):
-    with_amounts = sayable(turns)
-    assert abs(with_amounts) <= abs(turns) + 1e-9
-    assert abs(turns) - abs(with_amounts) < 0.125
-    assert with_amounts == 0.0 or (with_amounts > 0) == (turns > 0)
+    said = sayable(turns)
+    assert abs(said) <= abs(turns) + 1e-9
+    assert abs(turns) - abs(said) < 0.125
+    assert said == 0.0 or (said > 0) == (turns > 0)
     assert rotation_in_words(1.0) != rotation_in_words(-1.0)
 
 
@@ -451,14 +451,14 @@ def test_the_noise_of_the_azimuth_knob_is_longer_than_the_skys_where_its_error_i
     [(1, 0.1, True), (1, 2.0 / 360.0, True), (1, 1.9 / 360.0, False), (-1, 0.1, False), (0, 0.1, False)],
 )
 def test_backlash_is_named_when_the_bolt_comes_back_through_as_much_as_a_hand_can_turn(
-    direction, backlash_turns, with_amounts
+    direction, backlash_turns, said
 ):
     bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, backlash_turns, direction)
     told = BoltTutor(bolts=(bolt, AZIMUTH_BOLT)).advise(error_at(4000.0, 0.0))
     assert told.turns < 0.0
-    assert ("(backlash included)" in told.words) is with_amounts
+    assert ("(backlash included)" in told.words) is said
     assert told.words.endswith(
-        "anticlockwise (backlash included), then wait." if with_amounts else "clockwise, then wait."
+        "anticlockwise (backlash included), then wait." if said else "clockwise, then wait."
     )
 
 
