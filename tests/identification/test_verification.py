@@ -10,9 +10,10 @@ from kochab.core.attitude import attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.identification.index import shipped
+from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.patterns import COMPLETE, Search, known_camera
 from kochab.identification.quads import FieldStars
-from kochab.identification.verification import CandidatePointing, chance_of, pair, verify
+from kochab.identification.verification import CandidatePointing, chance_of, verify
 
 SIDE, LEVEL, REACH_PX = 1024, 1, 10.0
 HALF = np.array([SIDE / 2.0, SIDE / 2.0])
@@ -63,7 +64,7 @@ def test_the_better_of_two_ways_to_judge_costs_a_factor_of_two(toy_volume) -> No
     expected, _ = verdict.pointing.project(toy_volume.stars[number].astype(np.float64))
     near = (np.abs(expected) < HALF + 3.0 * REACH_PX).all(axis=1)
     expected, number = expected[near], number[near]
-    i, _, square = pair(view.xy, expected, REACH_PX)
+    i, _, square = mutual_nearest_of_few(view.xy, expected, REACH_PX)
     witness = i >= 4
     free = 5 if verdict.pointing.k1 else 4
     one_way, _ = chance_of(square[witness], view.xy[4:], expected, HALF, REACH_PX, free)

@@ -450,16 +450,12 @@ def test_the_noise_of_the_azimuth_knob_is_longer_than_the_skys_where_its_error_i
     ("direction", "backlash_turns", "said"),
     [(1, 0.1, True), (1, 2.0 / 360.0, True), (1, 1.9 / 360.0, False), (-1, 0.1, False), (0, 0.1, False)],
 )
-def test_backlash_is_named_when_the_bolt_comes_back_through_as_much_as_a_hand_can_turn(
-    direction, backlash_turns, said
-):
+def test_backlash_is_named_when_the_bolt_comes_back_through_as_much_as_a_hand_can_turn(direction, backlash_turns, said):
     bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, backlash_turns, direction)
     told = BoltTutor(bolts=(bolt, AZIMUTH_BOLT)).advise(error_at(4000.0, 0.0))
     assert told.turns < 0.0
     assert ("(backlash included)" in told.words) is said
-    assert told.words.endswith(
-        "anticlockwise (backlash included), then wait." if said else "clockwise, then wait."
-    )
+    assert told.words.endswith("anticlockwise (backlash included), then wait." if said else "clockwise, then wait.")
 
 
 @pytest.mark.parametrize(("goals", "told"), [(1.43, None), (1.47, Knob.ALTITUDE)])
