@@ -13,8 +13,8 @@ from kochab.frames.hints import Aim, aim_from_keywords, zone_from_keywords
 from kochab.lab.bench import polar_sweeps as sky
 from kochab.lab.bench.polar_faults import axis_told, solved_files, true_axis
 from kochab.polar.error import CHI2_95
-from kochab.polar.horizon import Horizon, sun_altitude_deg
 from kochab.polar.measure import Measurement, NoAxis, PolarFindingKind
+from kochab.sky.horizon import Horizon, sun_altitude_deg
 from kochab.workflows.polar.site_and_clock import given_doubts, horizon_agrees
 from kochab.workflows.polar.solutions import FilesRequest, axis_of
 

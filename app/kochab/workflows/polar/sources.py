@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from kochab.core import config_folder, tr, tr_noop
-from kochab.core.attitude import wrapped
+from kochab.core.attitude import ARCSEC, rotation_vector, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Site
@@ -26,9 +26,7 @@ from kochab.frames.hints import NO_ZONE, Aim, aim_from_keywords, aware_utc, zone
 from kochab.polar.bolts import Pitches
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.measure import NIGHT_HOURS, MeasureSettings
-from kochab.polar.rotations import ARCSEC, rotation_vector
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
-from kochab.sky.horizon import Horizon, sun_altitude_deg
 from kochab.solver import SolveOptions
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.solve_frame import solve_file, solve_open_frame
