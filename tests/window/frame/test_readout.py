@@ -9,7 +9,7 @@ import pytest
 from kochab.core.angle_text import AngleStyle, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
-from kochab.polar.horizon import horizon_of
+from kochab.sky.horizon import horizon_of
 from kochab.window.frame.readout import readout
 from tests.window.fakes import fake_solution, star_field
 

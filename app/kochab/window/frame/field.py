@@ -9,8 +9,8 @@ from kochab.core.angle_text import altaz_text
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
-from kochab.polar.horizon import Horizon, horizon_of
 from kochab.sky.finder import finder
+from kochab.sky.horizon import Horizon, horizon_of
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.window.frame.session import Known, Session

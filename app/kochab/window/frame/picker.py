@@ -6,7 +6,7 @@ import numpy as np
 from PySide6.QtCore import QObject, Signal
 
 from kochab.core.solution import Solution
-from kochab.polar.horizon import Horizon
+from kochab.sky.horizon import Horizon
 from kochab.sky.layer import Mark
 from kochab.window.frame.readout import readout
 from kochab.window.frame.session import Session

@@ -7,7 +7,7 @@ from kochab.core.angle_text import AngleStyle, altaz_text, radec_text
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame, Site
 from kochab.core.solution import Solution
-from kochab.polar.horizon import horizon_of
+from kochab.sky.horizon import horizon_of
 
 
 def readout(

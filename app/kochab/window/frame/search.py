@@ -13,6 +13,7 @@ from kochab.core.frame import Hint, Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.sky.finder import Found, NotFound, find
+from kochab.sky.horizon import horizon_of
 from kochab.window.frame.picker import Picker
 from kochab.window.frame.session import Session
 from kochab.window.settings import WindowSettings

@@ -16,7 +16,7 @@ from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection
 from kochab.polar.bolts import Base
 from kochab.polar.error import Imaging
-from kochab.polar.horizon import Pole, name_of
+from kochab.polar.pole import Pole, name_of
 from kochab.window.polar.alignment_run import NO_MOUNT
 from kochab.window.polar.frame_fields import FrameFields
 from kochab.window.services import Services
