@@ -8,10 +8,11 @@ import pytest
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_guided as bench
 from kochab.polar.error import CHI2_95
-from kochab.polar.horizon import Pole, Refraction
 from kochab.polar.measure import PolarFindingKind
+from kochab.polar.pole import Pole
 from kochab.polar.pulses import behind_play, pulse_response
-from kochab.workflows.polar.solutions import FilesTold, axis_of
+from kochab.sky.horizon import Refraction
+from kochab.workflows.polar.solutions import FilesRequest, axis_of
 from tests.nights.guide_logs import Play
 
 STEP_S = 3.0
@@ -87,9 +88,9 @@ def answers(path, text, evening):
     """Of a log: with no word of its sign, and with each."""
     head = "PHD2 version 2.6.13, Log version 2.5. Log enabled at 2026-03-14 20:00:00"
     path.write_text(f"{head}\n{text}")
-    told = FilesTold(Site(evening.latitude_deg, 0.0), Pole.TRUE, Refraction(0.0))
+    told = FilesRequest(Site(evening.latitude_deg, 0.0), Pole.TRUE, Refraction(0.0))
     return [
-        axis_of([], [], [str(path)], FilesTold(told.site, told.pole, told.refraction, dec_sign=sign)).result
+        axis_of([], [], [str(path)], FilesRequest(told.site, told.pole, told.refraction, dec_sign=sign)).result
         for sign in (0, 1, -1)
     ]
 
