@@ -19,14 +19,19 @@ def night(tmp_path, monkeypatch):
     return path
 
 
+def linked(link: Path, to: str | Path) -> Path:
+    """A symbolic link, where the system makes one."""
+    link.symlink_to(to, target_is_directory=Path(to).is_dir())
+    if not link.is_symlink():  # Wine 10: CreateSymbolicLinkW does nothing and says it is done
+        pytest.skip("this system says that it made a symbolic link, and made none")
+    return link
+
+
 def other_name(night: Path, kind: str) -> str:
     """The same file called otherwise."""
     folder = night.parent
     if kind == "symlink":
-        (folder / "link.jpg").symlink_to(night)
-        if not (folder / "link.jpg").is_symlink():  # Wine 10: CreateSymbolicLinkW does nothing and says it is done
-            pytest.skip("this system says that it made a symbolic link, and made none")
-        return str(folder / "link.jpg")
+        return str(linked(folder / "link.jpg", night))
     if kind == "hard link":
         os.link(night, folder / "hard.jpg")
         return str(folder / "hard.jpg")
@@ -34,12 +39,10 @@ def other_name(night: Path, kind: str) -> str:
         (folder / "there").mkdir()
         return str(folder / "there" / ".." / "night.jpg")
     if kind == "link to a link":
-        (folder / "first.jpg").symlink_to("night.jpg")
-        (folder / "second.jpg").symlink_to("first.jpg")
-        return "second.jpg"
+        linked(folder / "first.jpg", "night.jpg")
+        return linked(folder / "second.jpg", "first.jpg").name
     if kind == "linked folder":
-        (folder / "there").symlink_to(folder, target_is_directory=True)
-        return str(folder / "there" / "NIGHT.jpg")
+        return str(linked(folder / "there", folder) / "NIGHT.jpg")
     return {
         "itself": str(night),
         "relative": "./night.jpg",

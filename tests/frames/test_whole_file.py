@@ -49,7 +49,8 @@ def test_what_is_no_file_is_written_into() -> None:
 
 @pytest.mark.parametrize(("content", "read"), [("α\n", "α\n".encode()), (b"\0\r\n", b"\0\r\n")])
 def test_what_is_written_is_read(tmp_path, content, read) -> None:
-    path = tmp_path / ("a" * 250)  # as long as a name may be: nothing can be put to its end
+    # As long as a name may be: nothing can be put to its end. Windows counts the folders too.
+    path = tmp_path / ("a" * (250 if sys.platform != "win32" else 255 - len(str(tmp_path))))
     for _ in range(2):
         write_atomically(path, content)
     assert path.read_bytes() == read

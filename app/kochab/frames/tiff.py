@@ -87,6 +87,9 @@ def read_raw(path: Path) -> Frame:
         except rawpy.LibRawFileUnsupportedError:
             raise FrameError("is not a raw file that LibRaw knows.") from None
         check_size(int(raw.sizes.raw_width), int(raw.sizes.raw_height), 2, path.stat().st_size)
+    # Opened anew: whoever has asked for its sizes may not unpack it, with a rawpy before 0.25.
+    with decoding("raw"), rawpy.RawPy() as raw:
+        raw.open_file(str(path))
         raw.unpack()
         pixels, colour, bayer, saturation, header = _from_raw(raw)
     height, width = pixels.shape
