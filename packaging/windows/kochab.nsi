@@ -3,7 +3,7 @@
 ; For one person, without an administrator. Silent: SETUP.exe /S [/D=C:\Some where], uninstall.exe /S [/FORGET].
 ; Removal takes all that was installed and the cache (an index of half a GB); settings, equipment profiles and the journal
 ; are the person's, and go when asked for: by the question, or silently by /FORGET.
-Unicode true
+Target amd64-unicode ; as the program; and Wine need not run 32 bits
 !include MUI2.nsh
 !include FileFunc.nsh
 !include LogicLib.nsh
@@ -18,7 +18,7 @@ InstallDir "$LOCALAPPDATA\Programs\Kochab"
 InstallDirRegKey HKCU "${KEY}" "InstallLocation"
 RequestExecutionLevel user
 !ifdef QUICK
-SetCompressor zlib
+SetCompress off
 !else
 SetCompressor /SOLID lzma
 !endif

@@ -18,7 +18,7 @@ link="$drive/users/root/AppData/Roaming/Microsoft/Windows/Start Menu/Programs/Ko
 failed=0
 mkdir -p "$logs"
 
-says() { # CASE WHETHER [LOG]
+says() { # CASE WHETHER [LOG]; whether is a code, kept before anything else is asked
   if [ "$2" = 0 ]; then echo "ok      $1"; else failed=1; echo "FAILED  $1"; [ -z "${3:-}" ] || tail -5 "$3" | cut -c1-300 | sed 's/^/          /'; fi
 }
 
@@ -44,7 +44,8 @@ left >"$logs/before.txt"
 
 there 'wine /win/setup.exe /S; echo "exit $?"; wineserver -w' >"$logs/install.log" 2>&1
 grep -q 'exit 0' "$logs/install.log" && [ -e "$programs/kochab.exe" ] && [ -e "$programs/kochab-window.exe" ] && [ -e "$link" ]
-says "installs silently, for one person, with its place in the start menu ($(du -sm "$programs" 2>/dev/null | cut -f1) MB)" $? "$logs/install.log"
+code=$?
+says "installs silently, for one person, with its place in the start menu ($(du -sm "$programs" 2>/dev/null | cut -f1) MB)" $code "$logs/install.log"
 
 left >"$logs/installed.txt"
 for ending in fits fit fts xisf tif tiff jpg jpeg; do
@@ -55,7 +56,8 @@ done
 cp "$here/../../resources/samples/orion.png" "$drive/users/root/Orion über dem Haus.png"
 there "wine 'C:\\users\\root\\AppData\\Local\\Programs\\Kochab\\kochab.exe' solve 'C:\\users\\root\\Orion über dem Haus.png' --json; echo \"exit \$?\"" >"$logs/solve.log" 2>&1
 grep -q '"solved": true' "$logs/solve.log" && grep -q 'exit 0' "$logs/solve.log"
-says "solves a sample: $(grep -o '"ra_deg": [0-9.]*, "dec_deg": [-0-9.]*' "$logs/solve.log" | head -1)" $? "$logs/solve.log"
+code=$?
+says "solves a sample: $(grep -o '"ra_deg": [0-9.]*, "dec_deg": [-0-9.]*' "$logs/solve.log" | head -1)" $code "$logs/solve.log"
 cp "$here/../../resources/samples/pleiades.fits" "$drive/users/root/M 45.fits"
 there "wine 'C:\\users\\root\\AppData\\Local\\Programs\\Kochab\\kochab.exe' solve 'C:\\users\\root\\M 45.fits' 'C:\\users\\root\\Orion über dem Haus.png' --workers 2 --json; echo \"exit \$?\"" >"$logs/workers.log" 2>&1
 [ "$(grep -c '"solved": true' "$logs/workers.log")" = 2 ]
@@ -81,7 +83,8 @@ says "is not installed over a running Kochab" $? "$logs/window.log"
 remove "" >"$logs/remove.log" 2>&1
 left >"$logs/removed.txt"
 [ ! -e "$programs" ] && [ ! -e "$link" ] && [ ! -e "$own/Cache" ] && ! grep -i '^\[.*kochab\|^".*kochab' "$logs/removed.txt"
-says "is removed silently; what stays are settings and the journal: $(cd "$own" 2>/dev/null && find . -type f | wc -l) files" $? "$logs/removed.txt"
+code=$?
+says "is removed silently; what stays are settings and the journal: $(cd "$own" 2>/dev/null && find . -type f | wc -l) files" $code "$logs/removed.txt"
 
 there 'wine /win/setup.exe /S; wineserver -w' >>"$logs/install.log" 2>&1
 remove /FORGET >>"$logs/remove.log" 2>&1
