@@ -1,7 +1,5 @@
 """The shared picture: the file's own colours in full size, and the sky where it belongs."""
 
-import csv
-import io
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -32,9 +30,7 @@ from kochab.workflows.annotated_image import (
     dated_drawing,
     drawing_of,
     font_of,
-    objects_csv,
     picture_of,
-    sky_regions,
     write_stellarium,
 )
 
@@ -269,36 +265,7 @@ def test_values_of_a_grid_stand_free_of_names_and_the_credit():
                 assert one[0] >= other[2] or other[0] >= one[2] or one[1] >= other[3] or other[1] >= one[3]
 
 
-def test_the_table_lists_what_is_in_the_frame():
-    answer = solution()
-    rows = {row["name"]: row for row in csv.DictReader(io.StringIO(objects_csv(BARE, answer)))}
-    flame = rows["NGC 2024"]
-    assert "Flame Nebula" in flame["names"]
-    place = answer.sky_at(np.array([[float(flame["x"]), float(flame["y"])]]))[0]
-    assert radec_deg(place) == pytest.approx((float(flame["ra_deg"]), float(flame["dec_deg"])), abs=1e-3)
-    assert (rows["M 42"]["major_arcmin"], rows["M 42"]["type"]) == ("90", "Cl+N")
-    frame = replace(BARE, hint=Hint(time_utc=datetime(2023, 11, 3, 22, 0, tzinfo=UTC)))
-    first = next(csv.DictReader(io.StringIO(objects_csv(frame, solution(39.9, 14.0)))))
-    assert (first["name"], first["type"]) == ("Jupiter", "planet")
-    assert (float(first["ra_deg"]), float(first["dec_deg"])) == pytest.approx((38.125, 13.496), abs=0.01)  # PyEphem's
-    assert float(first["major_arcmin"]) == pytest.approx(0.82, abs=0.02)
-    assert first["minor_arcmin"] == first["pa_deg"] == ""
-
-
 BARE = Frame(np.zeros((960, 1280), np.uint8))
-
-
-def test_regions_have_the_galaxy_as_it_lies_and_the_planets_of_the_night():
-    """M 31 of OpenNGC: 178 x 70 arcmin at position angle 35."""
-    lines = sky_regions(Frame(np.zeros((960, 1280), np.uint8)), solution(10.7, 41.3)).splitlines()
-    line = next(line for line in lines if "{M 31}" in line)
-    ra, dec, major, minor, angle = (float(x) for x in line[8 : line.index(")")].replace('"', "").split(","))
-    assert (ra, dec) == pytest.approx((10.685, 41.269), abs=0.01)
-    assert (major, minor) == pytest.approx((5335.0, 2100.0), rel=0.1)
-    assert angle == 125.0  # counted from west
-    frame = Frame(np.zeros((960, 1280), np.uint8), hint=Hint(time_utc=datetime(2023, 11, 3, 22, 0, tzinfo=UTC)))
-    assert "{Jupiter}" in sky_regions(frame, solution(39.9, 14.0))
-    assert sky_regions(frame, solution(39.9, 14.0)).isascii()
 
 
 def test_fast_stars_are_named_where_they_are_when_the_frame_was_taken():

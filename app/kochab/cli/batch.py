@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.solution import Solution
     from kochab.sky.layer import Layers
     from kochab.sky.solar_system import Moving
+    from kochab.workflows.frame_objects import FrameObject
 
 
 class OfFile(Protocol):
@@ -203,6 +204,19 @@ def write_picture(
 
     found = NOTHING if detected is None else detected
     return _written(target, lambda: annotate(frame, solution, target, more, layers or USUAL, found))
+
+
+def write_objects(target: str, frame: "Frame", solution: "Solution", found: "Sequence[FrameObject]") -> list[str]:
+    """Write the objects of the frame: a table, DS9's regions, or Stellarium's script, by the ending."""
+    from kochab.frames.atomic_file import write_atomically
+    from kochab.workflows.annotated_image import write_stellarium
+    from kochab.workflows.frame_objects import objects_csv, sky_regions
+
+    ending = Path(target).suffix.lower()
+    if ending == ".ssc":
+        return _written(target, lambda: write_stellarium(frame, solution, target))
+    text = objects_csv(found) if ending == ".csv" else sky_regions(solution, found)
+    return _written(target, lambda: write_atomically(target, text))
 
 
 def _written(target: str, write: Callable[[], None]) -> list[str]:

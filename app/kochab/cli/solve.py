@@ -4,12 +4,13 @@ import argparse
 import json
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.batch import refuse_wcs_over, run_batch, write_picture, write_wcs_to
+from kochab.cli.batch import refuse_wcs_over, run_batch, write_objects, write_picture, write_wcs_to
 from kochab.cli.options import BATCH, Place, add_options, bound_of, detector_settings_of, named, options_of, whole
 from kochab.cli.output import Json, as_json, bodies_json
 from kochab.core.errors import KochabError, UsageError
@@ -21,17 +22,22 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.sky.solar_system import Moving
     from kochab.solver import SolveOptions
 
+TABLES = (".csv", ".reg", ".ssc")
 WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
 PIXELS = (2, 1_000_000, "size in pixels")
 
 
 @dataclass(frozen=True, slots=True)
 class SolveRequest:
-    """One file and what is to be written from it; ``list_size`` is the frame's, px, of a list of stars."""
+    """One file and what is to be written from it; ``list_size`` is the frame's, px, of a list of stars.
+
+    ``objects`` is the file that the frame's objects go to, "" for the JSON alone, None for nowhere.
+    """
 
     file: str
     wcs: str | None = None
     annotate: str | None = None
+    objects: str | None = None
     list_size: tuple[int, int] | None = None
 
 
@@ -53,6 +59,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="NAMES",
         help="extra layers for --annotate, comma-separated; no-NAME hides one: altaz,ecliptic,no-grid",
     )
+    parser.add_argument(
+        "--objects",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="list what is in the frame with --json, or in FILE: .csv, .reg for DS9, .ssc for Stellarium",
+    )
     help_text = (
         "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
     )
@@ -63,7 +76,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve every file, print as they are done."""
     layers = layers_of(args.layers) if args.layers else None
-    return _solve(args, _wishes(args), args.detector, tuple(args.elements), args.site, layers)
+    return _solve(args, _requests(args), args.detector, tuple(args.elements), args.site, layers)
 
 
 def _solve(
@@ -139,25 +152,43 @@ def solve_one(
     if isinstance(result, Solution):
         if request.wcs is not None:
             failures += write_wcs_to(request.wcs, result)
-        if request.annotate is not None and frame is not None:
+        if frame is not None and (request.annotate is not None or request.objects is not None):
             dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
-            found_px = solved.detections.xy
-            failures += write_picture(request.annotate, dated, result, tables_of(elements), layers, found_px)
+            if request.annotate is not None:
+                found_px = solved.detections.xy
+                failures += write_picture(request.annotate, dated, result, tables_of(elements), layers, found_px)
+            if request.objects is not None:
+                from kochab.workflows.frame_objects import objects_json, objects_of
+
+                objects = objects_of(dated, result, tables_of(elements))
+                outcome["objects"] = objects_json(objects)
+                failures += write_objects(request.objects, dated, result, objects) if request.objects else []
     return {**outcome, "failures": failures} if failures else outcome
 
 
-def _wishes(args: argparse.Namespace) -> list[SolveRequest]:
+def _requests(args: argparse.Namespace) -> list[SolveRequest]:
     files = [name for given in named(args.files) for name in _expand(given)]
-    target = None if args.annotate is None else Path(args.annotate)
-    if target is None:
-        return [SolveRequest(file, _wcs_of(args, file)) for file in files]
-    if not target.is_dir() and target.suffix.lower() not in WRITTEN:
-        raise UsageError(f"--annotate {target}: the image is a .png, .jpg, .tif, .pdf or .svg.")
+    pictures = _targets(args.annotate, files, "--annotate", WRITTEN, "image")
+    tables = _targets(args.objects, files, "--objects", TABLES, "list")
+    return [
+        SolveRequest(file, _wcs_of(args, file), picture, table)
+        for file, picture, table in zip(files, pictures, tables, strict=True)
+    ]
+
+
+def _targets(given: str | None, files: list[str], option: str, endings: Sequence[str], what: str) -> list[str | None]:
+    """What is written from each file, where ``given`` is one file's name or a folder; UsageError."""
+    if not given:  # not asked for, or for the JSON alone
+        return [given] * len(files)
+    target = Path(given)
     if target.is_dir():
-        return [SolveRequest(f, _wcs_of(args, f), str(target / f"{Path(f).name}.png")) for f in files]
+        return [str(target / f"{Path(file).name}{endings[0]}") for file in files]
+    if target.suffix.lower() not in endings:
+        *most, last = endings
+        raise UsageError(f"{option} {target}: the {what} is a {', '.join(most)} or {last}.")
     if len(files) > 1:
-        raise UsageError(f"--annotate {target} is one image for {len(files)} frames: name a folder.")
-    return [SolveRequest(file, _wcs_of(args, file), str(target)) for file in files]
+        raise UsageError(f"{option} {target} is one {what} for {len(files)} frames: name a folder.")
+    return [given]
 
 
 def _wcs_of(args: argparse.Namespace, file: str) -> str | None:
@@ -173,6 +204,7 @@ def _refuse_overwriting(requests: list[SolveRequest], overwrite: bool) -> None:
     headers = _refuse_shared([(w.wcs, w.file) for w in requests if w.wcs], "WCS", "solve them with --wcs")
     after = "solve them one after the other into different folders"
     pictures = _refuse_shared([(w.annotate, w.file) for w in requests if w.annotate], "image", after)
+    pictures |= _refuse_shared([(w.objects, w.file) for w in requests if w.objects], "list", after)
     if headers:
         refuse_wcs_over(headers, inputs, overwrite)
     if pictures:

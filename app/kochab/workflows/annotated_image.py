@@ -21,7 +21,7 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.export import avm_packet, compass, csv_text, ds9_regions
+from kochab.frames.export import avm_packet, compass
 from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.sky.frame_bodies import body_marks
@@ -372,49 +372,3 @@ def stellarium_script(solution: Solution, picture: str) -> str:
             f"StelMovementMgr.zoomTo({2.0 * max(solution.camera.fov_deg):.3f}, 1);\n",
         )
     )
-
-
-def objects_csv(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:
-    """The bodies and deep-sky objects of the frame, the best known first.
-
-    Places in px and ICRS degrees, magnitudes, sizes in arcmin, position angles in degrees.
-    """
-    tables = sky_tables()
-    objects = tables.objects
-    head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "major_arcmin", "minor_arcmin", "pa_deg")
-    rows: list[tuple[object, ...]] = [head]
-    for mark in in_frame(tables, solution, also=run(body_marks(frame, solution, more=more))).marks:
-        if mark.kind != "star":
-            k, body, names = mark.row, mark.body, ""
-            if body is not None:
-                ra, dec = body.ra_deg, body.dec_deg
-                sizes = (body.magnitude, body.diameter_arcsec / 60.0 or np.nan, np.nan, np.nan)
-            else:
-                (ra, dec), names = radec_deg(objects.vector[k]), ";".join(objects.names(k)[1:])
-                sizes = (objects.mag[k], objects.major[k], objects.minor[k], objects.pa_deg[k])
-            place = (f"{mark.xy[0]:.2f}", f"{mark.xy[1]:.2f}", f"{ra:.5f}", f"{dec:.5f}")
-            texts = ("" if np.isnan(value) else f"{value:g}" for value in sizes)
-            rows.append((mark.short, names, mark.kind, *place, *texts))
-    return csv_text(rows)
-
-
-def sky_regions(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> str:
-    """DS9's regions of the stars, and of the frame's deep-sky objects and bodies, ICRS.
-
-    DS9 counts an ellipse's angle from west over north, 90 degrees more than the position angle.
-    """
-    objects, lines = sky_tables().objects, []
-    marks = in_frame(sky_tables(), solution, also=run(body_marks(frame, solution, more=more))).marks
-    for mark in (mark for mark in marks if mark.kind != "star"):
-        k, body = mark.row, mark.body
-        ra, dec = radec_deg(objects.vector[k] if body is None else body.vector)
-        sides = (objects.major[k], objects.minor[k]) if body is None else (body.diameter_arcsec / 60.0, np.nan)
-        major, minor = (float(side) * 30.0 for side in sides)  # diameters in arcmin, radii in arcsec
-        least = DOT_PX * solution.camera.scale_arcsec_px
-        shape = f'circle({ra:.6f},{dec:.6f},{max(float(np.nan_to_num(major)), least):.2f}")'
-        if body is None and np.isfinite([minor, objects.pa_deg[k]]).all():
-            shape = f'ellipse({ra:.6f},{dec:.6f},{major:.2f}",{minor:.2f}",{(objects.pa_deg[k] + 90.0) % 360.0:g})'
-        ink = INKS[FAMILIES.get(mark.kind, "nebula")]
-        name = mark.short.encode("ascii", "replace").decode()
-        lines.append(f"{shape} # color={ink} text={{{name}}}\n")
-    return ds9_regions(solution) + "".join(lines)

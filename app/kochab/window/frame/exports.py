@@ -22,7 +22,8 @@ from kochab.window.dialogs import ask_save, save_task, tell
 from kochab.window.frame.session import Session
 from kochab.window.image.overlay import Overlay
 from kochab.window.settings import WindowSettings
-from kochab.workflows.annotated_image import annotate, objects_csv, sky_regions, write_stellarium
+from kochab.workflows.annotated_image import annotate, write_stellarium
+from kochab.workflows.frame_objects import objects_csv, objects_of, sky_regions
 from kochab.workflows.session.wiring import ToJson
 
 Write = Callable[[Frame, Solution, Path], None]
@@ -48,7 +49,7 @@ EXPORTS = (
         tr_noop("&DS9 regions…"),
         ".reg",
         tr_noop("DS9 regions (*.reg)"),
-        lambda f, s, p: write_atomically(p, sky_regions(f, s, kept_elements())),
+        lambda f, s, p: write_atomically(p, sky_regions(s, objects_of(f, s, kept_elements()))),
     ),
     Export("wcs", tr_noop("&WCS header…"), ".wcs", tr_noop("WCS header (*.wcs)"), lambda _, s, p: write_wcs(s, p)),
     Export(
@@ -63,7 +64,7 @@ EXPORTS = (
         tr_noop("&Objects as CSV…"),
         "-objects.csv",
         CSV,
-        lambda f, s, p: write_atomically(p, objects_csv(f, s, kept_elements())),
+        lambda f, s, p: write_atomically(p, objects_csv(objects_of(f, s, kept_elements()))),
     ),
     Export(
         "stellarium",
