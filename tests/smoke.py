@@ -20,6 +20,7 @@ SMOKE = {
     "identification": ("identification/test_codes.py", "identification/test_shapes.py", "identification/test_laws.py"),
     "lab": ("lab/methods/test_pairs.py", "lab/bench/test_report.py"),
     "polar": ("polar/test_axis.py", "polar/test_plan.py", "polar/test_report.py"),
+    "pointing": ("pointing/test_disagreement_odds.py",),
     "server": ("server",),
     "simulate": ("simulate/test_clock.py", "simulate/test_mechanics_axis.py", "simulate/test_stars.py"),
     "sky": ("sky/test_container.py", "sky/test_apparent.py", "sky/test_finder.py"),

@@ -9,8 +9,8 @@ from kochab.core.attitude import apart_deg
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Pointing
 from kochab.gear.mounts.coordinates import from_mount_epoch
+from kochab.pointing.disagreement import MountSighting
 from kochab.sky.horizon import sidereal_deg
-from kochab.solver.disagreement import MountSighting
 from kochab.workflows.pointing_model import load_sightings, save_sightings
 from tests.cli.test_mount import SITE, run, simulated
 

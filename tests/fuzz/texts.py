@@ -141,7 +141,7 @@ def check_guide_log(data: bytes, folder: Path) -> None:
 
 def _sightings(folder: Path) -> list[bytes]:
     from kochab.core.mount import Epoch, PierSide, Pointing
-    from kochab.solver.disagreement import MountSighting
+    from kochab.pointing.disagreement import MountSighting
     from kochab.workflows.pointing_model import save_sightings
 
     rows = [MountSighting((10.0, 20.0), Pointing(10.1, 20.1, Epoch.J2000), WHEN, SITE, PierSide.EAST, alt_azimuth=True)]

@@ -10,9 +10,9 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.core.mount import Epoch, PierSide, Pointing, SiteReport
 from kochab.core.solution import NoSolution, Reason
+from kochab.pointing.disagreement import Cause, MountSighting, Seen, causes, fit, investigate, residuals, weigh
 from kochab.solver import diagnosis
 from kochab.solver.diagnosis import Evidence, diagnose
-from kochab.solver.disagreement import Cause, MountSighting, Seen, causes, fit, investigate, residuals, weigh
 from kochab.solver.frame_quality import Bins, FrameLevels, Trails, measure_light, measure_trails
 
 NAN = float("nan")

@@ -5,6 +5,7 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
+from tests.solver.test_pointing_model import bad_mount
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, RefusedError, UsageError
@@ -12,13 +13,12 @@ from kochab.core.mount import Epoch, PierSide
 from kochab.core.progress import run
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
-from kochab.solver.pointing_model import fit_model
+from kochab.pointing.pointing_model import fit_model
 from kochab.workflows.goto_target import Target, aimed, goto_target
 from kochab.workflows.pointing_model import load_sightings, save_sightings, use_model
 from tests.gear.mounts.bench import LIMITS, SITE, START, place
 from tests.gear.mounts.imaginary import Imaginary
-from tests.solver.faulty_mounts import sightings
-from tests.solver.test_pointing_model import bad_mount
+from tests.pointing.faulty_mounts import sightings
 
 
 def night():

@@ -13,8 +13,8 @@ from kochab.core.mount import Epoch, PierSide, Pointing
 from kochab.core.text_input import read_json
 from kochab.frames.atomic_file import atomic_file
 from kochab.gear.mounts.guard import Guard
-from kochab.solver.disagreement import MountSighting
-from kochab.solver.pointing_model import PointingModel
+from kochab.pointing.disagreement import MountSighting
+from kochab.pointing.pointing_model import PointingModel
 
 LASTS = timedelta(hours=16)  # a night: a mount is seldom still aligned the same way on the next
 

@@ -14,7 +14,7 @@ from kochab.core.solution import NoSolution, Solution, SolveNow, no_solution_tex
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
-from kochab.solver.disagreement import Disagreement, MountSighting, investigate
+from kochab.pointing.disagreement import Disagreement, MountSighting, investigate
 from kochab.workflows.fresh_frame import NoMoreFramesError
 from kochab.workflows.goto_target import with_retries
 from kochab.workflows.sync_mount import require_allowed, solves_apart_arcsec

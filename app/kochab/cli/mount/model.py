@@ -30,7 +30,7 @@ def add_model(actions: "argparse._SubParsersAction[Any]", name: str, text: str) 
 
 def run_model(args: argparse.Namespace) -> int:
     """Add a sighting, and tell the model."""
-    from kochab.solver.pointing_model import fit_model
+    from kochab.pointing.pointing_model import fit_model
     from kochab.workflows.pointing_model import load_sightings, save_sightings
     from kochab.workflows.recover_mount import sighted
 

@@ -14,7 +14,7 @@ from kochab.core.errors import UsageError
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard
-    from kochab.solver.pointing_model import PointingModel
+    from kochab.pointing.pointing_model import PointingModel
     from kochab.workflows.centre_target import Centring
     from kochab.workflows.goto_target import Target
 
@@ -103,7 +103,7 @@ def _model(args: argparse.Namespace) -> "PointingModel | None":
     """The pointing model that a goto is given."""
     if args.action != "goto" or args.model is None:
         return None
-    from kochab.solver.pointing_model import fit_model
+    from kochab.pointing.pointing_model import fit_model
     from kochab.workflows.pointing_model import load_sightings
 
     return fit_model(load_sightings(args.model))

@@ -17,7 +17,7 @@ from kochab.core.solution import NoSolution
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard
-    from kochab.solver.disagreement import Disagreement
+    from kochab.pointing.disagreement import Disagreement
     from kochab.workflows.recover_mount import Recovery
 
 
@@ -137,7 +137,7 @@ def add_disagree(actions: "argparse._SubParsersAction[Any]", name: str, text: st
 
 def run_disagree(args: argparse.Namespace) -> int:
     """Solve, ask the mount, and name the cause."""
-    from kochab.solver.disagreement import investigate
+    from kochab.pointing.disagreement import investigate
     from kochab.workflows.pointing_model import load_sightings, save_sightings
     from kochab.workflows.recover_mount import sighted
 

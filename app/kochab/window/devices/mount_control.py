@@ -33,7 +33,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.profiles import current_profile, keep_profile
 from kochab.gear.session import CameraSelection, MountSelection, Opening, Practice, PracticeOpening, port_opening
-from kochab.solver.disagreement import MountSighting
+from kochab.pointing.disagreement import MountSighting
 from kochab.window.devices.cameras import Cameras
 from kochab.window.frame.session import Session
 from kochab.window.job import Job, Jobs

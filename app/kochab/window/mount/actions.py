@@ -14,8 +14,8 @@ from kochab.core.solution import NoSolution, Solution
 from kochab.gear.actions import action
 from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
 from kochab.gear.mounts.guard import Guard
-from kochab.solver.disagreement import Disagreement
-from kochab.solver.pointing_model import fit_model
+from kochab.pointing.disagreement import Disagreement
+from kochab.pointing.pointing_model import fit_model
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.services import Services
 from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed

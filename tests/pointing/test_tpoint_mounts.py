@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kochab.core.frame import Site
-from kochab.solver.disagreement import investigate
-from tests.solver.tpoint_mounts import FAULTS, NEEDS, TpointMount, make, sightings, verdicts
+from kochab.pointing.disagreement import investigate
+from tests.pointing.tpoint_mounts import FAULTS, NEEDS, TpointMount, make, sightings, verdicts
 
 CASES = 10
 

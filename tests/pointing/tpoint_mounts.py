@@ -1,6 +1,6 @@
 """Mounts with one thing wrong, by the terms of Wallace's TPOINT as exact rotations, with ERFA and nothing else.
 
-Written by who has the manual of TPOINT and ERFA's, not from :mod:`kochab.solver.disagreement`, whose input type is all
+Written by who has the manual of TPOINT and ERFA's, not from :mod:`kochab.pointing.disagreement`, whose input type is all
 that is used of it. Conventions: hour angles west positive, azimuths from north over east; ``h, d`` (``a, e`` of a mount
 in altitude and azimuth) are the axes' own readings, and a reading is turned into the tube's true direction by
 
@@ -28,7 +28,7 @@ import numpy as np
 
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing, SiteReport
-from kochab.solver.disagreement import MountSighting, investigate
+from kochab.pointing.disagreement import MountSighting, investigate
 
 CASES, MOST_SIGHTINGS = 200, 5
 NOISE_ARCMIN = 1.8
@@ -201,7 +201,7 @@ def verdicts(fault: str, cases: int, seed: int = 1) -> Iterator[Verdict]:
 
 
 def main() -> None:
-    """Tell how often the one thing that is wrong is named: ``python -m tests.solver.tpoint_mounts [CASES]``."""
+    """Tell how often the one thing that is wrong is named: ``python -m tests.pointing.tpoint_mounts [CASES]``."""
     cases = int(sys.argv[1]) if len(sys.argv) > 1 else CASES
     for fault in FAULTS:
         found = list(verdicts(fault, cases))

@@ -1,6 +1,6 @@
 """Mounts with one thing wrong, made from axes and rotations with ERFA: the truth for the detective.
 
-Nothing here is shared with :mod:`kochab.solver.disagreement`: both axes are turned, the tube's place
+Nothing here is shared with :mod:`kochab.pointing.disagreement`: both axes are turned, the tube's place
 follows from rotations, and what the mount says from its own clock, site and settings.
 """
 
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing, SiteReport
-from kochab.solver.disagreement import MountSighting, investigate
+from kochab.pointing.disagreement import MountSighting, investigate
 
 CASES, MOST_SIGHTINGS = 200, 5
 NOISE_ARCMIN = 2.0
@@ -168,7 +168,7 @@ def verdicts(fault: str, cases: int, seed: int = 1) -> Iterator[tuple[int, str]]
 
 
 def main() -> None:
-    """Tell how often the one thing that is wrong is named: ``python -m tests.solver.faulty_mounts [CASES]``."""
+    """Tell how often the one thing that is wrong is named: ``python -m tests.pointing.faulty_mounts [CASES]``."""
     cases = int(sys.argv[1]) if len(sys.argv) > 1 else CASES
     for fault in FAULTS:
         named = [cause for _, cause in verdicts(fault, cases)]

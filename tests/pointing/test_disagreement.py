@@ -10,7 +10,7 @@ import pytest
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing, SiteReport
-from kochab.solver.disagreement import MountSighting, investigate
+from kochab.pointing.disagreement import MountSighting, investigate
 
 SITE = Site(47.0, 8.5)
 SOUTH = Site(-33.9, 151.2)

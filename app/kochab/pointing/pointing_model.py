@@ -1,6 +1,6 @@
 """A pointing model: how far a mount is off everywhere, from frames solved in several places.
 
-Its terms are those of :mod:`kochab.solver.disagreement`: both axes' offsets, the lean of the first axis (2), the cone.
+The terms are those of :mod:`kochab.pointing.disagreement`: offsets of both axes, lean of the first axis (2), cone.
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,7 @@ from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch
-from kochab.sky.horizon import sidereal_deg
-from kochab.solver.disagreement import (
+from kochab.pointing.disagreement import (
     AXES,
     BUILT,
     CONES,
@@ -33,6 +32,7 @@ from kochab.solver.disagreement import (
     residuals,
     turned,
 )
+from kochab.sky.horizon import sidereal_deg
 
 FEWEST = 4  # sightings: eight numbers for five terms
 FARTHEST_DEG = 5.0  # beyond, a mount is to be aligned or synced

@@ -8,8 +8,8 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
-from kochab.solver.pointing_model import FEWEST, fit_model
-from tests.solver.faulty_mounts import _tilt, make, sightings
+from kochab.pointing.pointing_model import FEWEST, fit_model
+from tests.pointing.faulty_mounts import _tilt, make, sightings
 
 NEW = 6  # places that the model has not seen
 

@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Site
 from kochab.core.mount import PierSide, SiteReport
-from kochab.solver.disagreement import Cause, Seen, causes, fit, investigate, weigh
+from kochab.pointing.disagreement import Cause, Seen, causes, fit, investigate, weigh
 
 from .test_disagreement import SITE, SKIES, TIME, at_hours, of_date, sidereal, sighting
 

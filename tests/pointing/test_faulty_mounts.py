@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kochab.solver.disagreement import Seen, causes, fit, investigate
-from tests.solver.faulty_mounts import FAULTS, FROM, FaultyMount, make, sightings, verdicts
+from kochab.pointing.disagreement import Seen, causes, fit, investigate
+from tests.pointing.faulty_mounts import FAULTS, FROM, FaultyMount, make, sightings, verdicts
 
 NIGHTS = 6
 
