@@ -5,7 +5,6 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from tests.solver.test_pointing_model import bad_mount
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, RefusedError, UsageError
@@ -19,6 +18,7 @@ from kochab.workflows.pointing_model import load_sightings, save_sightings, use_
 from tests.gear.mounts.bench import LIMITS, SITE, START, place
 from tests.gear.mounts.imaginary import Imaginary
 from tests.pointing.faulty_mounts import sightings
+from tests.pointing.test_pointing_model import bad_mount
 
 
 def night():

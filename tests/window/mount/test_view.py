@@ -619,9 +619,8 @@ def picture(widget):
 
 
 def test_a_pointing_model_is_made_of_what_diagnose_has_seen_and_ends_with_a_sync(qtbot, opened):
-    from tests.solver.test_pointing_model import bad_mount
-
     from tests.pointing.faulty_mounts import sightings
+    from tests.pointing.test_pointing_model import bad_mount
 
     _, commands = opened
     with connected(qtbot, commands, "onstep") as mount:
