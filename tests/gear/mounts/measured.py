@@ -21,10 +21,10 @@ from tests.gear.mounts import indi_sequences
 from tests.gear.mounts.bench import LIMITS, SITE, alpaca, indi, place
 from tests.gear.mounts.sequences import MOUNTS, planned, play
 from tests.patterns import REPOSITORY
+from tests.pointing import tpoint_mounts
 from tests.pointing.faulty_mounts import CASES, FAULTS, verdicts
 from tests.simulate.dialects import DIALECT_RESPONDERS, open_any
 from tests.simulate.test_indi import ALSO, FAMILIES
-from tests.solver import tpoint_mounts
 
 EVENINGS, INDI_EVENINGS = 2000, 60
 QUICK_CASES, QUICK_EVENINGS = 40, 2 * len(MOUNTS)
