@@ -16,7 +16,7 @@ from kochab.gear.mounts.drivers import lx200
 from kochab.simulate.responders import open_responder
 from kochab.sky.horizon import sidereal_deg
 from tests.simulate.bench_telescope import BenchTelescope
-from tests.simulate.lines import serve_pty
+from tests.simulate.lines import serve
 
 SITE = Site(50.0, 8.0)
 
@@ -29,11 +29,11 @@ def _impatient(monkeypatch):
 
 @contextmanager
 def simulated(driver):
-    """A telescope that believes to point at the pole star's neighbourhood, on a pty."""
+    """A telescope that believes to point at the pole star's neighbourhood, on a line."""
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 60.0)
     telescope.sync((sidereal_deg(SITE, datetime.now(UTC)) + 90.0) % 360.0, 85.0)
     telescope.log.clear()
-    with serve_pty(open_responder(driver, telescope)) as port:
+    with serve(open_responder(driver, telescope)) as port:
         yield telescope, port
 
 
@@ -88,7 +88,7 @@ def test_a_wrong_clock_is_told_refused_and_set(capsys) -> None:
     telescope.sync((sidereal_deg(SITE, datetime.now(UTC)) + 90.0) % 360.0, 85.0)
     responder = open_responder("onstep", telescope)
     responder.settings.clock_error = timedelta(hours=2)
-    with serve_pty(responder) as port:
+    with serve(responder) as port:
         line = ("--port", port, "--driver", "onstep", "--site", "50,8")
         there = ("--ra-deg", str((sidereal_deg(SITE, datetime.now(UTC)) + 60.0) % 360.0), "--dec-deg", "80")
         wrong = "its clock is 2.0 h fast (summer time or zone?)"
@@ -241,7 +241,7 @@ def test_stop_needs_no_word_of_a_motor_board(code, stands, capsys) -> None:
     board = open_responder("skywatcher", telescope)
     board.mount_code = code
     board.motors[1]._slewing_to = 20.0
-    with serve_pty(board) as port:
+    with serve(board) as port:
         ended, told = run(capsys, "stop", "--port", port, "--driver", "skywatcher")
     assert not telescope.slewing
     assert (ended, told) == (0, {"stopped": True}) if stands else "MAY STILL MOVE" in told["error"]

@@ -5,12 +5,14 @@
 
 import math
 import os
-import pty
 import re
 import select
 import threading
 import time
-import tty
+
+import pytest
+
+pty, tty = (pytest.importorskip(name) for name in ("pty", "tty"))  # Windows has none
 
 
 class _Motor:

@@ -29,7 +29,7 @@ there() { # COMMAND: in the root, in that Windows
 left() { # what is on the drive and in this person's registry; programs' own temporary files are not asked about
   (cd "$drive" && find . -path ./users/root/AppData/Local/Temp -prune -o -path ./users/root/Temp -prune -o -print | sort)
   there 'wine reg export HKCU /win/installed/hkcu.reg /y >/dev/null; wineserver -w'
-  iconv -f utf-16 "$prefix/hkcu.reg" 2>/dev/null | tr -d '\r' | grep -i kochab
+  iconv -f utf-16 "$prefix/hkcu.reg" 2>/dev/null | tr -d '\r' | awk '/^\[/ {key = $0} tolower($0) ~ /kochab/ {print key, $0}'
 }
 
 remove() { # OPTIONS: the uninstaller works in a copy of itself, which is waited for
@@ -49,7 +49,7 @@ says "installs silently, for one person, with its place in the start menu ($(du 
 
 left >"$logs/installed.txt"
 for ending in fits fit fts xisf tif tiff jpg jpeg; do
-  grep -q "\\.$ending.OpenWithProgids" "$logs/installed.txt"
+  grep -Fq "Classes\\.$ending\\OpenWithProgids] \"Kochab.Image\"" "$logs/installed.txt"
   says "\"Open with\" for .$ending" $?
 done
 
@@ -82,7 +82,7 @@ says "is not installed over a running Kochab" $? "$logs/window.log"
 
 remove "" >"$logs/remove.log" 2>&1
 left >"$logs/removed.txt"
-[ ! -e "$programs" ] && [ ! -e "$link" ] && [ ! -e "$own/Cache" ] && ! grep -i '^\[.*kochab\|^".*kochab' "$logs/removed.txt"
+[ ! -e "$programs" ] && [ ! -e "$link" ] && [ ! -e "$own/Cache" ] && ! grep '^\[' "$logs/removed.txt"
 code=$?
 says "is removed silently; what stays are settings and the journal: $(cd "$own" 2>/dev/null && find . -type f | wc -l) files" $code "$logs/removed.txt"
 

@@ -1,15 +1,29 @@
 """A simulated mount served on a line for as long as a block lasts."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from kochab.simulate.serial_line import Faults, pty_line, socket_line
+
+own_line = socket_line if sys.platform == "win32" else pty_line
+"""The line of a mount of our own: a pseudo-terminal, and a socket where the system has none."""
 
 
 @contextmanager
 def serve_pty(responder, faults: Faults | None = None) -> Iterator[str]:
     """The path of a pseudo-terminal on which ``responder`` answers."""
     line = pty_line(responder, faults)
+    try:
+        yield line.port
+    finally:
+        line.stop()
+
+
+@contextmanager
+def serve(responder, faults: Faults | None = None) -> Iterator[str]:
+    """The port on which ``responder`` answers, of the kind that the system has."""
+    line = own_line(responder, faults)
     try:
         yield line.port
     finally:

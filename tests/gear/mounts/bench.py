@@ -8,10 +8,11 @@ from kochab.core.frame import Site
 from kochab.core.mount import Home
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.simulate.serial_line import Faults, pty_line
+from kochab.simulate.serial_line import Faults
 from kochab.sky.horizon import sidereal_deg
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.dialects import open_any
+from tests.simulate.lines import own_line
 
 from .alpaca_telescope import AlpacaTelescope, alpaca_server
 from .indi_server import indi_server
@@ -48,7 +49,7 @@ def simulated(driver, slew_deg_s=20.0, aligned=True):
     telescope.aligned = aligned
     faults = Faults(late_s=0.5)
     responder = open_any(driver, telescope)
-    line = pty_line(responder, faults)
+    line = own_line(responder, faults)
     start = place(-20.0, 40.0, clock)
     telescope.sync(*start)
     telescope.log.clear()

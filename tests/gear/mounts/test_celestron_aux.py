@@ -14,11 +14,11 @@ from kochab.gear.mounts import open_mount, slew_supervisor
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.protocols import nexstar
-from kochab.simulate.serial_line import pty_line
 from tests.gear.mounts.bench import LIMITS, SITE, Night, moved, place, still
 from tests.gear.mounts.test_conformance import wait_for
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.celestron_aux import EVOLUTION, CelestronAuxResponder, frame
+from tests.simulate.lines import own_line
 
 FLIPS = Limits(allow_flip=True, longest_slew_deg=180.0)
 
@@ -37,7 +37,7 @@ def bench():
     clock, opened = Night(), []
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 60.0, clock.unix)
     far_end = CelestronAuxResponder(telescope)
-    line = pty_line(far_end)
+    line = own_line(far_end)
 
     def connect(**told):
         opened.append(open_mount("celestronaux", line.port, site=SITE, clock=clock, **told))

@@ -17,13 +17,13 @@ from kochab.gear.mounts.clock_and_site import wall_clock
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.simulate.serial_line import pty_line
 from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, Night, alpaca, moved, opened, place
 from tests.gear.mounts.imaginary import NIGHT, at, guarded
 from tests.gear.mounts.scripted import transcript
 from tests.gear.mounts.test_real_transcripts import GPS_START
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.dialects import open_any
+from tests.simulate.lines import own_line
 
 HOUR = timedelta(hours=1)
 ELSEWHERE = Site(48.0, -8.0)
@@ -306,7 +306,7 @@ def test_what_a_simulated_controller_believes_is_asked_and_set_as_its_protocol_s
     telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, clock.unix)
     telescope.sync(*place(-20.0, 40.0, clock))
     responder = open_any(driver, telescope)
-    line = pty_line(responder)
+    line = own_line(responder)
     try:
         mount = opened(driver, line.port, clock)
         guard = Guard(mount, SITE, LIMITS, clock=clock)
@@ -417,7 +417,7 @@ def test_nothing_is_set_that_nobody_asked_for() -> None:
         telescope = BenchTelescope(SITE.latitude_deg, SITE.longitude_deg, 20.0, clock.unix)
         telescope.sync(*place(-20.0, 40.0, clock))
         responder = open_any(driver, telescope)
-        line = pty_line(responder)
+        line = own_line(responder)
         mount = opened(driver, line.port, clock)
         guard = Guard(mount, SITE, Limits(crosses_meridian=True), clock=clock)
         before = responder.settings.__dict__.copy() if driver not in COUNTERS else {}

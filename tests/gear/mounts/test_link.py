@@ -1,11 +1,9 @@
 """The line itself: opened for ourselves alone, lost at once when it breaks, clear when it fails."""
 
 import os
-import pty
 import socket
 import stat
 import threading
-import tty
 from contextlib import nullcontext, suppress
 
 import pytest
@@ -14,6 +12,8 @@ from serial import SerialTimeoutException
 from kochab.core.errors import LineLostError, NoAnswerError, PortError
 from kochab.gear.mounts import open_mount, serial_line
 from kochab.gear.mounts.serial_line import SerialLink, not_opened
+
+pty, tty = (pytest.importorskip(name) for name in ("pty", "tty"))  # Windows has none
 
 
 @pytest.fixture

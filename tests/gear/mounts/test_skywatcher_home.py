@@ -19,12 +19,12 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.simulate.responders.skywatcher import NOT_STOPPED
 from kochab.simulate.responders.skywatcher import SkyWatcherResponder as Board
-from kochab.simulate.serial_line import pty_line
 from tests.gear.mounts.bench import LIMITS, SITE, Night, moved, place, still
 from tests.gear.mounts.scripted import transcript
 from tests.gear.mounts.test_conformance import wait_for
 from tests.gear.mounts.test_transcripts import MOTORS_START
 from tests.simulate.bench_telescope import BenchTelescope
+from tests.simulate.lines import own_line
 
 
 @contextmanager
@@ -36,7 +36,7 @@ def board(eqmod=False, slew_deg_s=60.0):
     far_end = Board(telescope)
     if eqmod:  # what its Init sends at home: both motors initialised, Dec a quarter turn above the middle
         far_end.feed(b":F1\r:F2\r:E2806CA2\r")
-    line = pty_line(far_end)
+    line = own_line(far_end)
     opened = []
 
     def connect(**told):
