@@ -49,7 +49,7 @@ def test_observed_places_agree_with_astropy(site, air):
     want = np.stack(
         [np.cos(there.alt) * np.sin(there.az), np.cos(there.alt) * np.cos(there.az), np.sin(there.alt)], axis=-1
     )
-    high = there.alt.deg > 5.0
+    high = there.alt.deg > 11.0  # lower, ERFA holds no longer: tests/sky/test_horizon.py
     seen = Horizon(site, WHEN, air).observed(unit_vectors(ra, dec))
     gap = np.linalg.norm(seen - want, axis=1)[high] / ARCSEC
     # UT1 - UTC, 44 ms that day, turns all the sky about the pole; polar motion 0.5 arcsec
@@ -69,7 +69,7 @@ def test_observed_places_are_those_of_erfas_own_chain(site, when):
     air = Refraction(900.0, 7.0, 0.2, 0.6)
     weather = (air.pressure_hpa, air.temperature_c, air.humidity, air.wavelength_um)
     azimuth, zenith, *_ = erfa.atco13(ra, dec, 0.0, 0.0, 0.0, 0.0, *utc, 0.0, *place, 0.0, 0.0, *weather)
-    high = zenith < np.radians(85.0)
+    high = zenith < np.radians(79.0)
     vectors = unit_vectors(np.degrees(ra), np.degrees(dec))
     seen = Horizon(site, when, air).observed(vectors)[high]
     level = np.sin(zenith[high])

@@ -1,6 +1,7 @@
 """Where a star is tonight: from ICRS to the horizon of a site (precession, aberration, refraction) and back.
 
-All of it is ERFA's (``apco``, ``atciqz``, ``atioq``). Nothing is downloaded: UT1 is taken for UTC,
+All of it is ERFA's (``apco``, ``atciqz``, ``atioq``) but the refraction below 10 degrees, where its two terms no
+longer hold (10' at the horizon; it is 34). Nothing is downloaded: UT1 is taken for UTC,
 which turns the sky by at most 0.9 s about the pole and so moves an axis by no more than its
 distance from the pole times 13.5 arcsec a radian; polar motion (0.3 arcsec) is left out.
 """
@@ -45,6 +46,20 @@ class Refraction:
 
 
 STANDARD_REFRACTION = Refraction()
+NO_AIR = Refraction(pressure_hpa=0.0)
+LOW_DEG, HIGH_DEG = 5.0, 10.0
+"""Geometric altitudes between which ERFA's refraction gives way to Saemundsson's."""
+
+
+def low_refraction_deg(altitude_deg: Floats, refraction: Refraction, site: Site) -> Floats:
+    """Refraction (N,), degrees, of low geometric altitudes (N,): Saemundsson 1986, Sky and Telescope 72, 70.
+
+    Below -1 deg, where nothing is seen, that of -1 deg. Within 0.1' of Bennett's inverse (1982).
+    """
+    h = np.maximum(altitude_deg, -1.0)
+    usual = 1.02 / np.tan(np.radians(h + 10.3 / (h + 5.11))) / 60.0
+    air = refraction.pressure_at(site) / 1010.0 * 283.0 / (273.0 + refraction.temperature_c)
+    return np.asarray(usual * air, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +77,20 @@ class Horizon:
         v = np.asarray(vectors, dtype=np.float64).reshape(-1, 3)
         ra, dec = np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))
         context = _context(self.site, self.time_utc, self.refraction)
-        azimuth, zenith_distance, *_ = erfa.atioq(*erfa.atciqz(ra, dec, context), context)
+        place = erfa.atciqz(ra, dec, context)
+        azimuth, zenith_distance, *_ = erfa.atioq(*place, context)
+        if (zenith_distance > np.radians(90.0 - HIGH_DEG)).any():
+            _, airless, *_ = erfa.atioq(*place, _context(self.site, self.time_utc, NO_AIR))
+            zenith_distance = self._lifted(airless, zenith_distance)
         level = np.sin(zenith_distance)
         return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.cos(zenith_distance)], axis=-1)
+
+    def _lifted(self, airless: Floats, erfas: Floats) -> Floats:
+        """Zenith distances (N,), radians, seen through the air: of ERFA's where they hold, else Saemundsson's."""
+        altitude = 90.0 - np.degrees(airless)
+        low = airless - np.radians(low_refraction_deg(altitude, self.refraction, self.site))
+        share = np.clip((HIGH_DEG - altitude) / (HIGH_DEG - LOW_DEG), 0.0, 1.0)
+        return np.asarray(erfas + share * (low - erfas))
 
     def catalogue(self, directions: Floats) -> Floats:
         """ICRS unit vectors (N, 3) of refracted directions (N, 3) in E, N, U (ERFA ``atoiq``, ``aticq``)."""
@@ -72,8 +98,24 @@ class Horizon:
 
         east, north, up = np.asarray(directions, dtype=np.float64).reshape(-1, 3).T
         context = _context(self.site, self.time_utc, self.refraction)
-        apparent = erfa.atoiq("A", np.arctan2(east, north), np.arctan2(np.hypot(east, north), up), context)
-        return np.asarray(erfa.s2c(*erfa.aticq(*apparent, context)))
+        azimuth, zenith_distance = np.arctan2(east, north), np.arctan2(np.hypot(east, north), up)
+        place = np.array(erfa.atoiq("A", azimuth, zenith_distance, context))
+        low = zenith_distance > np.radians(90.0 - HIGH_DEG)
+        if low.any():
+            place[:, low] = self._airless_place(azimuth[low], zenith_distance[low])
+        return np.asarray(erfa.s2c(*erfa.aticq(*place, context)))
+
+    def _airless_place(self, azimuth: Floats, zenith_distance: Floats) -> Any:
+        """Apparent RA and Dec (2, N), radians, of low directions that :meth:`observed` lifts to where they are seen."""
+        import erfa
+
+        context, bare = (_context(self.site, self.time_utc, air) for air in (self.refraction, NO_AIR))
+        airless = zenith_distance
+        for _ in range(12):  # the refraction changes by at most a fifth of a change of altitude
+            place = erfa.atoiq("A", azimuth, airless, bare)
+            _, erfas, *_ = erfa.atioq(*place, context)
+            airless = airless + zenith_distance - self._lifted(airless, erfas)
+        return erfa.atoiq("A", azimuth, airless, bare)
 
     def altaz_deg(self, vector: Floats) -> tuple[float, float]:
         """Refracted altitude and azimuth (from north through east), degrees, of an ICRS unit vector (3,)."""
