@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kochab.core.solution import Solution
     from kochab.server.phone_page import PhonePage
     from kochab.simulate.practice import PracticeNight
     from kochab.workflows.live.update import LiveUpdate
@@ -72,14 +71,8 @@ def _window(paths: list[str], language: str = "") -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    wiring = Wiring(_to_json, _practise, _to_record, _phone_page)
+    wiring = Wiring(_practise, _to_record, _phone_page)
     return run(paths, wiring, language)
-
-
-def _to_json(file: str, solution: "Solution") -> str:
-    from kochab.cli.output import as_json, to_line
-
-    return to_line(as_json(file, solution))
 
 
 def _to_record(update: "LiveUpdate") -> dict[str, Any]:

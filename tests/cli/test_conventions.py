@@ -11,10 +11,10 @@ import pytest
 from astropy.wcs import WCS
 from scipy.spatial.transform import Rotation
 
-from kochab.cli.output import as_json, to_line
 from kochab.core.attitude import attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.solution import NamedStar, Solution
+from kochab.workflows.solution_json import as_json, to_line
 
 PIXELS = np.random.default_rng(4).uniform([0, 0], [799, 599], (30, 2))
 

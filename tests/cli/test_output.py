@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.cli.main import main
-from kochab.cli.output import as_json, bodies_json, body_lines, card, radec, to_line
+from kochab.cli.output import body_lines, card, radec
 from kochab.core import data_folder
 from kochab.core.attitude import Attitude, apart_deg, attitude_from, unit_vectors
 from kochab.core.camera import Camera
@@ -20,6 +20,7 @@ from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.frame_bodies import BodyInFrame, FrameBodies, UnknownSource
 from kochab.sky.orbits import OBLIQUITY
 from kochab.sky.solar_system import Body, BodyKind, observer_at
+from kochab.workflows.solution_json import as_json, bodies_json, to_line
 from tests.patterns import REPOSITORY
 
 STAR = NamedStar(10.0, 20.0, "HIP 91262", "Vega", 0.03, 279.23, 38.78, 0.2)

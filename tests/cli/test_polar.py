@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from kochab.cli.main import main
-from kochab.cli.output import as_json
 from kochab.cli.polar import _measure
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -20,6 +19,7 @@ from kochab.simulate.camera import CameraConfig
 from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.workflows.polar.sources import last_night
+from kochab.workflows.solution_json import as_json
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.test_drift import falling, log_text
 

@@ -12,9 +12,9 @@ import pytest
 
 from kochab.cli import main as cli
 from kochab.cli.main import main
-from kochab.cli.output import to_line
 from kochab.cli.process import spelt
 from kochab.frames.wcs import write_wcs
+from kochab.workflows.solution_json import to_line
 from tests.house import SAMPLES
 from tests.workflows.test_polar_solutions import BEGUN, picture, solution
 

@@ -287,8 +287,8 @@ def check_profile(data: bytes, folder: Path) -> None:
         profile = load_profile("fuzz")
         for used in (profile.scale_arcsec_px, profile.mount, profile.camera, profile.limits, profile.optics):
             repr(used)
-        from kochab.cli.output import to_line
         from kochab.cli.profile import _line
+        from kochab.workflows.solution_json import to_line
 
         to_line(profile.as_json())
         _line(profile).encode("utf-8", "surrogatepass")

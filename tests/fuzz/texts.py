@@ -40,7 +40,7 @@ def _headers(folder: Path) -> list[bytes]:
 
 
 def _lines(folder: Path) -> list[bytes]:
-    from kochab.cli.output import as_json, to_line
+    from kochab.workflows.solution_json import as_json, to_line
 
     rows = [as_json(f"{k}.fits", each) | {"time_utc": f"2026-11-16T21:0{k}:00Z"} for k, each in enumerate(_solutions())]
     rows.append({"file": "3.fits", "solved": False, "reason": "too few stars"})

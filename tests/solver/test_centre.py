@@ -6,7 +6,6 @@ import warnings
 import numpy as np
 import pytest
 
-from kochab.cli.output import as_json, to_line
 from kochab.core.attitude import apart_deg, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.progress import run
@@ -14,6 +13,7 @@ from kochab.core.solution import Solution
 from kochab.frames import read_frame
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_frame
+from kochab.workflows.solution_json import as_json, to_line
 
 REAL = ("gran__cisne_02sec.jpg", "cedar__orion_trees.jpg", "anet__apod4.jpg", "pan__solved.fits")
 

@@ -12,7 +12,6 @@ from astropy.wcs import WCS
 from scipy.spatial.transform import Rotation
 
 from kochab.cli.main import main
-from kochab.cli.output import as_json
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.errors import FrameError
@@ -26,6 +25,7 @@ from kochab.polar.sighting import Sighting
 from kochab.workflows.polar.site_and_clock import doubts_of
 from kochab.workflows.polar.solutions import solved_before
 from kochab.workflows.polar.sources import SolvedFile, sharpcap_time, sightings_of, unsigned_longitude
+from kochab.workflows.solution_json import as_json
 from tests.house import REPOSITORY, SAMPLES
 
 ARCSEC = np.pi / 648000.0

@@ -18,13 +18,14 @@ from pathlib import Path
 import numpy as np
 
 from kochab.cli.batch import attempt
-from kochab.cli.output import Json, with_progress
+from kochab.cli.output import with_progress
 from kochab.cli.process import say
 from kochab.core.attitude import east_north
 from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.workflows.solution_json import Json
 
 FLAGS = {"-wcs", "-update", "-annotate", "-log", "-debug", "-progress", "-sip", "-h", "-help"}
 """Options without a value; all others have one."""

@@ -14,10 +14,11 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from kochab.cli.output import Json, card, to_line, with_progress
+from kochab.cli.output import card, with_progress
 from kochab.cli.process import fault, journal_path, say, signals_handled
 from kochab.core.errors import KochabError, printable
 from kochab.core.progress import Task, run
+from kochab.workflows.solution_json import Json, to_line
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.arrays import Floats

@@ -19,7 +19,7 @@ from kochab.cli.options import (
     valued,
     whole,
 )
-from kochab.cli.output import Json, as_json, radec, reporting_failures, tell, to_line
+from kochab.cli.output import radec, reporting_failures, tell
 from kochab.cli.process import say
 from kochab.core.angle_text import age_text
 from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError, printable
@@ -28,6 +28,7 @@ from kochab.core.solution import Solution
 from kochab.workflows.live.session import SESSION, Recorder, Replayed, options_json, recorded
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
 from kochab.workflows.live.update import Drift, GoodPointing, LiveUpdate
+from kochab.workflows.solution_json import Json, as_json, to_line
 
 SOLVE_TIMEOUT_S = 10.0  # a frame that takes longer is given up: there is a newer one by then
 

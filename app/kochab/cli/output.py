@@ -1,40 +1,19 @@
-"""What a solve prints: one JSON object a line, or a card for people."""
+"""What the command line prints: a line of JSON, a card for people, progress and failures."""
 
-import json
 import logging
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from kochab.cli.process import say
 from kochab.core.errors import DeviceError, KochabError, UsageError, printable
 from kochab.core.progress import Progress, Task, run
+from kochab.workflows.solution_json import Json, to_line
 
-if TYPE_CHECKING:  # it loads numpy, which --help has no need of
-    from kochab.core.solution import NoSolution, Solution
-    from kochab.sky.frame_bodies import FrameBodies
-
-Json = dict[str, Any]
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
-
-
-def as_json(file: str, result: "Solution | NoSolution") -> Json:
-    """The stable JSON form of a solution, or of why there is none."""
-    from kochab.core.solution import Solution
-
-    return _solved(file, result) if isinstance(result, Solution) else _unsolved(file, result)
-
-
-def to_line(value: Json) -> str:
-    """One line of strictly valid JSON in ASCII, so that no encoding on its way can spoil it.
-
-    What is not a finite number becomes null.
-    """
-    return json.dumps(_finite(value), allow_nan=False)
 
 
 def tell(fields: Json, text: str, as_json: bool) -> None:
@@ -64,56 +43,6 @@ def reporting_failures(run: Callable[[Any], int], code: int = 2) -> Callable[[An
             return 1 if isinstance(error, DeviceError) else code
 
     return reporting
-
-
-def _solved(file: str, s: "Solution") -> Json:
-    ra, dec = s.ra_dec_deg
-    camera, attitude, axis = s.camera, s.centre_attitude, s.attitude
-    terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")
-    return {
-        "file": file,
-        "solved": True,
-        "ra_deg": ra,
-        "dec_deg": dec,
-        "roll_deg": s.roll_deg,
-        "mirrored": camera.mirrored,
-        "fov_deg": list(camera.fov_deg),
-        "scale_arcsec_px": camera.scale_arcsec_px,
-        "camera": {name: float(getattr(camera, name)) for name in terms},
-        "matches": len(s.stars),
-        "detections": s.detections,
-        "rms_px": s.rms_px,
-        "rms_arcsec": s.rms_arcsec,
-        "sigma_arcsec": list(attitude.sigma_arcsec),
-        "log10_false_alarm": s.log10_false_alarm,
-        "method": s.method,
-        "quaternion": list(attitude.quaternion),
-        "dcm": attitude.matrix.tolist(),
-        "euler_deg": list(attitude.euler_deg),
-        "optical_axis": {
-            "ra_deg": axis.ra_dec_deg[0],
-            "dec_deg": axis.ra_dec_deg[1],
-            "roll_deg": axis.roll_deg,
-            "x_px": camera.cx,
-            "y_px": camera.cy,
-        },
-        "stars": [asdict(star) for star in s.stars],
-        "warnings": list(s.warnings),
-        "elapsed_ms": dict(s.elapsed_ms),
-    }
-
-
-def _unsolved(file: str, n: "NoSolution") -> Json:
-    return {"file": file, "solved": False, **asdict(n), "reason": str(n.reason), "warnings": list(n.warnings)}
-
-
-def bodies_json(found: "FrameBodies") -> Json:
-    """The bodies of the Solar System in a frame, and the bright detections that are in no catalogue."""
-    bodies = [{**asdict(b.body), "x": b.x, "y": b.y, "seen": b.seen} for b in found.bodies]
-    for body in bodies:
-        if not body["trail"]:
-            del body["trail"]
-    return {"bodies": bodies, "not_in_catalogue": [asdict(source) for source in found.unknown]}
 
 
 def card(outcome: Json) -> str:
@@ -172,17 +101,6 @@ def radec(ra_deg: float, dec_deg: float) -> str:
     style = AngleStyle.SEXAGESIMAL
     parts = (text(value, style).replace(" ", "") for text, value in ((ra_text, ra_deg), (dec_text, dec_deg)))
     return " ".join(parts).translate(str.maketrans("°′″−–", "d'\"--"))
-
-
-def _finite(value: Any) -> Any:
-    """``value`` with every number that JSON cannot hold replaced by None."""
-    if isinstance(value, Mapping):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 SOON_S = 2.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from kochab.cli.batch import with_file_name
 from kochab.cli.options import add_options, between, named, scale_range, valued
-from kochab.cli.output import Json, with_progress
+from kochab.cli.output import with_progress
 from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Hint
@@ -48,6 +48,7 @@ from kochab.workflows.polar.solutions import (
     unsolved_of,
 )
 from kochab.workflows.polar.sources import SolvedFile, last_night
+from kochab.workflows.solution_json import Json
 
 MANY = 5
 IN_DOUBT = 3  # the exit code of an axis that rests on what nothing bears out

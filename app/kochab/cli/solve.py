@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.batch import refuse_wcs_over, run_batch, write_objects, write_picture, write_wcs_to
 from kochab.cli.options import BATCH, Place, add_options, bound_of, detector_settings_of, named, options_of, whole
-from kochab.cli.output import Json, as_json, bodies_json
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import Task
+from kochab.workflows.solution_json import Json, as_json, bodies_json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections, Site

@@ -171,7 +171,7 @@ def build(
         settings, session, panes, looks, mount, mount_status.stop, cameras, equipment, jobs, window.say, undo, wiring
     )
     appearance = Appearance(window, settings, looks)
-    exporter = FrameExporter(window, window.menus.export, session, settings, field.overlay, wiring.to_json, window.say)
+    exporter = FrameExporter(window, window.menus.export, session, settings, field.overlay, window.say)
     files = Files(session, panes, settings, undo)
     views = Views(window, services, appearance, mount_status)
     layout = Layout(window, views, session, settings)

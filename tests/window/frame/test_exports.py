@@ -4,18 +4,16 @@ import pytest
 from astropy.io import fits
 from PySide6.QtWidgets import QMessageBox
 
-from kochab.cli.output import as_json, to_line
 from kochab.sky.layer import AMOUNTS
 from kochab.window.application import build
 from kochab.window.themes import HUES
 from kochab.workflows.annotated_image import INKS
-from kochab.workflows.session.wiring import Wiring
 from tests.window.fakes import FakeEngine, no_solution
 
 
 @pytest.fixture
 def commands(qtbot, settings, engine, a_file):
-    window, commands = build(engine, settings, [], wiring=Wiring(lambda f, s: to_line(as_json(f, s))))
+    window, commands = build(engine, settings, [])
     qtbot.addWidget(window)
     with qtbot.waitSignal(commands.session.idle, timeout=60_000):
         commands.files.open(a_file)

@@ -8,9 +8,10 @@ from typing import Any
 from kochab.cli.mount import NOTHING_SENT, add_camera, add_line_options, guarded_mount, mount_frames
 from kochab.cli.mount.status import where
 from kochab.cli.options import between, whole
-from kochab.cli.output import Json, tell, with_progress
+from kochab.cli.output import tell, with_progress
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.solution import NoSolution
+from kochab.workflows.solution_json import Json
 
 
 def add_model(actions: "argparse._SubParsersAction[Any]", name: str, text: str) -> None:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from kochab.cli.mount import add_camera, add_line_options, guarded_mount, mount_frames, preview_lines
 from kochab.cli.mount.status import where
 from kochab.cli.options import between, whole
-from kochab.cli.output import Json, radec, tell, with_progress
+from kochab.cli.output import radec, tell, with_progress
 from kochab.core.errors import UsageError
+from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard

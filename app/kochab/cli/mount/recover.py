@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import NOTHING_SENT, add_camera, add_line_options, guarded_mount, mount_frames
 from kochab.cli.mount.status import where
-from kochab.cli.output import Json, radec, tell, with_progress
+from kochab.cli.output import radec, tell, with_progress
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability
 from kochab.core.solution import NoSolution
+from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard

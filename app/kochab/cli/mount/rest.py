@@ -7,9 +7,10 @@ from typing import Any
 
 from kochab.cli.mount import NOTHING_SENT, add_line_options, guarded_mount, preview_lines
 from kochab.cli.mount.status import where
-from kochab.cli.output import Json, tell, with_progress
+from kochab.cli.output import tell, with_progress
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import Ability, TrackingRate
+from kochab.workflows.solution_json import Json
 
 ABILITIES = {
     "park": Ability.PARK,

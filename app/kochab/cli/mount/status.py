@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import add_line_options, guarded_mount
 from kochab.cli.options import add_options
-from kochab.cli.output import Json, radec, reporting_failures, tell, with_progress
+from kochab.cli.output import radec, reporting_failures, tell, with_progress
 from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, PortError, RefusedError
 from kochab.core.frame import Site
+from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard

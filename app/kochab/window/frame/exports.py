@@ -24,7 +24,7 @@ from kochab.window.image.overlay import Overlay
 from kochab.window.settings import WindowSettings
 from kochab.workflows.annotated_image import annotate, write_stellarium
 from kochab.workflows.frame_objects import objects_csv, objects_of, sky_regions
-from kochab.workflows.session.wiring import ToJson
+from kochab.workflows.solution_json import as_json, to_line
 
 Write = Callable[[Frame, Solution, Path], None]
 
@@ -74,6 +74,13 @@ EXPORTS = (
         write_stellarium,
     ),
     Export("picture", tr_noop("Annotated &image…"), "-annotated.png", PICTURES, annotate),
+    Export(
+        "json",
+        tr_noop("Solution as &JSON…"),
+        ".json",
+        "JSON (*.json)",
+        lambda f, s, p: write_atomically(p, to_line(as_json(f.path, s)) + "\n"),
+    ),
 )
 
 
@@ -89,19 +96,12 @@ class FrameExporter(QObject):
         session: Session,
         settings: WindowSettings,
         overlay: Overlay,
-        to_json: ToJson | None,
         say: Callable[[str], None],
     ) -> None:
         super().__init__(parent)
         self._parent, self._session, self._settings, self._overlay = parent, session, settings, overlay
         self._say = say
         self.kinds = {kind.name: kind for kind in EXPORTS}
-        if to_json is not None:  # the same object as the command line's
-
-            def write(frame: Frame, solution: Solution, path: Path) -> None:
-                write_atomically(path, to_json(frame.path, solution) + "\n")
-
-            self.kinds["json"] = Export("json", tr_noop("Solution as &JSON…"), ".json", "JSON (*.json)", write)
         for kind in self.kinds.values():
             action = menu.addAction(tr(kind.text))
             action.setObjectName(f"export_{kind.name}")

@@ -7,12 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from kochab.core.solution import Solution
 from kochab.gear.session import StartPractice
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.alignment_state import AlignmentState
 
-ToJson = Callable[[str, Solution], str]
 ToRecord = Callable[[LiveUpdate], dict[str, Any]]
 
 
@@ -37,14 +35,12 @@ class PolarPage(Protocol):
 class Wiring:
     """Callables from outside; a view that is not given what it needs says so and offers less.
 
-    ``to_json`` writes a solution in the form of the command line. ``practice`` starts a practice
-    night, with the keywords of ``kochab.simulate.practice.practise``; call it in a job.
+    ``practice`` starts a practice night, with the keywords of ``kochab.simulate.practice.practise``; call it in a job.
 
     ``to_record`` is the line of a live frame in a recording. ``phone_page`` makes the page of the
     polar error for phones.
     """
 
-    to_json: ToJson | None = None
     practice: StartPractice | None = None
     to_record: ToRecord | None = None
     phone_page: Callable[[], PolarPage] | None = None
