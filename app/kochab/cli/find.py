@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.options import add_options
 from kochab.cli.output import radec, tell
-from kochab.core.errors import UsageError
+from kochab.core.errors import UsageError, printable
 from kochab.core.progress import run as finish
 
 if TYPE_CHECKING:
@@ -78,8 +78,7 @@ def as_text(query: str, found: "Found | NotFound") -> str:
     from kochab.sky.finder import NotFound
 
     if isinstance(found, NotFound):
-        like = f" Did you mean {', '.join(found.suggestions)}?" if found.suggestions else ""
-        return f"{query}: nothing is called so.{like}"
+        return printable(found.sentence)
     facts = [found.kind, radec(found.ra_deg, found.dec_deg), found.constellation]
     if math.isfinite(found.magnitude):
         facts.append(f"{found.band or 'mag'} {found.magnitude:.1f}")

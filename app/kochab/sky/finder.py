@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit, unit_vectors
 from kochab.core.coordinates import parse_place
@@ -73,6 +74,14 @@ class NotFound:
 
     query: str
     suggestions: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """That nothing is called so, and what is called nearly so."""
+        if self.suggestions:
+            like = ", ".join(self.suggestions)
+            return tr("Nothing is called {name}. Did you mean {like}?", name=self.query, like=like)
+        return tr("Nothing in the catalogue is called {name}.", name=self.query)
 
 
 class Entry(NamedTuple):

@@ -42,15 +42,12 @@ def named_target(name: str, time_utc: datetime) -> Target:
     Raises UsageError when nothing is called so, and when several things are: nothing moves towards a guess.
     """
     from kochab.sky.apparent import julian_years
-    from kochab.sky.finder import finder
+    from kochab.sky.finder import NotFound, finder
 
     index, name = finder(), name.strip()
     found = index.still(name, julian_years(time_utc))
     if found is None:
-        like = index.like(name)
-        if like:
-            raise UsageError("Nothing is called {name}. Did you mean {like}?", name=name, like=", ".join(like))
-        raise UsageError("Nothing in the catalogue is called {name!r}.", name=name)
+        raise UsageError("{sentence}", sentence=NotFound(name, tuple(index.like(name))).sentence)
     if found.alternatives:
         choices = ", ".join([f"{found.name} ({found.kind})", *found.alternatives])
         raise UsageError("{name} can be {choices}: enter one of them.", name=name, choices=choices)

@@ -10,7 +10,7 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Hint, Site
 from kochab.sky.elements import kept_elements
 from kochab.sky.finder import NotFound
-from kochab.window.frame.search import nothing_called, outside, sought
+from kochab.window.frame.search import outside, sought
 from tests.patterns import REPOSITORY
 from tests.window.fakes import fake_solution
 
@@ -32,8 +32,8 @@ def test_names_and_coordinates(text, ra, dec):
 
 
 def test_what_is_unknown_is_told():
-    assert "Nothing in the catalogue is called Planet of the apes" in nothing_called(sought("Planet of the apes"))
-    assert nothing_called(sought("Horsehed")).startswith("Nothing is called Horsehed. Did you mean Horsehead")
+    assert "Nothing in the catalogue is called Planet of the apes" in sought("Planet of the apes").sentence
+    assert sought("Horsehed").sentence.startswith("Nothing is called Horsehed. Did you mean Horsehead")
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from kochab.sky.solar_system import Body
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.mosaic import Mosaic
 from kochab.window.frame.place_menu import links, place_menu
-from kochab.window.frame.search import nothing_called, sought, taken_for
+from kochab.window.frame.search import sought, taken_for
 from kochab.window.image.object_card import facts, vector_of
 from kochab.window.services import Services
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
@@ -158,7 +158,7 @@ class Atlas(QDialog):
             return
         found = sought(text, self._when, self._site)
         if isinstance(found, NotFound):
-            self.told.setText(nothing_called(found))
+            self.told.setText(found.sentence)
         else:
             self.chart.look(found.vector)
             if doubt := taken_for(text, found):

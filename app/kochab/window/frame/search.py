@@ -33,13 +33,6 @@ CLOSEST_PX = 5.0  # a mark so near the place is what was sought
 EXAMPLE = tr_noop("M 42, theta1 Ori, Sh2-155, 05h35m -5 23, grid")
 
 
-def nothing_called(found: NotFound) -> str:
-    """That nothing is called so, and what is called nearly so."""
-    if found.suggestions:
-        return tr("Nothing is called {name}. Did you mean {like}?", name=found.query, like=", ".join(found.suggestions))
-    return tr("Nothing in the catalogue is called {name}.", name=found.query)
-
-
 def taken_for(text: str, found: Found) -> str:
     """What was taken where a name is short for several things; nothing where there is no doubt."""
     if found.sure and not found.alternatives:
@@ -110,7 +103,7 @@ class Search(QDialog):
         else:
             found = sought(text, hint.taken_utc, hint.site or site)
             if isinstance(found, NotFound):
-                return nothing_called(found)
+                return found.sentence
             vector, doubt = found.vector, taken_for(text, found)
         if solution is None:
             return tr("No solved image is open.")
