@@ -219,7 +219,7 @@ def test_a_last_frame_back_at_the_start_shows_what_crept():
     said = []
     last = run(back_at_start(sky, sky, first), said.append)
     one, two = first.measurement, last.measurement
-    assert "Back to where RA began" in said[0].detail
+    assert "Back to the start of RA" in said[0].detail
     assert said[0].stage == "turn"
     assert len(two.attitudes) == len(one.attitudes) + 1
     assert from_start_deg(one) > 50.0
@@ -263,7 +263,7 @@ def test_back_at_the_start_is_one_button(when):
                 controls.press(PolarButton.BACK)
             elif ways:
                 break
-        elif "Back to where RA began" in step.detail:
+        elif "Back to the start of RA" in step.detail:
             ways.append(len(step.measurement.attitudes))
     assert ways == [3]
     assert adjusts == (1 if when == "measuring" else 2)

@@ -267,11 +267,11 @@ def drift_as_text(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | N
             lines.append(f"{knob!s:9} {words(error) if drift.tells(knob) else drift.unknown(knob)}")
     places = f" of {len(drift.stretches)} places" if len(drift.stretches) > 1 else ""
     frames = sum(len(s.attitudes) for s in drift.stretches)
-    lines += [f"drift     {drift.minutes:.0f} min{places}, {frames} points", f"of the ±  {split_in_words(error)}"]
+    lines += [f"drift     {drift.minutes:.0f} min{places}, {frames} points", f"uncertainty {split_in_words(error)}"]
     if drift.better:
         lines.append(f"better    {drift.better}")
     if imaging and drift.known and not drift.spoilt:
-        lines.append(f"enough?   {good_enough(error, imaging)}")
+        lines.append(f"good enough? {good_enough(error, imaging)}")
     return "\n  ".join(lines + [f"note      {doubt}" for doubt in doubts])
 
 
@@ -327,12 +327,12 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
         *(bolts if m.checked and not m.spoilt else []),
         f"measured  {len(m.attitudes)} frames{sweeps} over {m.turn_deg:.1f} deg of turn,"
         f" {m.rho_deg:.0f} deg from the axis{chi2}",
-        f"of the ±  {split_in_words(error)}",
+        f"uncertainty {split_in_words(error)}",
     ]
     if error.below_uncertainty and not m.spoilt:
         lines.append(f"stop      {finer_in_words(error)}")
     if imaging and not m.spoilt:
-        lines.append(f"enough?   {good_enough(error, imaging)}")
+        lines.append(f"good enough? {good_enough(error, imaging)}")
     if not m.checked and not m.spoilt:
         lines.append("bolts     not yet: a third frame first")
     if not m.spoilt:

@@ -220,7 +220,7 @@ class LivePhase:
             yield PolarFinding(
                 PolarFindingKind.SLIPPING,
                 tr(
-                    "RA turned by {degrees:.1f}° on its own. Lock its clutch; the error shown is still right.",
+                    "RA moved by {degrees:.1f}°. Lock its clutch; the error shown is still right.",
                     degrees=abs(np.degrees(theta)),
                 ),
             )

@@ -444,4 +444,4 @@ def test_a_sync_does_not_take_a_mount_away_from_its_home(beside, step, fork, ref
     """Switched on where it stood, it takes that for home; synced, it knows the place but not the side of its pier."""
     start = -30.0, 90.0 - beside
     found = sync(start, (-30.0, start[1] - step), allow_large_sync=allow_large_sync, crosses_meridian=fork)
-    assert ("takes this place for its home" in " ".join(found.refusals)) is refused
+    assert ("thinks it is at home" in " ".join(found.refusals)) is refused

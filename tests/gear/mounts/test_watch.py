@@ -333,7 +333,7 @@ def test_a_mount_that_jumps_to_the_pole_was_switched_off_and_on(dec, refused, lo
     guard, refusals = woken(-40.0, dec, lost)
     assert ("switched off and on" in refusals) is refused
     if refused:
-        with pytest.raises(RefusedError, match="takes this place for its home"):
+        with pytest.raises(RefusedError, match="thinks it is at home"):
             guard.sync(*at(-40.0, dec - 10.0), by_hand=True, confirmed=True)
         guard._reopen = lambda: Imaginary(*at(-40.0, dec))
         guard.reconnect()

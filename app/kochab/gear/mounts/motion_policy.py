@@ -111,7 +111,9 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
     leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may return towards the allowed range
     if target < low and not (leaving and target >= start):
-        yield refuse("The target is {target:.1f} deg high, the limit is {low:.3g} deg.", target=target, low=low)
+        yield refuse(
+            "Target is at {target:.1f}° altitude, below the horizon limit of {low:.3g}°.", target=target, low=low
+        )
         return
     if target > high and not (leaving and target <= start):
         yield refuse("The target is {target:.1f} deg high, the upper limit is {high:g} deg.", target=target, high=high)
@@ -281,9 +283,8 @@ def sync_step(plan: Plan) -> Findings:
     at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and not limits.crosses_meridian
     if at_home and step > limits.confirm_sync_deg and not guessed:
         yield refuse(
-            "The mount takes this place for its home, {step:.0f}° from here: a sync would not tell it "
-            "the side of its pier. Switch it off, put the tube at its home position, and switch it on "
-            "there.",
+            "Mount thinks it is at home, {step:.0f}° from where it points. A sync can't set the pier side: switch it"
+            " off, put the tube at its home position and switch it on again.",
             step=step,
         )
     elif (near_pole or beside_deg < NOISE_DEG) and not guessed:  # a tiny step here may shift RA by any angle
@@ -354,7 +355,7 @@ def sync_evidence(plan: Plan) -> Findings:
 
 
 def unchecked_path(plan: Plan) -> Findings:
-    """Warn that the mount goes its own way. Refuse to park below the horizon, or by a lost position."""
+    """Warn that nobody can check the mount's path. Refuse to park below the horizon, or by a lost position."""
     low, limit = plan.park_altitude_deg, plan.limits.lowest_altitude_deg
     yield warn("Kochab can't check the mount's path in advance: watch the telescope.")
     if plan.action != "park":
@@ -363,8 +364,8 @@ def unchecked_path(plan: Plan) -> Findings:
         yield refuse(plan.block_reason)
     if low is None:
         yield warn(
-            "The mount does not report its park position: below your horizon limit ({limit:g}°) Kochab "
-            "stops it on the way. Then lower the limit.",
+            "The mount does not report its park position. If Kochab stops it at the horizon limit ({limit:g}°), lower"
+            " the limit.",
             limit=limit,
         )
     elif low < -PARKED_DEG:

@@ -135,8 +135,8 @@ class TrackingChoice(ChoiceBox):
 STEPS_ARCSEC = {"10″": 10.0, "30″": 30.0, "1′": 60.0, "5′": 300.0, "20′": 1200.0, "1°": 3600.0, "5°": 18000.0}
 FIRST = "5′"
 RATE_TIP = tr_noop(
-    "How fast. Auto nudges in a way that the mount ends by itself; at a rate of your choice most mounts move on"
-    " if this computer fails."
+    "How fast. Auto uses moves the mount stops on its own; at a fixed rate most mounts keep moving if this computer"
+    " fails."
 )
 HINT = tr_noop("Arrow keys nudge while a button here has the focus: up is north, left is east.")
 WAYS = {

@@ -368,7 +368,7 @@ def back_at_start(
     measurement, way = first.measurement, _opposite(first.path.direction)
     if (turn := from_start_deg(measurement)) < BACK_DEG:
         return first
-    words = tr("Back to where RA began, for a last frame: it shows what crept.")
+    words = tr("Back to the start of RA, for one more frame to check for creep.")
     yield PolarUpdate("turn", 0.0, words, measurement, findings=first.findings)
     watch = RestWatch(source, measurement.settings, controls or PolarControls())
     last, _ = yield from _turned(watch, turner, way, turn, measurement.attitudes[-1])
