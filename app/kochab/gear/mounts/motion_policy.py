@@ -111,9 +111,7 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
     leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may return towards the allowed range
     if target < low and not (leaving and target >= start):
-        yield refuse(
-            "Target is at {target:.1f}° altitude, below the horizon limit of {low:.3g}°.", target=target, low=low
-        )
+        yield refuse("The target is {target:.1f} deg high, the limit is {low:.3g} deg.", target=target, low=low)
         return
     if target > high and not (leaving and target <= start):
         yield refuse("The target is {target:.1f} deg high, the upper limit is {high:g} deg.", target=target, high=high)
