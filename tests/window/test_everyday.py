@@ -194,3 +194,17 @@ def test_the_place_under_the_cursor_is_not_that_of_the_frame_before(qtbot, opene
     with qtbot.waitSignal(commands.session.idle, timeout=10_000):
         commands.files.open(a_file)
     assert not window.status.place.text()
+
+
+def test_the_layers_button_is_one_button(qtbot) -> None:
+    """Qt 6.7, the lowest version, makes two of it, its arrow apart and black, when its action brings the menu."""
+    from PySide6.QtGui import QAction
+    from PySide6.QtWidgets import QMenu, QToolButton
+
+    from kochab.window.shell.menus import button_of
+
+    menu = QMenu("Layers")
+    menu.addAction(QAction("Grid", menu))
+    qtbot.addWidget(menu)
+    qtbot.addWidget(made := button_of(menu.menuAction(), menu))
+    assert made.popupMode() == QToolButton.ToolButtonPopupMode.InstantPopup

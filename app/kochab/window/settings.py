@@ -1,11 +1,12 @@
 """What the window remembers between starts."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QByteArray, QSettings
 
-from kochab.core import data_folder
+from kochab.core import config_folder, data_folder
 from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Site
 from kochab.core.text_input import TextError, parse_json
@@ -20,11 +21,18 @@ def languages(folder: Path | None = None) -> list[str]:
     return sorted(path.stem.removeprefix("kochab_") for path in there)
 
 
+def own_store() -> QSettings:
+    """Where the window's settings lie: on Windows beside all else that a person keeps, not in Qt's roaming folder."""
+    if sys.platform == "win32":
+        return QSettings(str(config_folder() / "window.ini"), QSettings.Format.IniFormat)
+    return QSettings(QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window")
+
+
 class WindowSettings:
     """Typed access to one :class:`QSettings`; damaged values read as their defaults."""
 
     def __init__(self, store: QSettings | None = None) -> None:
-        self._store = store or QSettings(QSettings.Format.IniFormat, QSettings.Scope.UserScope, "kochab", "window")
+        self._store = store or own_store()
 
     def _value(self, name: str, default: Any = None) -> Any:
         try:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QSettings, Qt
@@ -189,3 +190,13 @@ def test_the_data_is_told_to_be_offline(qtbot, shown):
     qtbot.waitUntil(lambda: "stars" in dialog.folders.data.text())
     assert OFFLINE in dialog.folders.data.text()
     assert "Small-field index" in dialog.folders.data.text()
+
+
+def test_on_windows_the_windows_settings_lie_beside_the_rest(tmp_path, monkeypatch) -> None:
+    """Qt's own folder there is the roaming one, where an uninstaller and a person would not look."""
+    from kochab.core import config_folder
+    from kochab.window.settings import own_store
+
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    monkeypatch.setattr("sys.platform", "win32")
+    assert Path(own_store().fileName()) == config_folder() / "window.ini"

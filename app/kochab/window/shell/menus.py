@@ -113,9 +113,11 @@ class Rail(QToolBar):
 
 def button_of(action: QAction, menu: QMenu | None = None) -> QToolButton:
     """A small button over the image that triggers ``action``, or opens ``menu``, which is then the action's."""
-    made = QToolButton(popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
+    made = QToolButton()
     made.setDefaultAction(action)
     made.setMenu(menu)  # type: ignore[arg-type]  # None is no menu
+    # Afterwards: in Qt 6.7 an action with a menu gives its button an arrow of its own, which is drawn black.
+    made.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
     _tell(made, action)
     made.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     return made
