@@ -135,21 +135,25 @@ def aligned(window, commands):
     hand = Hand()
     hand.click(window.rail.widgetForAction(commands.actions["polar"]))
     view = commands.views.docks["polar"].view
-    until(view.start.isVisible, "the view")
+    until(view.buttons.start.isVisible, "the view")
     view.setup.frames.exposure.setValue(1.0)
-    hand.click(view.start)
+    hand.click(view.buttons.start)
     obeyed, motions, limit, practice = [], [], time.monotonic() + 400.0, None
-    while not view.start.isVisible() and time.monotonic() < limit:
+    while not view.buttons.start.isVisible() and time.monotonic() < limit:
         pause(30)
-        practice = view.adjuster._practice if view.adjuster is not None else practice
-        asked = view.state.turn_instruction or view.state.instruction
-        if view.state.hand_needed and view.adjuster is not None and not any(asked is one for one in obeyed):
+        practice = view.alignment.adjuster._practice if view.alignment.adjuster is not None else practice
+        asked = view.alignment.state.turn_instruction or view.alignment.state.instruction
+        if (
+            view.alignment.state.hand_needed
+            and view.alignment.adjuster is not None
+            and not any(asked is one for one in obeyed)
+        ):
             obeyed.append(asked)
-            bolt = view.state.turn_instruction is None
+            bolt = view.alignment.state.turn_instruction is None
             motion = (asked.knob, asked.turns > 0.0) if bolt else (asked.direction, len(obeyed))
             if motion not in motions[-1:]:  # a bolt that goes on the same way is one thing to do
                 motions.append(motion)
-            view.turn_for_me.click()
+            view.buttons.turn_for_me.click()
     error = None if practice is None else round(practice.rig.truth().axis_error().total_arcsec, 1)
     hand.told("polar alignment", instructions=len(motions), sentences=len(obeyed), true_arcsec=error)
 

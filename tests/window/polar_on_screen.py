@@ -46,21 +46,21 @@ def align(view, pictured):
     obeyed, turns, practice = [], 0, None
     begun = time.monotonic()
     view.begin()
-    while view.start.isHidden() and time.monotonic() - begun < LIMIT_S:
+    while view.buttons.start.isHidden() and time.monotonic() - begun < LIMIT_S:
         pause(30)
-        if view.adjuster is not None:
-            practice = view.adjuster._practice
-        asked = view.state.turn_instruction or view.state.instruction
+        if view.alignment.adjuster is not None:
+            practice = view.alignment.adjuster._practice
+        asked = view.alignment.state.turn_instruction or view.alignment.state.instruction
         known = any(asked is one for one in obeyed)  # equal asks recur
-        if not view.state.hand_needed or known or view.adjuster is None:
+        if not view.alignment.state.hand_needed or known or view.alignment.adjuster is None:
             continue
         obeyed.append(asked)
-        turns += view.state.instruction is not None
+        turns += view.alignment.state.instruction is not None
         if turns == PICTURED_TURN:
             pause(400)
             pictured()
             turns += 1
-        view.turn_for_me.click()
+        view.buttons.turn_for_me.click()
     return None if practice is None else practice.rig.truth().axis_error().total_arcsec
 
 
@@ -105,8 +105,8 @@ def main(folder, *arguments):
         view.phone.switch.setChecked(True)
         pause(2000)
         keep(window, folder / "phone.png")
-        error = view.state.error
-        told = {"stage": view.state.stage, "said": view.state.words}
+        error = view.alignment.state.error
+        told = {"stage": view.alignment.state.stage, "said": view.alignment.state.words}
         told["true_arcsec"] = true_arcsec
         told["said_arcsec"] = None if error is None else error.total_arcsec
         print(json.dumps(told))

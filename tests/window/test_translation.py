@@ -591,18 +591,18 @@ def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, align
     view.begin()
 
     def person():
-        state = view.state
+        state = view.alignment.state
         if (state.stage, state.words) not in seen:
             seen.add((state.stage, state.words))
             left.update(dict.fromkeys(unmarked(view, NAMES_SHOWN), state.stage))
         asked = state.turn_instruction or state.instruction
         if state.hand_needed and not any(asked is one for one in obeyed):
             obeyed.append(asked)
-            view.turn_for_me.click()
+            view.buttons.turn_for_me.click()
 
     drive(view, person)
-    left.update(dict.fromkeys(unmarked(view, NAMES_SHOWN), view.state.stage))
-    assert view.state.stage == "done", view.message.text()
+    left.update(dict.fromkeys(unmarked(view, NAMES_SHOWN), view.alignment.state.stage))
+    assert view.alignment.state.stage == "done", view.message.text()
     assert {"measure", "adjust", "done"} <= {stage for stage, _ in seen}
     assert not left, "\n".join(f"{stage}: {text}" for text, stage in left.items())
 

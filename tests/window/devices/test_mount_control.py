@@ -89,11 +89,11 @@ def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
     assert view.setup.axis.mount.text().startswith("Connected: ")
     turning(view)
     view.begin()
-    qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
+    qtbot.waitUntil(lambda: view.alignment.adjuster is not None, timeout=30_000)
     assert len(nights.made) == 1, "the same telescope under the same sky"
     commands.window.activateWindow()
     qtbot.waitUntil(commands.window.isActiveWindow)
-    qtbot.keyClick(view.cancel, Qt.Key.Key_Escape)
+    qtbot.keyClick(view.buttons.cancel, Qt.Key.Key_Escape)
     drive(view)
     assert mount.control.known.phase == "on", "who opened it closes it"
     assert mount.go.goto.explanation.reason == ""
@@ -111,7 +111,7 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
     turning(view)
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
     view.begin()
-    qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
+    qtbot.waitUntil(lambda: view.alignment.adjuster is not None, timeout=30_000)
     assert len(nights.made) == 1
     assert mount.go.goto.explanation.reason == mount.go.centre.explanation.reason == why.BY_HAND
     assert mount.pad.buttons[Direction.NORTH].explanation.reason == why.BY_HAND
@@ -122,7 +122,7 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
         mount.control.order("goto", lambda guard: iter(()))
     mount.orders.nudge(Direction.NORTH, 60.0)
     assert mount.message.text() == why.BY_HAND
-    view.cancel.click()
+    view.buttons.cancel.click()
     drive(view)
     assert mount.go.goto.explanation.reason == ""
     assert mount.control.known.phase == "on"
@@ -140,7 +140,7 @@ def test_one_order_at_a_time_whoever_gives_it(qtbot, opened):
         mount.view.orders.goto(f"{far[0]:.4f} {far[1]:.4f}")
         view.begin()
         assert view.message.text() == why.BUSY.format("slewing to the target")
-        assert not view.start.isHidden()
+        assert not view.buttons.start.isHidden()
         view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
         view.begin()
         assert view.message.text() == why.BUSY.format("slewing to the target")
@@ -335,8 +335,8 @@ def test_escape_at_the_bolts_only_leaves_them_while_the_mount_stands(qtbot, open
         cancelled = []
         task.cancelled.connect(lambda: cancelled.append(1))
         qtbot.waitUntil(lambda: mount.control.known.at_rest, timeout=10_000)
-        view.state = adjusting(-900.0, 100.0)
-        assert view.state.knob in (Knob.ALTITUDE, Knob.AZIMUTH)
+        view.alignment.state = adjusting(-900.0, 100.0)
+        assert view.alignment.state.knob in (Knob.ALTITUDE, Knob.AZIMUTH)
         view.show_bolts()
         qtbot.waitUntil(view.bolts.isActiveWindow)
         qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)

@@ -75,7 +75,7 @@ def measured(view, paths, site=HERE):
     view.setup.aim.site.setText(site)
     view.begin()
     drive(view)
-    return view.state
+    return view.alignment.state
 
 
 def drop(view, paths):
@@ -97,7 +97,7 @@ def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp
     view.begin()
     drive(view)
     numbers = view.page.numbers
-    assert view.state.stage == "done", view.message.text()
+    assert view.alignment.state.stage == "done", view.message.text()
     assert view.page.words.text().startswith("Polar alignment error: at least 7.")
     assert view.page.words.text().endswith("from 10 minutes of drift.")
     assert numbers.total.text().startswith("At least 7.")
@@ -109,10 +109,10 @@ def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp
     assert "can't tell altitude yet" in numbers.findings.text()
     assert "min more on this place" in numbers.more.text()
     assert "not known yet" in view.page.target.accessibleDescription()
-    view.bolts.show_state(view.state, 0.0)
+    view.bolts.show_state(view.alignment.state, 0.0)
     assert view.bolts.digits() == "–"
-    assert view.state.bolt_error is None
-    assert "total_arcsec" not in json.dumps(state_json(view.state, 0.0)), "nor on the phone"
+    assert view.alignment.state.bolt_error is None
+    assert "total_arcsec" not in json.dumps(state_json(view.alignment.state, 0.0)), "nor on the phone"
     # Half an axis is no report, and nothing for another night.
     assert view.history.history is None
     assert "report" not in view.message.text()
@@ -138,8 +138,8 @@ def test_a_live_session_that_nobody_turned_gives_what_the_command_line_says_and_
     guided.setCurrentIndex(guided.findData(True))
     view.begin()
     drive(view)
-    assert PolarFindingKind.GUIDED in [f.kind for f in view.state.findings]
-    assert view.state.error is None or not view.state.drift.known
+    assert PolarFindingKind.GUIDED in [f.kind for f in view.alignment.state.findings]
+    assert view.alignment.state.error is None or not view.alignment.state.drift.known
 
 
 def test_findings_come_before_the_numbers(polar, tmp_path):
@@ -174,10 +174,10 @@ def test_a_clock_without_a_zone_is_asked_for_and_the_files_are_measured_again(po
     zone.activated.emit(zone.currentIndex())
     drive(view)
     assert not view.page.asks_zone.isVisible()
-    assert not state.tells(Knob.ALTITUDE) or view.state.bolt_error is not None
+    assert not state.tells(Knob.ALTITUDE) or view.alignment.state.bolt_error is not None
     two = axis(tmp_path, -2.0)
-    assert view.state.error.altitude_arcsec == pytest.approx(two.altitude_arcsec, abs=1.0)
-    assert abs(view.state.error.altitude_arcsec - state.error.altitude_arcsec) > 60.0
+    assert view.alignment.state.error.altitude_arcsec == pytest.approx(two.altitude_arcsec, abs=1.0)
+    assert abs(view.alignment.state.error.altitude_arcsec - state.error.altitude_arcsec) > 60.0
     view.setup.frames.zone.setCurrentIndex(0)  # another time they are asked about again
     view.begin()
     drive(view)
@@ -232,7 +232,7 @@ def test_what_is_measured_is_remembered_and_told_another_night(polar, tmp_path, 
     nights.mkdir()  # can't be written
     with caplog.at_level(logging.WARNING):
         measured(view, [])
-    assert view.state.stage == "done"
+    assert view.alignment.state.stage == "done"
     assert "can't be kept for another night" in caplog.text
 
 
@@ -293,18 +293,18 @@ def test_the_mounts_doubts_are_found_first_while_it_is_measured(polar):
 def test_back_to_the_start_is_offered_where_creep_may_hide(polar):
     _, view = polar()
     view._enable(True)
-    view.state = AlignmentState("measure", "Measuring.")
+    view.alignment.state = AlignmentState("measure", "Measuring.")
     view._show()
-    assert not view.back.isVisible()
-    view.state = AlignmentState("measure", "Measuring.", creep_arcsec=23.0)
+    assert not view.buttons.back.isVisible()
+    view.alignment.state = AlignmentState("measure", "Measuring.", creep_arcsec=23.0)
     view._show()
-    assert view.back.isVisible()
+    assert view.buttons.back.isVisible()
     assert view.page.numbers.more.text() == "One more frame, where RA began, shows creep (±23″ assumed)."
-    view.back.click()
-    assert view.controls.pressed(PolarButton.BACK)
+    view.buttons.back.click()
+    assert view.alignment.controls.pressed(PolarButton.BACK)
     assert "one more frame" in view.message.text()
     view._show()
-    assert not view.back.isVisible()
+    assert not view.buttons.back.isVisible()
     view._enable(False)
 
 
@@ -344,16 +344,18 @@ def test_a_guide_log_is_followed_while_it_grows(qtbot, polar, tmp_path):
     view.setup.aim.site.setText(HERE)
     view.setup.frames.grows.setChecked(True)
     view.begin()
-    qtbot.waitUntil(lambda: "no minute of guiding" in view.state.detail)
+    qtbot.waitUntil(lambda: "no minute of guiding" in view.alignment.state.detail)
     for least, minutes in ((2.0, 3.0), (9.0, 10.0)):
         log.write_text(log_text(falling(2.0, minutes=minutes), hour=-0.1, dec=10.0))
-        qtbot.waitUntil(lambda least=least: view.state.drift is not None and view.state.drift.minutes > least)
-        assert view.state.running
+        qtbot.waitUntil(
+            lambda least=least: view.alignment.state.drift is not None and view.alignment.state.drift.minutes > least
+        )
+        assert view.alignment.state.running
         assert "of drift" in view.page.detail.text()
-    assert view.done.isHidden()
-    view.use_frames.click()
+    assert view.buttons.done.isHidden()
+    view.buttons.use_frames.click()
     drive(view)
-    assert view.state.stage == "done"
+    assert view.alignment.state.stage == "done"
     assert view.page.words.text().endswith("from 10 minutes of drift.")
 
 

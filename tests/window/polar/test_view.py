@@ -67,14 +67,14 @@ def drive(view, each=lambda: None, limit_s=LIMIT_S):
     """Run the event loop until the alignment is over, looking now and then."""
     loop, timer, end = QEventLoop(), QTimer(), QTimer()
     timer.setInterval(10)
-    timer.timeout.connect(lambda: (each(), view.start.isHidden() or loop.quit()))
+    timer.timeout.connect(lambda: (each(), view.buttons.start.isHidden() or loop.quit()))
     end.setSingleShot(True)
     end.timeout.connect(loop.quit)
     timer.start()
     end.start(1000 * limit_s)
     loop.exec()
     timer.stop()
-    assert not view.start.isHidden(), f"not over: {view.state.stage}, {view.state.words}"
+    assert not view.buttons.start.isHidden(), f"not over: {view.alignment.state.stage}, {view.alignment.state.words}"
 
 
 def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
@@ -87,25 +87,25 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     view.begin()
 
     def person():
-        state = view.state
+        state = view.alignment.state
         if not stages or stages[-1] != state.stage:
             stages.append(state.stage)
         asked = state.turn_instruction or state.instruction
         if state.hand_needed and not any(asked is one for one in obeyed):  # equal asks recur
             obeyed.append(asked)
             words.append(view.page.words.text())
-            assert view.turn_for_me.isVisible()
-            view.turn_for_me.click()
+            assert view.buttons.turn_for_me.isVisible()
+            view.buttons.turn_for_me.click()
 
     drive(view, person)
-    assert view.state.stage == "done", view.message.text()
+    assert view.alignment.state.stage == "done", view.message.text()
     assert nights.true_arcsec < 30.0
-    assert view.state.error.total_arcsec == pytest.approx(nights.true_arcsec, abs=15.0)
+    assert view.alignment.state.error.total_arcsec == pytest.approx(nights.true_arcsec, abs=15.0)
     assert stages.count("adjust") >= 1
     assert stages[-2:] != ["adjust", "done"]  # it measured once more by itself
     assert any("Rotate RA about" in told for told in words)
     assert any(told.endswith(" turn clockwise, then wait.") for told in words)
-    assert len(view.state.measured) >= 2
+    assert len(view.alignment.state.measured) >= 2
     # What is kept of it.
     history = view.history.history
     assert history.entries[0].kind == history.entries[-1].kind == "measured"
@@ -113,7 +113,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     assert "turn clockwise, then wait." in view.history.lines.toPlainText()
     assert view.history.chart.series
     # The practice telescope is gone with it.
-    assert view.adjuster is None
+    assert view.alignment.adjuster is None
 
 
 @pytest.mark.parametrize("hand", [AxisTurnedBy.PERSON, AxisTurnedBy.MOUNT])
@@ -125,16 +125,16 @@ def test_run_sounds_and_phone_page_end_with_the_practice(qtbot, polar, hand):
     mount = view._services.mount
     mount.practise()
     qtbot.waitUntil(lambda: mount.practice is not None, timeout=LIMIT_S * 1000)
-    view.sound.click()
+    view.buttons.sound.click()
     view.phone.switch.setChecked(True)
     qtbot.waitUntil(lambda: bool(view.phone.url.text()), timeout=LIMIT_S * 1000)
     view.begin()
-    assert view.state.running, view.message.text()
+    assert view.alignment.state.running, view.message.text()
     mount.disconnect_mount()
     drive(view)
-    assert view.state.stage == "ended"
+    assert view.alignment.state.stage == "ended"
     assert not view.cues.on
-    assert not view.sound.isChecked()
+    assert not view.buttons.sound.isChecked()
     qtbot.waitUntil(lambda: not view.phone.page.url, timeout=LIMIT_S * 1000)
     qtbot.waitUntil(lambda: mount.known.phase == "off", timeout=LIMIT_S * 1000)
 
@@ -143,12 +143,12 @@ def test_a_run_from_files_goes_on_when_the_mount_goes(qtbot, polar, frames):
     _, view = polar(Nights())
     view._services.mount.practise()
     qtbot.waitUntil(lambda: view._services.mount.practice is not None, timeout=LIMIT_S * 1000)
-    view.sound.click()
+    view.buttons.sound.click()
     choose_files(view, frames)
     view.begin()
     view._services.mount.disconnect_mount()
     drive(view)
-    assert view.state.stage == "done", view.message.text()
+    assert view.alignment.state.stage == "done", view.message.text()
     assert view.cues.on
     qtbot.waitUntil(lambda: view._services.mount.known.phase == "off", timeout=LIMIT_S * 1000)
 
@@ -159,21 +159,21 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     _, view = polar(nights)
     view.setup.frames.exposure.setValue(1.0)
     view.begin()
-    assert view.second.isVisible()
-    view.second.click()
+    assert view.buttons.second.isVisible()
+    view.buttons.second.click()
     assert "another declination" in view.message.text()
-    assert view.controls.pressed(PolarButton.SECOND_SWEEP)
+    assert view.alignment.controls.pressed(PolarButton.SECOND_SWEEP)
     obeyed, ways, decs = [], [], []
 
     def person():
-        asked = view.state.turn_instruction
-        if view.state.hand_needed and asked is not None and not any(asked is o for o in obeyed):
+        asked = view.alignment.state.turn_instruction
+        if view.alignment.state.hand_needed and asked is not None and not any(asked is o for o in obeyed):
             obeyed.append(asked)
             ways.append(asked.direction)
             decs.append(nights.made[-1].rig.truth().ra_dec_deg[1])
-            view.turn_for_me.click()
-        if view.state.stage == "adjust":
-            view.cancel.click()
+            view.buttons.turn_for_me.click()
+        if view.alignment.state.stage == "adjust":
+            view.buttons.cancel.click()
 
     drive(view, person)
     across = [w for w in ways if w in (Direction.NORTH, Direction.SOUTH)]
@@ -182,7 +182,7 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     assert abs(moved_deg) > 5.0, "it really is another declination"
     assert (moved_deg > 0.0) == (across[0] is Direction.NORTH)
     assert ways[-1] in (Direction.EAST, Direction.WEST)
-    assert len(view.state.measured) == 1, "from both sweeps"
+    assert len(view.alignment.state.measured) == 1, "from both sweeps"
 
 
 def taken(folder, dec_deg):
@@ -219,15 +219,15 @@ def test_files_are_measured(polar, frames):
     _, view = polar()
     choose_files(view, [*frames, frames[0]])
     assert view.setup.frames.files.count() == 3  # each once
-    view.start.click()
+    view.buttons.start.click()
     drive(view)
-    assert view.state.stage == "done", view.message.text()
-    assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
+    assert view.alignment.state.stage == "done", view.message.text()
+    assert view.alignment.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
     value, way = view.page.numbers.knobs[Knob.ALTITUDE]
     assert value.text().startswith(("+19.9′", "+20.0′", "+20.1′"))
     assert way.text() == "▼ lower the axis"
     assert "Refracted pole" in view.page.pole.text()
-    assert view.state.findings
+    assert view.alignment.state.findings
     assert view.page.numbers.findings.text().startswith("⚠ ")
 
 
@@ -262,17 +262,19 @@ def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
     drive(view)
     enough = view.page.numbers.enough
     assert enough.text() == "Good enough: stop."
-    view.page.show_state(replace(view.state, findings=(PolarFinding(PolarFindingKind.FAR, "Far.", spoils=True),)), 0.0)
+    view.page.show_state(
+        replace(view.alignment.state, findings=(PolarFinding(PolarFindingKind.FAR, "Far.", spoils=True),)), 0.0
+    )
     assert not enough.text(), "no advice from a spoilt measurement"
-    view.page.show_state(view.state, 0.0)
+    view.page.show_state(view.alignment.state, 0.0)
     assert "Flexure not measured" in view.page.numbers.findings.text()
     view.setup.frames.files.add(second_sweep, 1)
     assert "second sweep" in view.setup.frames.files.item(3).text()
     view.begin()
     drive(view)
-    assert view.state.stage == "done", view.message.text()
+    assert view.alignment.state.stage == "done", view.message.text()
     assert "Flexure not measured" not in view.page.numbers.findings.text()
-    assert view.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
+    assert view.alignment.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
 
 
 def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):
@@ -283,7 +285,7 @@ def test_the_other_pole_moves_the_error_by_the_refraction(polar, frames):
     view.begin()
     drive(view)
     # At 47 deg the air lifts the pole by about 52 arcsec.
-    assert view.state.error.altitude_arcsec == pytest.approx(1252.0, abs=25.0)
+    assert view.alignment.state.error.altitude_arcsec == pytest.approx(1252.0, abs=25.0)
 
 
 def test_one_file_is_not_enough(polar, frames):
@@ -301,7 +303,7 @@ def test_a_site_that_is_none_is_said_before_anything_starts(polar):
     view.setup.aim.site.setText("nowhere")
     view.begin()
     assert "is not a site" in view.message.text()
-    assert view.job is None
+    assert view.alignment.job is None
 
 
 def test_a_camera_that_is_not_there_is_one_sentence(polar, tmp_path):
@@ -312,7 +314,7 @@ def test_a_camera_that_is_not_there_is_one_sentence(polar, tmp_path):
     view.begin()
     drive(view)
     assert view.message.property("role") == "wrong"
-    assert view.state.stage == "ended"
+    assert view.alignment.state.stage == "ended"
     assert "absent" in view.message.text()
 
 
@@ -333,14 +335,14 @@ def test_cancel_ends_it_and_another_can_begin(qtbot, polar):
     nights = Nights()
     _, view = polar(nights)
     view.begin()
-    qtbot.waitUntil(lambda: view.state.stage in ("measure", "turn"), timeout=30_000)
-    view.cancel.click()
+    qtbot.waitUntil(lambda: view.alignment.state.stage in ("measure", "turn"), timeout=30_000)
+    view.buttons.cancel.click()
     drive(view)
-    assert view.state.stage == "ended"
+    assert view.alignment.state.stage == "ended"
     assert "Cancelled" in view.message.text()
     view.begin()
-    qtbot.waitUntil(lambda: view.adjuster is not None, timeout=30_000)
-    view.cancel.click()
+    qtbot.waitUntil(lambda: view.alignment.adjuster is not None, timeout=30_000)
+    view.buttons.cancel.click()
     drive(view)
     assert len(nights.made) == 2
 
@@ -378,24 +380,24 @@ def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
     commands, view = polar(Nights())
     commands.window.activateWindow()
     view.begin()
-    qtbot.waitUntil(lambda: view.state.hand_needed, timeout=60_000)
-    view.done.setFocus()
+    qtbot.waitUntil(lambda: view.alignment.state.hand_needed, timeout=60_000)
+    view.buttons.done.setFocus()
     pressed = []
-    view.done.clicked.connect(lambda: pressed.append(1))
-    qtbot.keyClick(view.done, Qt.Key.Key_Space)
+    view.buttons.done.clicked.connect(lambda: pressed.append(1))
+    qtbot.keyClick(view.buttons.done, Qt.Key.Key_Space)
     assert pressed
-    assert view.controls.take(PolarButton.TURNED) or "new frame" in view.message.text()
-    view.cancel.click()
+    assert view.alignment.controls.take(PolarButton.TURNED) or "new frame" in view.message.text()
+    view.buttons.cancel.click()
     drive(view)
 
 
 def test_f7_shows_the_bolts_over_the_whole_screen(qtbot, polar):
     commands, view = polar()
-    view.state = adjusting(-900.0, 100.0)
+    view.alignment.state = adjusting(-900.0, 100.0)
     commands.window.activateWindow()
     qtbot.waitUntil(commands.window.isActiveWindow)
-    view.start.setFocus()
-    qtbot.keyClick(view.start, Qt.Key.Key_F7)
+    view.buttons.start.setFocus()
+    qtbot.keyClick(view.buttons.start, Qt.Key.Key_F7)
     qtbot.waitUntil(view.bolts.isFullScreen)
     assert view.bolts.digits() == "15.0′"
     qtbot.keyClick(view.bolts, Qt.Key.Key_S)
@@ -430,7 +432,7 @@ def test_red_light_alone_at_night(qtbot, polar, frames):
     for index in (1, 2):
         view.tabs.setCurrentIndex(index)
         assert_red(commands.window)
-    view.state = adjusting(-900.0, 100.0)
+    view.alignment.state = adjusting(-900.0, 100.0)
     view._show()
     view.tabs.setCurrentIndex(1)
     assert_red(commands.window)
@@ -482,13 +484,13 @@ def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, pola
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.MOUNT)
     view.setup.frames.exposure.setValue(0.5)
     view.begin()
-    qtbot.waitUntil(lambda: "The mount turns" in view.state.words, timeout=60_000)
+    qtbot.waitUntil(lambda: "The mount turns" in view.alignment.state.words, timeout=60_000)
     assert "Keep clear" in view.page.words.text()
-    assert view.turn_for_me.isHidden() or not view.turn_for_me.isEnabled()
+    assert view.buttons.turn_for_me.isHidden() or not view.buttons.turn_for_me.isEnabled()
     mount = nights.made[-1].rig.mount
     qtbot.waitUntil(lambda: mount.slewing, timeout=20_000)
     if ending == "cancel":
-        view.cancel.click()
+        view.buttons.cancel.click()
         drive(view)
     else:
         commands.window.close()
@@ -552,8 +554,8 @@ def test_wishes_are_understood(polar):
 def test_a_spoilt_measurement_does_not_end_in_green(polar, spoils, word):
     _, view = polar()
     finding = PolarFinding(PolarFindingKind.DISAGREE, "Something slipped.", spoils=spoils)
-    view.state = replace(adjusting(300.0, 20.0), findings=(finding,))
-    view._succeeded(History(entries=[entry(0, 300.0, "measured")]))
+    view.alignment.state = replace(adjusting(300.0, 20.0), findings=(finding,))
+    view.alignment._succeeded(History(entries=[entry(0, 300.0, "measured")]))
     assert view.message.text().startswith(word)
     assert view.message.property("role") == ("wrong" if spoils else "good")
 
@@ -577,16 +579,16 @@ def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
         assert not view.setup.form.isRowVisible(hidden)
     assert view.setup.form.isRowVisible(view.setup.frames.guided)
     view.begin()
-    qtbot.waitUntil(lambda: view.state.drift is not None and view.state.drift.minutes > 4.0)
-    assert view.state.running
-    assert view.done.isHidden()
-    assert view.second.isHidden()
-    assert view.turn_for_me.isHidden()
+    qtbot.waitUntil(lambda: view.alignment.state.drift is not None and view.alignment.state.drift.minutes > 4.0)
+    assert view.alignment.state.running
+    assert view.buttons.done.isHidden()
+    assert view.buttons.second.isHidden()
+    assert view.buttons.turn_for_me.isHidden()
     assert "of drift" in view.page.detail.text()
-    view.use_frames.click()
+    view.buttons.use_frames.click()
     drive(view)
-    assert view.state.stage == "done", view.message.text()
-    error, true = view.state.error, nights.made[-1].rig.truth().axis_error()
+    assert view.alignment.state.stage == "done", view.message.text()
+    error, true = view.alignment.state.error, nights.made[-1].rig.truth().axis_error()
     for knob, really in ((Knob.ALTITUDE, true.altitude_arcsec), (Knob.AZIMUTH, true.azimuth_arcsec)):
         assert abs(error.knob_arcsec(knob) - really) < 4.0 * error.with_systematics.knob_sigma_arcsec(knob) + 60.0
 
@@ -602,13 +604,13 @@ def test_what_has_no_bolts_is_asked_for_as_hands_move_it(qtbot, polar, base, wor
     view.begin()
 
     def person():
-        asked = view.state.turn_instruction or view.state.instruction
-        if view.state.hand_needed and not any(asked is one for one in obeyed):
+        asked = view.alignment.state.turn_instruction or view.alignment.state.instruction
+        if view.alignment.state.hand_needed and not any(asked is one for one in obeyed):
             obeyed.append(asked)
-            view.turn_for_me.click()
+            view.buttons.turn_for_me.click()
 
     drive(view, person)
-    assert view.state.stage == "done", view.message.text()
+    assert view.alignment.state.stage == "done", view.message.text()
     told = [one.words for one in obeyed if isinstance(one, Instruction)]
     assert any(words in one for one in told)
     assert not any("bolt" in one for one in told)
@@ -626,14 +628,14 @@ def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, po
     view.begin()
 
     def person():
-        state = view.state
+        state = view.alignment.state
         words.add(state.words)
         if state.hand_needed and not any(state.turn_instruction is one for one in asked):
             asked.append(state.turn_instruction)
-            view.turn_for_me.click()
+            view.buttons.turn_for_me.click()
 
     drive(view, person)
-    assert view.state.stage == "done", view.message.text()
+    assert view.alignment.state.stage == "done", view.message.text()
     assert None not in asked, "RA has no motor here, the bolts have"
     assert any("motor moves" in told for told in words)
     assert nights.true_arcsec < 30.0
@@ -644,13 +646,13 @@ def test_escape_stops_motors_at_the_bolts_without_a_mount(qtbot, polar):
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
     view.setup.axis.motors.setChecked(True)
     view.begin()
-    qtbot.waitUntil(lambda: view.state.running and view.state.stage != "opening")
+    qtbot.waitUntil(lambda: view.alignment.state.running and view.alignment.state.stage != "opening")
     view.show_bolts()
     assert view.bolts.face.keys == MOTORS
     qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
     drive(view)
-    assert view.state.stage == "ended"
-    assert "Cancelled" in view.state.words
+    assert view.alignment.state.stage == "ended"
+    assert "Cancelled" in view.alignment.state.words
     assert view.bolts.face.keys == KEYS, "none runs any more"
 
 

@@ -27,7 +27,7 @@ class Files(QObject):
     opening = Signal(Path)  # a file that a person opened, or the film strip
     recent_changed = Signal()
     elements_kept = Signal()  # of orbits: their bodies may be in the open frame
-    said = Signal(str)  # a sentence for the status bar
+    notice = Signal(str)  # a sentence for the status bar
 
     def __init__(self, session: Session, panes: Workspace, settings: WindowSettings, undo: Undo) -> None:
         super().__init__(panes)
@@ -77,22 +77,22 @@ class Files(QObject):
             found = images_in(paths)
         except OSError as error:
             name = short_name(Path(error.filename or paths[0]).name)
-            self.said.emit(tr("Can't open {name}: {why}.", name=name, why=error.strerror or error))
+            self.notice.emit(tr("Can't open {name}: {why}.", name=name, why=error.strerror or error))
             return
         if len(found) > 1:
             self._replace_files({path: FileState(path) for path in found}, found[0])
         elif found:
             self.open(found[0])
         elif paths:
-            self.said.emit(tr("No images in {name}.", name=short_name(paths[0].name)))
+            self.notice.emit(tr("No images in {name}.", name=short_name(paths[0].name)))
 
     def _keep_elements(self, path: Path) -> None:
         job = self._session.jobs.run(save_task(lambda: keep_elements(path), path), "elements")
         job.succeeded.connect(
-            lambda p: self.said.emit(tr("Objects from {name} now appear in dated images.", name=p.name))
+            lambda p: self.notice.emit(tr("Objects from {name} now appear in dated images.", name=p.name))
         )
         job.succeeded.connect(lambda _: self.elements_kept.emit())
-        job.failed.connect(self.said)
+        job.failed.connect(self.notice)
 
     def _replace_files(self, files: dict[Path, FileState], path: Path) -> None:
         """Another film strip, or none, and one file; the strip that ends may be had back."""
@@ -138,7 +138,7 @@ class Files(QObject):
         if (path := ask_save(window, files[0].path.with_name("kochab-results.csv"), "CSV (*.csv)")) is not None:
             told = [(str(f.path), f.words, f.result if isinstance(f.result, Solution) else None) for f in files]
             job = self._session.jobs.run(save_task(lambda: write_atomically(path, results_csv(told)), path), "results")
-            job.succeeded.connect(lambda p: self.said.emit(tr("Saved {name}", name=p.name)))
+            job.succeeded.connect(lambda p: self.notice.emit(tr("Saved {name}", name=p.name)))
             job.failed.connect(lambda sentence: tell(window, tr("Results"), sentence))
 
 

@@ -124,7 +124,7 @@ class Commands(QObject):
         session.streaming.connect(self._enable)
         for begun in (files.opening, session.streaming):
             begun.connect(lambda _: actions["blink"].setChecked(False))
-        files.said.connect(parts.window.say)
+        files.notice.connect(parts.window.say)
         files.recent_changed.connect(self._show_recent)
         files.elements_kept.connect(parts.field.look_for_bodies)
         files.blink.named.connect(bar.show_name)
