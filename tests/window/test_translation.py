@@ -511,7 +511,7 @@ def test_every_text_of_a_connected_mount_is_translated(qtbot, solved_abroad, dri
         assert cut(window) == []
         assert whole(window, mount.view.stop)
         if Ability.SYNC not in mount.opening.guard.lacks:
-            mount.view.sync.click()
+            mount.view.buttons.sync.click()
             qtbot.waitUntil(lambda: bool(window.findChildren(SyncDialog)))
             (dialog,) = window.findChildren(SyncDialog)
             left = unmarked(dialog, names)
@@ -613,9 +613,9 @@ def test_every_text_of_a_practice_mount_is_translated(qtbot, aligning):
     view, left = commands.views.docks["mount"].view, []
     for act, done in (
         (lambda: None, lambda known: known.report is not None),
-        (view.take.click, lambda known: known.sight is not None),
+        (view.buttons.take.click, lambda known: known.sight is not None),
         (lambda: view.orders.nudge(Direction.NORTH, 60.0), lambda known: not known.slewing),
-        (view.diagnose.click, lambda known: not known.busy),
+        (view.buttons.diagnose.click, lambda known: not known.busy),
     ):
         act()
         qtbot.waitUntil(lambda done=done: done(view.control.known) and not view.control.known.busy)

@@ -223,7 +223,7 @@ def test_nothing_that_a_mount_does_is_undone_and_its_equipment_stays(qtbot, open
     said = []
     commands.equipment.refused.connect(said.append)
     with connected(qtbot, commands, "onstep") as mount:
-        mount.view.rests["park"].click()
+        mount.view.buttons.rests["park"].click()
         qtbot.waitUntil(lambda: mount.telescope.parked and not mount.control.known.busy)
         assert commands.actions["undo"].text() == "&Undo: use RedCat"  # still: no step came of it
         mount.telescope.log.clear()

@@ -65,22 +65,22 @@ def test_what_live_chooses_the_mount_uses(qtbot, commands):
     live.camera.box.source.setCurrentIndex(live.camera.box.source.findData("indi"))
     qtbot.waitUntil(lambda: live.camera.box.found.count() == 2)
     pick(live.camera.box.found, "indi:1/b")
-    assert mount.camera.selection == CameraSelection("indi", "indi:1/b", 2.0)
-    assert mount.control.camera.selection == mount.camera.selection
+    assert mount.camera.box.selection == CameraSelection("indi", "indi:1/b", 2.0)
+    assert mount.control.camera.selection == mount.camera.box.selection
 
 
 def test_what_is_being_typed_stays_until_another_camera_is_chosen(commands):
     mount = view_of(commands, "mount")
-    pick(mount.camera.source, "folder")
-    mount.camera.address.setText("/data/n")
+    pick(mount.camera.box.source, "folder")
+    mount.camera.box.address.setText("/data/n")
     mount._show()  # as twice a second while a mount is connected
-    assert mount.camera.address.text() == "/data/n"
+    assert mount.camera.box.address.text() == "/data/n"
     mount._services.cameras.choose("indi", "indi:1/b")
-    mount.camera.exposure.setValue(7.0)
+    mount.camera.box.exposure.setValue(7.0)
     mount._show()
-    assert mount.camera.selection == CameraSelection("indi", "indi:1/b", 7.0)
+    assert mount.camera.box.selection == CameraSelection("indi", "indi:1/b", 7.0)
     mount.control.use_camera(None)
-    assert mount.camera.selection is None
+    assert mount.camera.box.selection is None
 
 
 def test_the_alignment_uses_it_too_though_its_view_is_made_later(qtbot, commands):
@@ -109,12 +109,12 @@ def test_a_camera_that_will_not_come_back_is_not_offered_any_more(qtbot, command
 
 def test_what_the_mount_chooses_live_uses_unless_it_runs(qtbot, commands):
     live, mount = view_of(commands, "live"), view_of(commands, "mount")
-    pick(mount.camera.source, "webcam")
-    qtbot.waitUntil(lambda: mount.camera.found.count() == 2)
-    pick(mount.camera.found, "webcam:1/a")
+    pick(mount.camera.box.source, "webcam")
+    qtbot.waitUntil(lambda: mount.camera.box.found.count() == 2)
+    pick(mount.camera.box.found, "webcam:1/a")
     assert (live.camera.box.kind, live.camera.box.address.text()) == ("webcam", "webcam:1/a")
     live.run(StreamRequest(Named, "a camera"), lambda: Told(lambda n: fake_solution(600, 400)))
-    pick(mount.camera.found, "webcam:1/b")
+    pick(mount.camera.box.found, "webcam:1/b")
     assert live.camera.box.address.text() == "webcam:1/a"
     live.end()
     qtbot.waitUntil(lambda: live._ending is None)
@@ -154,17 +154,17 @@ def test_an_exposure_that_another_view_has_set_is_told_and_can_be_changed_for_bo
     mount.control.camera.next_frame(1.0)
     assert live.in_force.exposure_s == 0.5, "not taken away from whoever watches it"
     mount._show()
-    assert "at 0.5 s" in mount.camera.status.text()
-    assert not mount.camera.status.isHidden()
+    assert "at 0.5 s" in mount.camera.box.status.text()
+    assert not mount.camera.box.status.isHidden()
     before = mount.control.camera
-    mount.camera.exposure.setValue(3.0)
-    mount.camera.exposure.editingFinished.emit()
+    mount.camera.box.exposure.setValue(3.0)
+    mount.camera.box.exposure.editingFinished.emit()
     before.close()
     eye = mount.control.camera
     eye.next_frame(1.0)
     assert live.in_force.exposure_s == 3.0
     mount._show()
-    assert mount.camera.status.isHidden()
+    assert mount.camera.box.status.isHidden()
     eye.close()
     live.next_frame(1.0)  # one may be waiting that came for both
     live.next_frame(1.0)

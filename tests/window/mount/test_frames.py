@@ -106,21 +106,21 @@ def test_a_frame_is_taken_shown_and_compared(qtbot, opened, camera, answers):
     window, commands = opened
     with connected(qtbot, commands) as mount:
         mount.control.use_camera(WISH)
-        assert mount.view.take.explanation.reason == ""
+        assert mount.view.buttons.take.explanation.reason == ""
         answers.extend([no_solution(), fake_solution(600, 400)])
-        mount.view.take.click()
+        mount.view.buttons.take.click()
         qtbot.waitUntil(lambda: any("trailed" in s for s in mount.said), timeout=15_000)
         assert mount.control.known.sight is None
         assert commands.session.known.name == "Camera frame 1"
         assert isinstance(commands.session.known.result, NoSolution)
         assert window.windowTitle().startswith("Camera frame 1")
-        mount.view.take.click()
+        mount.view.buttons.take.click()
         qtbot.waitUntil(lambda: any("Solved" in s for s in mount.said), timeout=15_000)
         assert mount.view.pointing.sky[0].text().startswith("05h 36m")
         assert mount.view.pointing.total.text().endswith("°")
         assert not mount.control.known.moved_since
         camera.pulled = True
-        mount.view.take.click()
+        mount.view.buttons.take.click()
         qtbot.waitUntil(lambda: any("unplugged" in s for s in mount.said), timeout=15_000)
         assert mount.control.known.phase == "on"
 
@@ -131,7 +131,7 @@ def test_after_a_move_the_sight_is_old_until_a_frame_is_taken_by_itself(qtbot, o
         mount.control.use_camera(WISH)
         mount.view.after.setChecked(False)
         answers.extend([fake_solution(600, 400)] * 2)
-        mount.view.take.click()
+        mount.view.buttons.take.click()
         qtbot.waitUntil(lambda: mount.control.known.sight is not None, timeout=15_000)
         qtbot.waitUntil(lambda: not mount.control.known.busy, timeout=15_000)
         mount.view.pad.step.setCurrentText("10″")

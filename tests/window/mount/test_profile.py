@@ -40,7 +40,7 @@ def test_a_new_name_keeps_what_is_used_now_and_another_brings_its_own(view, sett
     choose(view, "Refractor")
     assert (view.connect_box.chosen_port, settings.site) == ("COM9", None)
     assert view.control.limits.lowest_altitude_deg == 25.0
-    assert view.camera.selection == CameraSelection("folder", "/frames")
+    assert view.camera.box.selection == CameraSelection("folder", "/frames")
 
 
 def test_focal_length_and_pixel_size_reach_live_and_polar_for_the_camera_of_the_profile(

@@ -78,8 +78,8 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
         assert mount.view.pointing.mount[0].text()[2] == "h"
         assert "idle" in mount.view.pointing.state.text() or "racking" in (mount.view.pointing.state.text())
         assert mount.view.stop.isVisible()
-        assert mount.view.take.explanation.reason == why.Need.CAMERA.value
-        assert mount.view.rests["park"].explanation.reason == mount.opening.guard.lacks.get(Ability.PARK, "")
+        assert mount.view.buttons.take.explanation.reason == why.Need.CAMERA.value
+        assert mount.view.buttons.rests["park"].explanation.reason == mount.opening.guard.lacks.get(Ability.PARK, "")
         for i, rate in enumerate(TrackingRate):
             item, reason = mount.view.tracking.model().item(i), mount.opening.guard.lacks.get(rate.ability, "")
             assert (item.isEnabled(), item.toolTip()) == (not reason, reason)
@@ -89,15 +89,15 @@ def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands, "onstep") as mount:
         view, telescope = mount.view, mount.telescope
-        assert view.rests["unpark"].explanation.reason == why.Need.IS_PARKED.value
-        view.rests["park"].click()
+        assert view.buttons.rests["unpark"].explanation.reason == why.Need.IS_PARKED.value
+        view.buttons.rests["park"].click()
         qtbot.waitUntil(lambda: at_rest(mount) and telescope.parked, timeout=15_000)
         qtbot.waitUntil(lambda: view.go.goto.explanation.reason == why.PARKED, timeout=5_000)
         assert view.message.text() == "Parked."
         assert view.tracking.currentText() == "Tracking off"
-        view.rests["unpark"].click()
-        qtbot.waitUntil(lambda: view.rests["home"].explanation.reason == "" and at_rest(mount), timeout=5_000)
-        view.rests["home"].click()
+        view.buttons.rests["unpark"].click()
+        qtbot.waitUntil(lambda: view.buttons.rests["home"].explanation.reason == "" and at_rest(mount), timeout=5_000)
+        view.buttons.rests["home"].click()
         qtbot.waitUntil(lambda: view.message.text() == "At home.", timeout=15_000)
         view.tracking.activated.emit(list(TrackingRate).index(TrackingRate.LUNAR))
         qtbot.waitUntil(lambda: view.tracking.currentText() == "Track the Moon", timeout=5_000)
@@ -114,10 +114,10 @@ def test_a_clock_that_contradicts_greys_the_slews_and_is_set_by_one_click(qtbot,
         mount.control.order("look", lambda guard: looking(guard))
         qtbot.waitUntil(lambda: doubted.isVisible() and at_rest(mount), timeout=15_000)
         assert "its clock is 1.0 h slow (summer time or zone?)" in view.doubt.text()
-        for greyed in (view.go.goto, view.sync):
+        for greyed in (view.go.goto, view.buttons.sync):
             assert greyed.explanation.reason == why.Need.AGREEMENT.value
         assert view.pad.buttons[Direction.NORTH].explanation.reason == ""
-        view.settles["set clock"].click()
+        view.buttons.settles["set clock"].click()
         qtbot.waitUntil(lambda: not doubted.isVisible() and at_rest(mount), timeout=15_000)
         assert abs(settings.clock_error.total_seconds()) < 3.0
         assert "The mount has this computer’s clock." in mount.said
@@ -171,7 +171,7 @@ def test_the_wheel_orders_and_sets_nothing_with_focus_or_without(qtbot, opened, 
         view = mount.view
         limits = current_profile(settings).limits
         fields = [*view.findChildren(QComboBox), *view.findChildren(QDoubleSpinBox)]
-        assert {view.tracking, view.meridian, view.limits.lowest, view.camera.source} <= set(fields)
+        assert {view.tracking, view.meridian, view.limits.lowest, view.camera.box.source} <= set(fields)
         keys = Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase
         for field in fields * 2:  # a second time with the focus
             before, middle = field_value(field), QPointF(field.rect().center())
@@ -428,7 +428,7 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         sky = fake_solution(600, 400).ra_dec_deg
         before = mount.control.known.report.icrs_deg
-        mount.view.sync.click()
+        mount.view.buttons.sync.click()
         qtbot.waitUntil(lambda: bool(window.findChildren(SyncDialog)), timeout=15_000)
         (dialog,) = window.findChildren(SyncDialog)
         assert not [e for e in mount.telescope.log if e[0] == "sync"], "only a preview so far"
@@ -438,9 +438,9 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
         assert "slews by the offset" not in texts, "one frame alone is no ground for a slew"
         dialog.yes.click()
         qtbot.waitUntil(lambda: any(s.startswith("Synced") for s in mount.said), timeout=15_000)
-        qtbot.waitUntil(lambda: mount.view.undo.explanation.reason == "", timeout=10_000)
+        qtbot.waitUntil(lambda: mount.view.buttons.undo.explanation.reason == "", timeout=10_000)
         assert apart_deg(mount.control.known.report.icrs_deg, sky) * 3600.0 < 120.0
-        mount.view.undo.click()
+        mount.view.buttons.undo.click()
         qtbot.waitUntil(lambda: any("Sync undone" in s for s in mount.said[1:]), timeout=15_000)
         qtbot.waitUntil(lambda: apart_deg(mount.control.known.report.icrs_deg, before) * 3600.0 < 120.0, timeout=10_000)
 
@@ -448,7 +448,7 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
 def test_a_sync_that_is_refused_offers_no_yes(qtbot, opened):
     window, commands = opened
     with connected(qtbot, commands) as mount:  # tens of degrees from the open frame's sky
-        mount.view.sync.click()
+        mount.view.buttons.sync.click()
         qtbot.waitUntil(lambda: bool(window.findChildren(SyncDialog)), timeout=15_000)
         (dialog,) = window.findChildren(SyncDialog)
         assert not dialog.yes.isVisible()
@@ -461,7 +461,7 @@ def test_two_clicks_in_the_frame_bring_a_star(qtbot, opened):
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         before = mount.control.known.report.icrs_deg
         star = mount.control.solution.stars[3]
-        mount.view.bring.click()
+        mount.view.buttons.move_star.click()
         frame = window.workspace.view
         for _ in range(2):  # on the star, and on it again: to the middle
             frame.clicked.emit(star.x + 1.0, star.y, 14.0)
@@ -553,7 +553,7 @@ def test_the_view_and_its_dialog_are_red_at_night(qtbot, opened):
     qtbot.waitUntil(lambda: commands.appearance.settled)
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         assert_red(window)
-        mount.view.sync.click()
+        mount.view.buttons.sync.click()
         qtbot.waitUntil(lambda: bool(window.findChildren(SyncDialog)), timeout=15_000)
         (dialog,) = window.findChildren(SyncDialog)
         assert_red(dialog)
@@ -624,13 +624,13 @@ def test_a_pointing_model_is_made_of_what_diagnose_has_seen_and_ends_with_a_sync
 
     _, commands = opened
     with connected(qtbot, commands, "onstep") as mount:
-        mount.view.model.click()
+        mount.view.buttons.model.click()
         qtbot.waitUntil(lambda: "needs 4 sightings" in mount.view.message.text(), timeout=10_000)
         faulty, rng = bad_mount(2)
         seen = sightings(faulty, 6, rng, sides=True)
         late = mount.opening.guard.clock() - max(one.time_utc for one in seen)
         mount.control.sightings = tuple(replace(one, time_utc=one.time_utc + late) for one in seen)
-        mount.view.model.click()
+        mount.view.buttons.model.click()
         qtbot.waitUntil(lambda: "aimed by a pointing model" in mount.view.message.text(), timeout=10_000)
         assert mount.opening.guard.supervisor.aim is not None
 
@@ -639,7 +639,7 @@ def test_a_spiral_search_is_one_press_and_stop_ends_it(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands, "onstep") as mount:
         mount.telescope.log.clear()
-        mount.view.spiral.click()
+        mount.view.buttons.spiral.click()
         qtbot.waitUntil(lambda: any(entry[0] == "goto" for entry in mount.telescope.log), timeout=10_000)
         mount.view.stop.click()
         qtbot.waitUntil(lambda: at_rest(mount), timeout=10_000)

@@ -11,12 +11,13 @@ from kochab.core.mount import MountState
 from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
 from kochab.gear.profiles import current_profile, save_selection, saved_profiles
-from kochab.gear.session import CameraSelection, Meridian, MountSelection
-from kochab.window.devices.cameras import CameraBox
+from kochab.gear.session import Meridian, MountSelection
 from kochab.window.frame.picture_age import PictureAge
 from kochab.window.mount.actions import MountActions, MoveStarMode
+from kochab.window.mount.buttons import OrderButtons
+from kochab.window.mount.camera_choice import CameraChoice
 from kochab.window.mount.connect_box import ConnectBox
-from kochab.window.mount.controls import ExplainedButton, GoBox, NudgePad, TrackingChoice
+from kochab.window.mount.controls import GoBox, NudgePad, TrackingChoice
 from kochab.window.mount.gamepad import Gamepad
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingBox, SyncDialog
@@ -37,31 +38,12 @@ from kochab.window.widgets import (
     switch,
 )
 from kochab.workflows.goto_target import FlipQuestion, names_to_offer
-from kochab.workflows.sync_mount import SyncOffer, undo_sync
+from kochab.workflows.sync_mount import SyncOffer
 
 MERIDIAN_TIP = tr_noop(
     "A German equatorial must flip at the meridian, or its tube may hit the pier. A fork, wedge or "
     "alt-azimuth mount goes on without a flip."
 )
-DIAGNOSE_TIP = tr_noop(
-    "Take a frame and find the cause of the offset: summer time, epoch, site, polar axis, cone error"
-)
-MODEL_TIP = tr_noop(
-    "Aim gotos by a model of the offsets that Diagnose has seen in four places or more, until the next sync"
-)
-SPIRAL_TIP = tr_noop(
-    "Not in the field? Search around here in a square spiral, two thirds of a field at a time; Stop ends it"
-)
-RESTS = {
-    "park": (tr_noop("Park"), tr_noop("Slew to the park position that is set in the mount, and stay there")),
-    "unpark": (tr_noop("Unpark"), tr_noop("Let a parked mount move again")),
-    "home": (tr_noop("Home"), tr_noop("Slew to the mount’s own home position")),
-    "flip": (tr_noop("Flip"), tr_noop("Take a German mount to the other side of its pier where it points")),
-}
-SETTLES = {
-    "set clock": (tr_noop("Set clock"), tr_noop("Set the mount’s clock to this computer’s")),
-    "set site": (tr_noop("Set site"), tr_noop("Set the mount’s site to yours")),
-}
 TRUST_TIP = tr_noop("Slew and sync anyway. Limits use this computer’s clock and your site.")
 ALIGNING = tr_noop("Polar alignment (F4) is using the mount")
 
@@ -84,52 +66,25 @@ class MountView(View):
     def _make_controls(self) -> None:
         orders, control = self.orders, self.control
         self.connect_box = ConnectBox(self._services.jobs, self._services.wiring.practice is not None)
-        self.camera = CameraBox(at_once=True)
-        self._shown_camera: CameraSelection | None = None
-        self.take = ExplainedButton(tr("Take a frame"), orders.take_frame, tr("See where the mount really points"))
-        tip = tr("Solve two frames, then sync the mount on them")
-        self.sync = ExplainedButton(tr("Sync…"), orders.offer_sync, tip, "main")
-        self.undo = ExplainedButton(tr("Undo sync"), lambda: control.ask("undo", undo_sync), tr("Undo the last sync"))
-        self.diagnose = ExplainedButton(tr("Diagnose"), orders.diagnose, tr(DIAGNOSE_TIP))
-        self.model = ExplainedButton(tr("Pointing model"), orders.use_model, tr(MODEL_TIP))
-        self.spiral = ExplainedButton(tr("Spiral search"), orders.spiral, tr(SPIRAL_TIP))
-        tip = tr("Click a star in the frame, then where to put it")
-        self.bring = ExplainedButton(tr("Move star to…"), self.move_star.begin, tip)
-        self.pad = NudgePad(orders.nudge, self.bring)
-        Gamepad(self.pad, control, orders)
-        self.tracking = TrackingChoice()
+        self.camera = CameraChoice(self, control, self._services.cameras, self._services.settings)
         self.after = switch(tr("Solve after slew"), tr("Take and solve a frame after each goto or nudge"))
         self.go = GoBox(orders.goto, orders.centre, self.after)
+        self.buttons = OrderButtons(control, orders, self.move_star, self.go)
+        self.pad = NudgePad(orders.nudge, self.buttons.move_star)
+        Gamepad(self.pad, control, orders)
+        self.tracking = TrackingChoice()
         self.meridian = narrow_box(tr("What the mount does at the meridian"), 8, {tr(way): way for way in Meridian})
         self.meridian.setToolTip(tr(MERIDIAN_TIP))
         self.pointing = PointingBox(self.tracking)
         self.limits = LimitsBox()
-        settles = {
-            n: ExplainedButton(tr(text), partial(orders.settle, n), tr(tip)) for n, (text, tip) in SETTLES.items()
-        }
-        self.settles, self.doubt = settles, label("", "wrong", wrap=True)
+        self.doubt = label("", "wrong", wrap=True)
         self.trust = button(tr("Mount is right"), partial(orders.settle, "trust"), "", tr(TRUST_TIP))
         self.flip = button(tr("Flip and go"), self._flip_and_go, "", tr("Flip the mount on its way there"))
-        self.rests = {n: ExplainedButton(tr(t), partial(orders.rest, n), tr(tip)) for n, (t, tip) in RESTS.items()}
         self.leave = button(tr("Disconnect"), control.disconnect_mount, "", tr("Stop the mount and close the port"))
         self.cancel_find = button(tr("Cancel"), self.connect_box.cancel_search)
         self.name = label("", "heading", wrap=True)
         self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
         self.bar = ProgressBar(tr("Progress of the mount"))
-        # by the names of the actions in kochab.gear.actions
-        self.explained = {
-            "sync": self.sync,
-            "undo": self.undo,
-            "take_frame": self.take,
-            "goto": self.go.goto,
-            "centre": self.go.centre,
-            "move_star": self.bring,
-            "diagnose": self.diagnose,
-            "model": self.model,
-            "spiral": self.spiral,
-            **self.rests,
-            **self.settles,
-        }
 
     def _lay_out(self) -> None:
         for hidden in (self.bar, self.cancel_find, self.why, self.flip):
@@ -140,14 +95,15 @@ class MountView(View):
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
     def _cards(self) -> QWidget:
-        frames = column(row(self.take, self.sync, self.undo, None), row(self.diagnose, self.model, None))
+        made = self.buttons
+        frames = column(row(made.take, made.sync, made.undo, None), row(made.diagnose, made.model, None))
         meridian = row(label(tr("Meridian")), (self.meridian, 1))
         self.connection = _card(self.connect_box)
-        self.doubted = _card(self.doubt, row(*self.settles.values(), self.trust, None))
+        self.doubted = _card(self.doubt, row(*made.settles.values(), self.trust, None))
         self.picture = PictureAge(self._services.session)
-        self.compared = _card(self.pointing, frames, self.camera, self.picture)
+        self.compared = _card(self.pointing, frames, self.camera.box, self.picture)
         self.moving = _card(
-            self.go, meridian, row(*self.rests.values(), self.spiral, None), styled_frame("rule"), self.pad
+            self.go, meridian, row(*made.rests.values(), made.spiral, None), styled_frame("rule"), self.pad
         )
         inside, top = page(), row((self.name, 1), self.leave)
         parts = (top, self.connection, self.doubted, self.compared, self.moving, _card(self.limits), None)
@@ -155,9 +111,9 @@ class MountView(View):
         return inside
 
     def _connect(self) -> None:
-        control, orders, box, cameras = self.control, self.orders, self.connect_box, self._services.cameras
-        explanations = [one.explanation for one in (*self.explained.values(), *self.pad.buttons.values())]
-        for explanation in (*explanations, self.tracking.explanation):
+        control, orders, box = self.control, self.orders, self.connect_box
+        nudges = [made.explanation for made in self.pad.buttons.values()]
+        for explanation in (*self.buttons.explanations, *nudges, self.tracking.explanation):
             explanation.shown.connect(partial(show_text, self.why))
         self.limits.changed.connect(self._use_limits)
         for speaker in (control, self.move_star, box, self.limits):
@@ -173,10 +129,6 @@ class MountView(View):
         box.profile_chosen.connect(self._services.equipment.choose)
         self._services.equipment.changed.connect(self._use_profile)
         self._services.equipment.refused.connect(lambda sentence: self.say(sentence, "wrong"))
-        self.camera.chosen.connect(self._use_camera)
-        self.camera.follow(cameras)
-        # The box does not adopt it by itself: here a camera is in use as soon as it is chosen.
-        cameras.chosen.connect(self._adopt_camera)
         self.tracking.wanted.connect(orders.track)
         self.meridian.textActivated.connect(
             lambda _: control.use_limits(meridian=Meridian(self.meridian.currentData()))
@@ -201,12 +153,7 @@ class MountView(View):
         self.connect_box.show_site(profile.site)
         self.limits.show_limits(profile.limits)
         self.meridian.setCurrentText(tr(profile.meridian or Meridian.STAYS))
-        if not self.control.known.practice:
-            camera = profile.camera
-            if camera_of_other_view is not None:
-                camera = CameraSelection(*camera_of_other_view, camera.exposure_s)
-            self.camera.show_selection(camera)
-            self.control.use_camera(camera if camera.source else None)
+        self.camera.use_profiles(profile.camera, camera_of_other_view)
 
     def _use_limits(self, changes: dict[str, Any]) -> None:
         self.control.use_limits(**changes)
@@ -216,9 +163,7 @@ class MountView(View):
         if self.control.known.phase != "off":  # its camera is in use
             return
         self._show_equipment()
-        camera = self.camera.selection
-        if camera is not None:
-            self._services.cameras.choose(camera.source, camera.address)
+        self.camera.tell_others()
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
@@ -235,7 +180,7 @@ class MountView(View):
         """Go to a target, or "centre" it, as if a person had typed it here and pressed the button."""
         self.go.target.setText(target)
         # Through the button, which checks what the mount can do now.
-        self.explained[action].click()
+        self.buttons.by_action[action].click()
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
@@ -247,22 +192,6 @@ class MountView(View):
         save_selection(self._services.settings, selection)
         self.control.connect_mount(selection)
         self.stop.setFocus()
-
-    def _use_camera(self, selection: CameraSelection | None) -> None:
-        if not self.control.known.practice:
-            # The practice camera must not become the profile's.
-            save_selection(self._services.settings, selection or CameraSelection(""))
-        self.control.use_camera(selection)
-        if selection is not None:
-            self._services.cameras.choose(selection.source, selection.address)
-
-    def _adopt_camera(self, source: str, address: str) -> None:
-        """Use the camera that another view has chosen; a practice telescope keeps its own."""
-        selection = CameraSelection(source, address, self.camera.exposure.value())
-        # This view's own choice comes back here, too.
-        if selection != self.camera.selection and not self.control.known.practice:
-            self.camera.show_selection(selection)
-            self._use_camera(selection)
 
     def _solve_after(self, on: bool) -> None:
         self.orders.auto_frame = on
@@ -290,19 +219,12 @@ class MountView(View):
         self.leave.setText(tr("End practice") if known.practice else tr("Disconnect"))
         self.name.setText(self._title())
         self.pointing.show_known(known, self._services.settings.angle_style)
-        for name, control in self.explained.items():
-            control.explanation.set_reason(why[name])
+        self.buttons.show_reasons(why)
         self.pad.allow(why["nudge"], why["nudge dec"])
         if known.connected is not None:
             self.pad.show_rates(known.connected.rates_deg_s)
         self.tracking.show_state(MountState() if known.report is None else known.report.state, why)
-        camera = self.control.camera
-        selection = None if camera is None else camera.selection
-        # Not whenever the fields differ: this runs twice a second, and a person may be typing in them.
-        if selection != self._shown_camera:
-            self._shown_camera = selection
-            self.camera.show_selection(selection or CameraSelection("", "", self.camera.exposure.value()))
-        self.camera.show_note("" if camera is None else camera.exposure_told)
+        self.camera.show()
         if not known.busy and not self.connect_box.searching:
             self.bar.setVisible(False)
 
