@@ -164,7 +164,7 @@ def test_the_file_dialogs_are_red_and_give_their_answer(qtbot, night, a_file):
     guard = QTimer()
     guard.timeout.connect(end)
     guard.start(5000)
-    QTimer.singleShot(50, lambda: look("accept_sync"))
+    QTimer.singleShot(50, lambda: look("accept"))
     assert ask_frames(window, str(a_file.parent), "Open images", "All files (*)") == [a_file]
     QTimer.singleShot(50, lambda: look("reject"))
     assert ask_save(window, a_file.with_name("new.csv"), "CSV (*.csv)") is None

@@ -235,7 +235,7 @@ def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
         qtbot.waitUntil(lambda: mount.telescope.slewing, timeout=20_000)
         if where in ("live", "polar"):
             commands.views.show(where)
-            focus = commands.views.docks[where].view.start
+            focus = commands.views.docks[where].view.focusProxy()
             qtbot.waitUntil(lambda: mount.view.visibleRegion().isEmpty(), timeout=5_000)
         else:
             focus = {
