@@ -32,7 +32,7 @@ def test_version(capsys) -> None:
     assert capsys.readouterr().out == f"kochab {__version__}\n"
 
 
-@pytest.mark.parametrize("name", ["solve", "identify", "detect", "bench"])
+@pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_every_command_has_help(name, capsys) -> None:
     assert main([name, "--help"]) == 0
     assert f"kochab {name}" in capsys.readouterr().out
