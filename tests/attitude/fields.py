@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kochab.attitude import small_rotation
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.solution import Matches
 

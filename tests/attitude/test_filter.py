@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from kochab.attitude import filter as filtering
-from kochab.attitude import small_rotation
 from kochab.attitude.filter import begin, predicted, updated
-from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector, small_rotation
 
 SIGMA = 15.0 * ARCSEC
 

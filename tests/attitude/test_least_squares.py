@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t
 
 from kochab.attitude import fit as fitting
-from kochab.attitude import least_squares, small_rotation
+from kochab.attitude import least_squares
 from kochab.attitude.fit import FocalPrior, corrections, match_probability, refine
 from kochab.attitude.least_squares import (
     PARAMETERS,
@@ -20,7 +20,7 @@ from kochab.attitude.least_squares import (
     project_with_jacobian,
     sane,
 )
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.solution import Matches
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kochab.attitude import small_rotation, wahba
+from kochab.attitude import wahba
+from kochab.core.attitude import small_rotation
 
 
 def directions(seed: int, count: int, spread: float = 0.2) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from kochab.identification.pairing import mutual_nearest_of_few
+from kochab.core.pairing import mutual_nearest_of_few
 from kochab.identification.verification import crowding, least_likely, log10_agreement, log10_ball, log10_by_distance
 
 

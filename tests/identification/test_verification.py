@@ -9,8 +9,8 @@ from scipy import stats
 from kochab.core.attitude import attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
+from kochab.core.pairing import mutual_nearest_of_few
 from kochab.identification.index import shipped
-from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.patterns import COMPLETE, Search, known_camera
 from kochab.identification.quads import FieldStars
 from kochab.identification.verification import CandidatePointing, chance_of, verify

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from kochab.attitude import small_rotation
-from kochab.core.attitude import Attitude, attitude_from, rotation_vector
+from kochab.core.attitude import Attitude, attitude_from, rotation_vector, small_rotation
 from kochab.lab.estimators import average
 
 ARCSEC = np.radians(1 / 3600)

@@ -9,9 +9,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from kochab.attitude import small_rotation
 from kochab.attitude.fit import refine
-from kochab.core.attitude import ARCSEC, Attitude, angle_between, radec_deg, unit
+from kochab.core.attitude import ARCSEC, Attitude, angle_between, radec_deg, small_rotation, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches, NamedStar, Solution

@@ -6,9 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.attitude.filter import predicted
-from kochab.core.attitude import attitude_from, rotation_vector
+from kochab.core.attitude import attitude_from, rotation_vector, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.frame import Hint
 from kochab.simulate.star_images import RenderedStar, Sensor, Sky, render

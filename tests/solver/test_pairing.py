@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from kochab.core.attitude import angle_between, attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
-from kochab.identification.pairing import mutual_nearest
+from kochab.core.pairing import mutual_nearest
 from kochab.solver.matches import centroid_sigma, field_centre, without_companions
 
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kochab.attitude import small_rotation
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.errors import KochabError
 from kochab.solver.camera_profile import (

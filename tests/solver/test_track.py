@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kochab.solver.tracker as track
-from kochab.attitude import small_rotation
+from kochab.core.attitude import small_rotation
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Solution

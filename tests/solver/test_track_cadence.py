@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import kochab.solver.tracker as track
-from kochab.attitude import small_rotation
 from kochab.attitude.filter import begin, predicted, updated
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, small_rotation
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import run
 from kochab.solver.track_prediction import predicted_attitudes

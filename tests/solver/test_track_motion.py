@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from kochab.attitude import small_rotation
 from kochab.attitude.filter import begin, predicted
-from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector, small_rotation
 from kochab.core.camera import Camera
 from kochab.solver.tracker import SAME_MOTION_S, filter_after_blind_solve, in_axes_of
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kochab.attitude import small_rotation
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import Attitude, attitude_from, small_rotation
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections
 from kochab.core.progress import Progress, run

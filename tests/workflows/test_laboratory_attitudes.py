@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.attitude import ESTIMATORS, small_rotation
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.attitude import ESTIMATORS
+from kochab.core.attitude import Attitude, attitude_from, small_rotation
 from kochab.core.errors import UsageError
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason

@@ -1,6 +1,5 @@
 """From matched stars to the camera's attitude: estimators by name, and Wahba's problem."""
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -70,22 +69,6 @@ def wahba(camera: Floats, icrs: Floats, sigma_rad: Floats | float = 1.0) -> Atti
     matrix = (u * np.array([1.0, 1.0, proper])) @ vt
     information = weight.sum() * np.eye(3) - (b * weight[:, None]).T @ b
     return Attitude(np.asarray(matrix), np.linalg.inv(information))
-
-
-def small_rotation(angles_rad: Floats) -> Floats:
-    """The matrix (3, 3) that turns by ``angles_rad`` (3,): ``v + angles x v`` when small."""
-    x, y, z = np.asarray(angles_rad, dtype=np.float64).tolist()
-    angle = math.sqrt(x * x + y * y + z * z)
-    a, b = 1.0, 0.5
-    if angle > 1e-6:  # below, the series is exact to 1e-13 and 0/0 is avoided
-        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
-    return np.array(
-        [
-            [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
-            [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
-            [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
-        ]
-    )
 
 
 # -- What the estimators share: directions of recorded stars, and how much they scatter --------

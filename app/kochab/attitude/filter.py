@@ -20,9 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, Attitude, rotation_vector
+from kochab.core.attitude import ARCSEC, Attitude, rotation_vector, small_rotation
 
 MOST_AGILE = 1e10  # of q: the velocity changes by 56 deg/s in a second, more than any mount's
 

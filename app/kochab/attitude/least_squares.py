@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats, Indices
+from kochab.core.attitude import small_rotation
 from kochab.core.camera import Camera
 from kochab.core.solution import Matches
 

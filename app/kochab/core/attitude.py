@@ -132,6 +132,22 @@ def apart_deg(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
     return separation_deg(unit_vectors(*a_deg), unit_vectors(*b_deg))
 
 
+def small_rotation(angles_rad: Floats) -> Floats:
+    """The matrix (3, 3) that turns by ``angles_rad`` (3,): ``v + angles x v`` when small."""
+    x, y, z = np.asarray(angles_rad, dtype=np.float64).tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    a, b = 1.0, 0.5
+    if angle > 1e-6:  # below, the series is exact to 1e-13 and 0/0 is avoided
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
+    return np.array(
+        [
+            [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+            [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
+            [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
+        ]
+    )
+
+
 def rotation_vector(matrix: Floats) -> Floats:
     """Rotation vector (3,), radians, of length at most pi, of a rotation matrix (3, 3)."""
     return np.asarray(rotation_vectors(matrix[None])[0])

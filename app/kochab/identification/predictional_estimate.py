@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.attitude.least_squares import project_with_jacobian
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, small_rotation
 from kochab.core.camera import Camera
-from kochab.identification.pairing import mutual_nearest_of_few
+from kochab.core.pairing import mutual_nearest_of_few
 
 FEWEST = 2  # stars: one leaves the roll open
 ROUNDS = 6

@@ -8,10 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.attitude import small_rotation
+from kochab.core.pairing import mutual_nearest_of_few
 from kochab.identification.index import RA_STEPS, Volume
-from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.quads import FieldStars, Hypotheses, directions
 
 T = TypeVar("T")

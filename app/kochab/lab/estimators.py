@@ -10,9 +10,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from kochab.attitude import directions, sigma_rad, small_rotation
+from kochab.attitude import directions, sigma_rad
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, east_north, radec_deg, rotation_vector, unit, unit_vectors, wrapped
+from kochab.core.attitude import (
+    Attitude,
+    east_north,
+    radec_deg,
+    rotation_vector,
+    small_rotation,
+    unit,
+    unit_vectors,
+    wrapped,
+)
 from kochab.core.camera import Camera
 from kochab.core.registry import choice, integer, number
 

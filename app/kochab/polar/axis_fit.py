@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, rotation_vector, rotation_vectors
+from kochab.core.attitude import ARCSEC, rotation_vector, rotation_vectors, small_rotation
 from kochab.polar.rotations import about, about_each, tangents
 from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, MovementFit, fit_with_movement
 from kochab.polar.sighting import LocalAttitude

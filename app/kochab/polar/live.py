@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core import tr
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, rotation_vector
+from kochab.core.attitude import ARCSEC, rotation_vector, small_rotation
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.error import PolarError, angle_in_words, finer_in_words
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
+from kochab.core.attitude import small_rotation
 
 
 def wrapped_rad(angle: float) -> float:

@@ -14,8 +14,8 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import angle_between, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
+from kochab.core.pairing import mutual_nearest
 from kochab.core.solution import Identification, Matches
-from kochab.identification.pairing import mutual_nearest
 from kochab.identification.patterns import ROUGHLY
 from kochab.identification.quads import directions, pointings
 from kochab.identification.verification import ACCEPT_LOG10, with_crowding

@@ -14,8 +14,8 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
+from kochab.core.pairing import close_pairs, mutual_nearest
 from kochab.core.solution import Identification, Matches, NamedStar
-from kochab.identification.pairing import close_pairs, mutual_nearest
 
 # -- Which detection is which catalogue star, by place alone -----------------------------------
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from kochab.attitude import small_rotation
-from kochab.core.attitude import attitude_from, radec_deg
+from kochab.core.attitude import attitude_from, radec_deg, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run

@@ -15,8 +15,8 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
+from kochab.core.pairing import mutual_nearest
 from kochab.detection import DETECTORS, Detector
-from kochab.identification.pairing import mutual_nearest
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
 

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector
+from kochab.core.attitude import ARCSEC, Attitude, attitude_from, rotation_vector, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.mount import Direction

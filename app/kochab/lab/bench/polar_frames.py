@@ -17,9 +17,8 @@ from functools import partial
 import erfa
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, unit
+from kochab.core.attitude import ARCSEC, small_rotation, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import run as drive

@@ -14,9 +14,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, unit
+from kochab.core.attitude import ARCSEC, small_rotation, unit
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.lab.bench import Goal, Report, Row, column, summary

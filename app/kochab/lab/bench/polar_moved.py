@@ -12,9 +12,8 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, unit
+from kochab.core.attitude import ARCSEC, small_rotation, unit
 from kochab.core.frame import Site
 from kochab.lab.bench import Goal, Report, Row, column, summary
 from kochab.polar.error import CHI2_95

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, Attitude
+from kochab.core.attitude import ARCSEC, Attitude, small_rotation
 from kochab.core.frame import Site
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress, Task

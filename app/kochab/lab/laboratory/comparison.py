@@ -19,12 +19,12 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
+from kochab.core.pairing import mutual_nearest
 from kochab.core.progress import PREPARING, Progress, Task
 from kochab.core.registry import Registry, checked
 from kochab.core.solution import Identification, Matches, NoSolution, Solution
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
-from kochab.identification.pairing import mutual_nearest
 from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import examine_frame

@@ -18,10 +18,10 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
+from kochab.core.pairing import mutual_nearest_of_few
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import Answer, with_places
-from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, refit
 from kochab.sky import open_catalogue
 

@@ -16,11 +16,11 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
+from kochab.core.pairing import mutual_nearest_of_few
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number
 from kochab.core.solution import Identification, Matches
 from kochab.identification import Answer
-from kochab.identification.pairing import mutual_nearest_of_few
 from kochab.identification.predictional_estimate import expected_px, predictional_estimate
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, improve
 from kochab.lab.methods.confirmation import AngularMethod, refused

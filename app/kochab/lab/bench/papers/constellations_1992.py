@@ -18,9 +18,8 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from kochab.attitude import small_rotation
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import ARCSEC, Attitude, unit
+from kochab.core.attitude import ARCSEC, Attitude, small_rotation, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import run

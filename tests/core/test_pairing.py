@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from kochab.identification.pairing import mutual_nearest, mutual_nearest_of_few
+from kochab.core.pairing import mutual_nearest, mutual_nearest_of_few
 
 
 @pytest.mark.parametrize("seed", range(8))
