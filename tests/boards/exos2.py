@@ -6,6 +6,7 @@ hours and degrees of four bytes, and never whether it moves; without power it fa
 
 import struct
 from datetime import UTC, datetime
+from math import inf
 
 from .board import Board
 from .mechanics import HOME_DEG
@@ -15,8 +16,8 @@ FRAME = 13
 EAST, WEST, NORTH, SOUTH = 0x01, 0x02, 0x04, 0x08
 STOP, PARK, ASK_SITE, HANG_UP, GOTO, SYNC, SITE, CLOCK = 0x1D, 0x1E, 0x1F, 0x22, 0x23, 0x24, 0x25, 0x26
 SITE_REPORT, PLACE_REPORT = 0xFE, 0xFF
-REPORT_S = 1.0
 COUNT_DEG = 1.1 / 3600.0  # of the motors, not a part of what the sky turns in a second: no place is told twice alike
+REPORT_S = 1.0
 STEP_S, STEP_DEG_S = 0.2, 0.25  # of a step, which is what a message of motion is; a host sends ten a second
 WAYS = {EAST: (0, -1.0), WEST: (0, 1.0), NORTH: (1, 1.0), SOUTH: (1, -1.0)}
 
@@ -38,6 +39,7 @@ class Exos2(Board):
         super().__init__(**settings)
         self.needs_keys, self.keys_used = needs_keys, False
         self.reports = False
+        self.reports_left = inf  # a test may hold them back
         self._reported = 0.0
 
     def wake(self, was):
@@ -79,7 +81,9 @@ class Exos2(Board):
 
     def advance(self):
         super().advance()
-        if self.reports and self.powered and self.clock.unix() - self._reported >= REPORT_S:
+        due = self.reports and self.powered and self.clock.unix() - self._reported >= REPORT_S
+        if due and self.reports_left > 0:
+            self.reports_left -= 1
             self._reported = self.clock.unix()
             hour_angle, dec = (round(angle / COUNT_DEG) * COUNT_DEG for angle in self.believed_hour_angle_dec_deg())
             ra = (self.sidereal_deg() - hour_angle) % 360.0

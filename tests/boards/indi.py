@@ -83,14 +83,18 @@ class Indi:
         """Whether it reads back this place soon."""
         until(lambda: apart_deg(self.says_deg(), place_deg) < self.rounded_deg, f"INDI does not say {place_deg}")
 
-    def connect(self, board):
-        """Tell the driver where the board is, and have it connect."""
+    def tell(self, board):
+        """Tell the driver where the board is."""
         if board.kind == "starbook":
             host, port = board.port.removeprefix("socket://").split(":")
             self.set(f"DEVICE_ADDRESS.ADDRESS;PORT={host};{port}")
         else:
             self.set("CONNECTION_MODE.CONNECTION_SERIAL=On", "DEVICE_AUTO_SEARCH.INDI_DISABLED=On")
             self.set(f"DEVICE_PORT.PORT={board.port}")
+
+    def connect(self, board):
+        """The same, and have it connect."""
+        self.tell(board)
         self.set("CONNECTION.CONNECT=On")
         if board.kind == "exos2":  # until it has seen that the mount tracks, an order breaks its table of states
             until(lambda: self.get(f"{PLACE}._STATE") == "Ok", "INDI does not see that the mount tracks")

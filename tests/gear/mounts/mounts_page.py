@@ -68,8 +68,20 @@ moves behind the same guard: horizon, Sun, meridian, length, read-back, Stop.
 - **Celestron's Wi-Fi** also met the simulator of INDI's celestronaux driver (`nse_simulator.py`, no part of this repository; a
   German mount's model and 16-bit rates had to be taught to it): slews, tracking, nudges and Stop on the side of the pier that it can
   show. It turns its altitude axis the long way round below zero, and Kochab stopped that.
-- **Not tried at all:** alt-azimuth mounts without a hand control, forks on a wedge in the south by Celestron's Wi-Fi, Vixen's Star Book.
-  Kochab refuses them with what to do instead, or has no driver.
+- **Through INDI alone**, tried against Debian's driver on a simulated mount that is written from protocols and from INDI's and INDIGO's
+  sources (`tests/boards`, `tests/boards/test_through_indi.py`): connect, position, goto, sync, Stop, park, nudge, power cuts, a lost line.
+  - **Avalon StarGO** (`indi_lx200stargo`): all of these. A goto sent just when its power fails is passed on by INDI's driver four seconds
+    later, to a mount that just woke up: Kochab stops it there.
+  - **Vixen StarBook** (`indi_starbook_telescope`, by network): all but guide pulses and tracking off. INDI tells and takes whole minutes of
+    declination and tenths of a minute of right ascension, so a sync is good to about 3'. Set time and site on its screen: aligned, it takes neither,
+    and INDI 0.8 cannot set its site at all. At a time-out INDI's driver ends: give it the address again, and reconnect.
+  - **Bresser EXOS-2 GoTo** (`indi_bresserexos2`): all of these, but it takes a sync only after the keys of its hand control were used, and Stop
+    ends tracking. **Sync, or switch it on at its home, whenever its power may have failed**: INDI's driver repeats the last
+    place of a mount that fell silent, and Kochab learns of it only where the first reports of a goto are off its way.
+    On an Intel or AMD computer Debian's version 0.901 hears nothing of the mount, and Kochab says that it reports no position; use a
+    Raspberry Pi, or a newer driver.
+- **Not tried at all:** alt-azimuth mounts without a hand control, forks on a wedge in the south by Celestron's Wi-Fi. Kochab refuses them
+  with what to do instead.
 """
 
 
@@ -107,7 +119,10 @@ def tried(name):
     if count := len(numbers & (PLAYED | ELSEWHERE.keys())):
         told.append(f"{count} real exchange{'s' if count > 1 else ''}")
     if name == "indi":
-        told.append("INDI's telescope simulator, its EQMod with its simulated board, its LX200 and iOptron drivers")
+        told.append(
+            "INDI's telescope simulator, its EQMod with its simulated board, its LX200 and iOptron drivers; "
+            "Debian's drivers of three families more on simulated mounts (below)"
+        )
     if name == "alpaca":
         told.append("a server of ours, written from ASCOM's reference")
     for program, far_end in (*((program, known) for program, (_, known) in FAMILIES.items()), *ALSO):

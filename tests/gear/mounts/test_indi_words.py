@@ -66,6 +66,9 @@ class Link:
     def heard_since(self, _device, vector, since_s):
         return [(at, state) for name, at, state in self.news if name == vector and at > since_s]
 
+    def spoke_s(self, _device):
+        return self.now[0]
+
     def tell(self, vector, state):
         self.now[0] += 0.001
         self.states[vector] = state
@@ -388,7 +391,7 @@ def test_a_goto_that_does_not_begin_is_refused_unless_it_is_there(scope, off_deg
     ("ability", "answer", "waits"),
     [
         ("goto", "Busy", []),
-        ("goto", "Alert", []),
+        ("goto", "Alert", [indi.BEGINS_S]),  # a refusal is believed of a mount that stands
         ("sync", "Alert", []),
         ("sync", "Busy", [5.0]),
         ("sync", "Ok", [5.0]),
@@ -553,3 +556,118 @@ def test_closing_stops_a_move_and_leaves_the_mount_connected(scope) -> None:
     mount.close()
     still = (WE, {"MOTION_WEST": "Off", "MOTION_EAST": "Off"})
     assert link.sent == [("TELESCOPE_ABORT_MOTION", {"ABORT": "On"}), still, "closed"]
+
+
+# -- what INDI's drivers of StarGo, StarBook and EXOS-2 taught; the drivers themselves are in tests/boards/test_through_indi.py
+
+
+def test_a_driver_that_has_fallen_silent_is_asked_before_its_place_is_believed(scope) -> None:
+    mount, link = scope()
+    link.spoke_s = lambda _device: link.now[0] - 2.4
+    mount.position()
+    assert link.sent == []  # it spoke within its own period and a little
+    link.spoke_s = lambda _device: link.now[0] - 2.6
+    mount.position()
+    assert link.sent == [("ON_COORD_SET", {"TRACK": "On"})]  # which it is
+    assert mount.missed == 0
+    link.answers["ON_COORD_SET"] = None
+    with pytest.raises(NoAnswerError, match=r"Scope does not answer: is its mount switched on\?"):
+        mount.position()
+    assert mount.missed == 1
+    link.vectors["ON_COORD_SET"] = {}
+    mount.position()  # it has no such question
+
+
+def test_a_position_that_its_mount_did_not_tell_counts_as_missed(scope) -> None:
+    mount, link = scope()
+    link.tell(COORD, "Alert")
+    with pytest.raises(NoAnswerError, match="gets no position"):
+        mount.position()
+    assert mount.missed == 1
+
+
+@pytest.mark.parametrize(
+    "order", [lambda m: m.goto(82.5, -12.25), lambda m: m.park(), lambda m: m.move(Direction.NORTH, 1.0, 1.0)]
+)
+@pytest.mark.parametrize(("late_s", "believed"), [(2.9, True), (3.1, False)])
+def test_a_motion_that_its_driver_passes_on_late_is_not_believed(scope, order, late_s, believed) -> None:
+    """The guard stops what raises this: the mount may just have woken up, at a false home."""
+    mount, link = scope()
+    tell = link.tell
+
+    def late(vector, state):
+        if vector in (COORD, PARK, NS):
+            link.now[0] += late_s - 0.001
+        tell(vector, state)
+
+    link.tell = late
+    with (
+        nullcontext() if believed else pytest.raises(NoAnswerError, match=r"took 3 s to pass on the \w+: was its mount")
+    ):
+        order(mount)
+    mount.watchdog.disarm()
+    assert mount.missed == (0 if believed else 1)
+
+
+def test_a_slew_that_its_driver_calls_over_while_the_place_runs_goes_on(scope) -> None:
+    mount, link = scope()
+    assert mount.state().slewing is False
+    mount.goto(82.5, 40.0)
+    link.states[COORD] = "Ok"
+    link.vectors[COORD] = {"RA": "5.5", "DEC": "-12.25"}
+    for dec in (-12.25, -12.25, -10.0, -5.0, 20.0, 39.0):
+        link.vectors[COORD]["DEC"] = str(dec)
+        link.now[0] += 1.0
+        assert mount.state().slewing is True, dec
+    link.now[0] += 2.4
+    assert mount.state().slewing is True
+    link.now[0] += 0.2
+    assert mount.state().slewing is False  # it has not changed for longer than a report takes
+    link.vectors[COORD]["DEC"] = "60"
+    assert mount.state().slewing is False  # and what somebody else does is as the driver says
+
+
+def test_a_goto_to_where_it_stands_and_a_stopped_one_are_over_at_once(scope) -> None:
+    mount, link = scope()
+    mount.goto(82.5, -12.25)
+    link.states[COORD] = "Ok"
+    link.now[0] += 2.6
+    assert mount.state().slewing is False
+    mount.goto(82.5, 40.0)
+    mount.stop()
+    link.states[COORD] = "Ok"
+    assert mount.state().slewing is False
+
+
+@pytest.mark.parametrize(("moves", "kind"), [(False, RefusedError), (True, NoAnswerError)])
+def test_a_goto_that_is_refused_while_the_mount_sets_out_is_no_refusal(scope, moves, kind) -> None:
+    mount, link = scope()
+    mount.state()
+    link.answers[COORD], link.takes = "Alert", False
+
+    def wait(come, timeout_s):
+        if moves and timeout_s == indi.BEGINS_S:
+            link.now[0] += 1.0
+            link.vectors[COORD]["DEC"] = "-11"
+        return come()
+
+    link.wait = wait
+    with pytest.raises(kind, match="Scope refuses the goto"):
+        mount.goto(82.5, 40.0)
+
+
+def test_a_mount_that_stands_parked_is_parked_whatever_its_driver_waits_for_and_can_be_unparked(scope) -> None:
+    mount, link = scope()
+    mount.state()
+    mount.park()
+    link.states[COORD] = "Busy"
+    link.now[0] += 9.9
+    assert mount.state().slewing is True
+    link.now[0] += 0.2
+    assert (mount.state().parked, mount.state().slewing) == (True, False)
+    link.vectors[COORD]["RA"] = "5.6"
+    assert mount.state().slewing is True  # it moves all the same
+    link.now[0] += 10.1
+    link.sent.clear()
+    mount.unpark()
+    assert [vector for vector, _ in link.sent] == ["TELESCOPE_ABORT_MOTION", PARK]

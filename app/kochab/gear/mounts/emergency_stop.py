@@ -39,6 +39,7 @@ class EmergencyStop:
         self.wait = wait
         self._log, self._clock = log, clock
         self._moves_until = 0.0
+        self.ended = 0.0, clock()  # when the last motion that was ordered ended, by both clocks
         self._sent = self._confirmed = 0  # Stops sent, and those whose effect was checked
 
     def begin(self, seconds: float) -> None:
@@ -47,6 +48,8 @@ class EmergencyStop:
 
     def end(self) -> None:
         """Nothing moves any more, except by tracking."""
+        if self._moves_until:
+            self.ended = monotonic(), self._clock()
         self._moves_until = 0.0
 
     @property

@@ -37,6 +37,7 @@ DOUBTFUL_SYNC = tr_noop(
     "The mount moved while it was synced, and whether it took the sync is not known: take a new frame. Nothing slews."
 )
 PATIENCE_S, RETRY_S = 20.0, 1.0  # to open a broken line again, and between two tries
+COARSE_READ_BACK_ARCSEC = 240.0
 FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
 
 T = TypeVar("T")
@@ -44,6 +45,11 @@ T = TypeVar("T")
 
 def _degrees(place: Pointing) -> Degrees:
     return place.ra_deg, place.dec_deg
+
+
+def _in_minutes(place: Pointing) -> bool:
+    """Whether a place is told in tenths of a minute of RA and whole minutes of declination."""
+    return all(abs(units - round(units)) < 1e-5 for units in (place.ra_deg * 40.0, place.dec_deg * 60.0))
 
 
 class FromDriver(Generic[T]):
@@ -289,7 +295,9 @@ class Guard:
             raise
         here = self.position()
         away = 3600.0 * apart_deg(_degrees(here), (ra_deg, dec_deg))
-        if away > self.limits.read_back_arcsec:
+        # A StarBook cuts off what it tells, and INDI what it sends: two minutes of Dec and two tenths of RA together.
+        coarse = _in_minutes(before) and _in_minutes(here)
+        if away > (COARSE_READ_BACK_ARCSEC if coarse else self.limits.read_back_arcsec):
             if silent is not None:
                 raise silent
             # Only a position that stands where it stood shows that nothing was taken.

@@ -29,6 +29,12 @@ ASTRAY = tr_noop(
 )
 
 
+ELSEWHERE = tr_noop(
+    "The mount did not answer for a while, and now says that it is {:.0f}° from where it was: it may have been switched"
+    " off and on."
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Look:
     """A place of date that the mount reported, and when, by both clocks; how it was then.
@@ -70,6 +76,13 @@ def drift_deg(passed_s: float) -> float:
     return UNORDERED_DEG + 2.0 * SIDEREAL_DEG_S * passed_s
 
 
+def under_way_s(before: Look, ended: tuple[float, datetime] | None, passed_s: float) -> float:
+    """How long a motion went on that was under way at a look; all that has passed where its end is not known."""
+    if ended is None or ended[0] < before.at_s:
+        return passed_s
+    return min(passed_s, max(ended[0] - before.at_s, (ended[1] - before.at).total_seconds()))
+
+
 class RestartWatch:
     """Compares what the mount says with what it said before, and forbids slews until a sync after a restart.
 
@@ -95,11 +108,21 @@ class RestartWatch:
         """Whether it has missed an answer since it was last seen."""
         return mount.missed != self._missed
 
-    def see(self, mount: Mount, here: Pointing, asked_s: float, ordered: bool, strayed: bool = False) -> None:
+    def see(
+        self,
+        mount: Mount,
+        here: Pointing,
+        asked_s: float,
+        ordered: bool,
+        strayed: bool = False,
+        off_its_way: bool = False,
+        ended: tuple[float, datetime] | None = None,
+    ) -> None:
         """Compare a place that was asked for at ``asked_s`` (`monotonic`) with the one before.
 
-        After a silence its state is asked for, too; raises as :meth:`Mount.state`. ``strayed``: the motion that was
-        ordered does not lead there.
+        After a silence its state is asked for, too; raises as :meth:`Mount.state`. ``strayed``: it was stopped because
+        the motion that was ordered does not lead there; ``off_its_way``: the last motion does not, whenever that was.
+        ``ended``: when the last motion ended, by both clocks.
         """
         now, missed, before = self._policy.clock(), mount.missed, self._seen
         silent = self.silent(mount)
@@ -107,17 +130,24 @@ class RestartWatch:
             self.state = mount.state()
         look = Look(of_date(here, now), asked_s, now, ordered or self.state.slewing is True, self.state)
         if before is not None:
-            self._compare(before, look, SILENT if silent else ASTRAY if strayed else "")
+            doubt = SILENT if silent else ASTRAY if strayed else ""
+            self._compare(before, look, doubt, off_its_way or strayed, ended)
         self._seen, self._missed = look, missed
 
-    def _compare(self, before: Look, look: Look, doubt: str) -> None:
+    def _compare(
+        self, before: Look, look: Look, doubt: str, off_its_way: bool, ended: tuple[float, datetime] | None
+    ) -> None:
         moved_deg, passed_s = apart_deg(before.place_deg, look.place_deg), look.since_s(before)
-        ordered = before.ordered or look.ordered
-        jumped = moved_deg > (self._reach_deg(passed_s) if ordered else drift_deg(passed_s))
+        unordered = moved_deg > drift_deg(passed_s)
+        jumped = unordered
+        if before.ordered or look.ordered:
+            jumped = moved_deg > self._reach_deg(passed_s if look.ordered else under_way_s(before, ended, passed_s))
         if look.beside_pole and jumped:
             self.found(tr(WOKE_UP).format(moved_deg))
         elif doubt and (look.beside_pole or look.at_rest) and not look.same_rest(before):
             self.found(tr(doubt).format(moved_deg))
+        elif doubt == SILENT and (jumped or (off_its_way and unordered)):  # a StarBook wakes up in the west
+            self.found(tr(ELSEWHERE).format(moved_deg))
 
     def found(self, sentence: str) -> None:
         """It was, or may have been, restarted: no slew before a sync."""

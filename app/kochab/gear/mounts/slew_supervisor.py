@@ -92,6 +92,10 @@ class SupervisedMotion:
             "it began to change from the {before} to the {side} side of its pier", before=tr(before), side=tr(side)
         )
 
+    def aside(self, reported: Pointing, now_utc: datetime) -> bool:
+        """Whether no way of this motion leads by this place."""
+        return bool(self._aside(unit_vectors(*of_date(reported, now_utc))))
+
     def _jump(self, here: Floats, passed_s: float) -> str | None:
         moved = separation_deg(self._here, here)
         there = separation_deg(here, self.plan.target) < THERE_DEG
@@ -172,7 +176,9 @@ class SlewSupervisor:
     def _see(self, here: Pointing, asked_s: float, strayed: bool = False) -> None:
         """Forbid slews after a restart: a mount switched on anywhere assumes that it is at home."""
         found = self.watch.restarts
-        self.watch.see(self._emergency.mount, here, asked_s, self._emergency.moving, strayed)
+        emergency = self._emergency
+        off_its_way = self._motion is not None and self._motion.aside(here, self._clock())
+        self.watch.see(emergency.mount, here, asked_s, emergency.moving, strayed, off_its_way, emergency.ended)
         if self.watch.restarts != found:
             self.undo = None
 

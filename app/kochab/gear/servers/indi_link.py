@@ -49,6 +49,7 @@ class IndiLink:
         self._blob: tuple[bytes, str] | None = None
         self._wanted = ""
         self._heard: dict[tuple[str, str], deque[tuple[float, str]]] = defaultdict(lambda: deque(maxlen=50))
+        self._spoke_s: dict[str, float] = {}  # when a device last told anything, on `monotonic`
         self.defined_s = 0.0  # when the server last told of something new, on `monotonic`
         self._defined: set[tuple[str, str]] = set()
         self._lost: str | None = None
@@ -95,6 +96,11 @@ class IndiLink:
         """When the device has told of the vector since (both on `monotonic`), and its states then."""
         with self._news:
             return [one for one in self._heard[device, vector] if one[0] > since_s]
+
+    def spoke_s(self, device: str) -> float:
+        """When the device last told anything, on `monotonic`."""
+        with self._news:
+            return self._spoke_s.get(device, 0.0)
 
     def bounds(self, device: str, vector: str, member: str) -> tuple[float, float] | None:
         """The least and the most a number may be."""
@@ -237,6 +243,8 @@ class IndiLink:
             self._lose()
         with self._news:
             self._made = self._made or kind == "ConnectionMade"
+            if device := getattr(event, "devicename", None):
+                self._spoke_s[device] = monotonic()
             if kind == "Define":
                 self.defined_s = monotonic()
                 self._defined.add((event.devicename, event.vectorname))

@@ -32,6 +32,11 @@ SETTLES_S = 3.0  # after a motion its position is not trusted before the driver 
 MORE_S = 0.3
 LATE_S = 1.5  # how late a driver's report may be on a busy computer
 NEAR_DEG = 0.02
+MOVES_DEG = 0.05  # what a place changes by beyond drifting; a StarBook tells steps of 0.025
+ABOUT_DEG = 0.1  # as near the target a short goto may have ended before it was seen to begin
+BEGINS_S = 5.0  # by then a goto or a refused one shows: INDI's EXOS-2 driver is two reports behind its mount
+SLOW_S = 3.0  # a driver that takes an order later has waited for its mount, which may have lost its power
+RESTS_S = 10.0  # a mount that stands so long has come to its park position, whatever its driver still waits for
 KNOWN = ("Idle", "Ok", "Busy", "Alert")
 PLACES = {"EQUATORIAL_EOD_COORD": Epoch.DATE, "EQUATORIAL_COORD": Epoch.J2000}
 MOVES = "TELESCOPE_MOTION_NS", "TELESCOPE_MOTION_WE"
@@ -55,6 +60,7 @@ SPEEDS = ((0.02, 0.0), (0.3, 1.0 / 3.0), (1.5, 2.0 / 3.0), (inf, 1.0))
 """Degrees a second below which -> the place among a driver's slew rates, whose speed INDI does not tell."""
 
 
+MOTIONS = frozenset(("goto", "park", "move"))
 NO_PART = tr_noop("{name} has no {part} in INDI: use its hand control.")
 
 
@@ -86,6 +92,9 @@ class IndiMount(ServerMount):
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
             self._parked = False  # as it was last seen
+            self._goes: tuple[float, float, float] | None = None  # when a goto of ours was sent, and where to
+            self._moved_s = 0.0  # when its place was last seen to change
+            self._was: tuple[float, float, float] | None = None  # when it was at an earlier place, and that place
             asked = monotonic()  # a driver just connected, or told its site, still reports an older position
 
             def unread() -> bool:
@@ -96,6 +105,8 @@ class IndiMount(ServerMount):
             link.wait(lambda: bool(self._told(self._at, asked)) and not unread(), patience_s)
             if unread() and not self._told(self._at, asked):
                 raise silent
+            if new:  # INDI's EXOS-2 driver has no goto before it has seen that its mount tracks
+                link.wait(lambda: device.state(self._at) != "Idle", BEGINS_S)
             for ability, part in PARTS.items():
                 if device.value(*part) is None:
                     self._lacks[ability] = tr(NO_PART, name=device.name, part=".".join(part))
@@ -122,12 +133,14 @@ class IndiMount(ServerMount):
         """What the driver last read of the mount; while something may move, what it reads next."""
         self.watchdog.check()
         self._device.check()
+        self._require_awake()
         asked = monotonic()
         # A driver reports a place about once a second: what it has now may be older than the motion.
         if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
             self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
         # An Alert that only answered a refused order says nothing about the place.
         if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
+            self.missed += 1
             raise NoAnswerError(
                 "{name} gets no position from its mount{message}.",
                 name=self._device.name,
@@ -141,6 +154,22 @@ class IndiMount(ServerMount):
             ra_deg, dec = ra_deg + 180.0, copysign(180.0, dec) - dec
         return Pointing(ra_deg % 360.0, dec, self.epoch)
 
+    def _require_awake(self) -> None:
+        """Raise `NoAnswerError` when the driver waits for its mount: what it has told is older than that.
+
+        A driver that says nothing because nothing changes answers at once.
+        """
+        vector = "ON_COORD_SET"
+        if monotonic() - self._link.spoke_s(self._device.name) < self._poll_s:
+            return
+        on = next((m for m in self._link.members(self._device.name, vector) if self._on(vector, m)), "")
+        if not on:
+            return
+        sent = self._device.send(vector, {on: "On"})  # as it is: nothing changes by it
+        if not self._link.wait(lambda: bool(self._told(vector, sent)), CALL_S):
+            self.missed += 1
+            raise NoAnswerError("{name} does not answer: is its mount switched on?", name=self._device.name)
+
     def state(self) -> MountState:
         """As the driver shows it, and whoever else moves the mount."""
         self._device.check()
@@ -149,6 +178,13 @@ class IndiMount(ServerMount):
         silent = states[0] not in KNOWN or (states[0] == "Alert" and bool(self._told(self._at, self._refused_s)))
         slewing = True if "Busy" in states else None if silent else False
         parked = on("TELESCOPE_PARK", "PARK")
+        stood_s = self._stood_s()
+        if self._goes and slewing is False:
+            # INDI's EXOS-2 driver calls a slew over as soon as one report of it differs little in RA from the last.
+            slewing = self._runs_on(*self._goes)
+            self._goes = self._goes if slewing else None
+        if parked and states[0] == "Busy" and "Busy" not in states[1:] and stood_s > RESTS_S:
+            slewing = False  # the same driver waits for a place that stands, and RA never does where nothing tracks
         if parked and slewing is not True and not self._rests():
             parked, slewing = False, True
         self._parked = bool(parked)
@@ -162,6 +198,28 @@ class IndiMount(ServerMount):
             alt_azimuth=on("MOUNT_TYPE", "ALTAZ") or on("MOUNT_TYPE", "MOUNT_TYPE_ALTAZ") or None,  # else a default
             rate=rates[0] if len(rates) == 1 else None,
         )
+
+    def _stood_s(self) -> float:
+        """How long its place has not changed by more than the sky turns."""
+        ra, dec = self._device.number(self._at, "RA"), self._device.number(self._at, "DEC")
+        now = monotonic()
+        if ra is not None and dec is not None:
+            here, was = (ra * 15.0, dec), self._was
+            drift_deg = MOVES_DEG + 2.0 * SIDEREAL_DEG_S * (now - was[0]) if was else 0.0
+            if was is None or apart_deg(here, was[1:]) > drift_deg:
+                self._was, self._moved_s = (now, *here), now if was else self._moved_s
+        return now - self._moved_s
+
+    def _runs_on(self, sent_s: float, ra_deg: float, dec_deg: float) -> bool:
+        """Whether a goto that its driver calls over goes on by its place, or is yet to begin."""
+        ra, dec = self._device.number(self._at, "RA"), self._device.number(self._at, "DEC")
+        about = ra is not None and dec is not None and apart_deg((ra * 15.0, dec), (ra_deg, dec_deg)) < ABOUT_DEG
+        since_s = max(self._moved_s, sent_s)
+        return monotonic() - since_s < (self._poll_s if about or self._moved_s > sent_s else BEGINS_S)
+
+    def _moved_since(self, since_s: float) -> bool:
+        self._stood_s()
+        return self._moved_s > since_s
 
     def _rests(self) -> bool:
         """Whether a mount that is said to be parked stands: INDI's OnStep says so while its board still runs there."""
@@ -228,6 +286,7 @@ class IndiMount(ServerMount):
             if not self._on(vector, switch):
                 self._device.set(vector, {switch: "On"}, str(ability))
             check()
+            self._stood_s()  # from here on every change counts
             sent = self._device.send(self._at, {"RA": f"{ra_deg / 15.0:.9f}", "DEC": f"{dec_deg:.8f}"})
             self._unsettled_s = sent + SETTLES_S
 
@@ -241,11 +300,19 @@ class IndiMount(ServerMount):
                 return bool(states) and there
 
             took = self._link.wait(taken, SET_S)
-            self._answered(self._at, sent, str(ability))
+            try:
+                self._answered(self._at, sent, str(ability))
+            except RefusedError as error:
+                # INDI's EXOS-2 driver refuses after it has sent, where its table of states has no goto.
+                if ability is Ability.GOTO and self._link.wait(lambda: self._moved_since(sent), BEGINS_S):
+                    raise NoAnswerError("{error} The mount moves all the same.", error=error) from error
+                raise
             if not took and ability is Ability.GOTO:
                 raise RefusedError(
                     "{name} does not begin the goto{message}.", name=self._device.name, message=self._device.message()
                 )
+            if ability is Ability.GOTO:
+                self._goes = sent, ra_deg, dec_deg
 
     def halt(self) -> None:
         """``TELESCOPE_ABORT_MOTION``, and the end of moves."""
@@ -255,7 +322,7 @@ class IndiMount(ServerMount):
         sent = self._device.send(vector, {member: "On"})
         for axis in moving:
             self._device.send(axis, dict.fromkeys(self._link.members(self._device.name, axis), "Off"))
-        self._unsettled_s = sent + SETTLES_S
+        self._unsettled_s, self._goes = sent + SETTLES_S, None
         self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S)
         try:
             self._answered(vector, sent, "stop")
@@ -314,7 +381,8 @@ class IndiMount(ServerMount):
         self.require(Ability.PARK)
         with self.moving():
             self._begin("TELESCOPE_PARK", {"PARK": "On"}, "park")
-            self._unsettled_s = monotonic() + SETTLES_S
+            self._moved_s = monotonic()
+            self._unsettled_s = self._moved_s + SETTLES_S
 
     @making_sense()
     def park_altitude_deg(self) -> float | None:
@@ -330,6 +398,8 @@ class IndiMount(ServerMount):
     def unpark(self) -> None:
         """The same."""
         self.require(Ability.UNPARK)
+        if self._device.state(self._at) == "Busy" and self._stood_s() > RESTS_S:
+            self.halt()  # INDI's EXOS-2 driver still parks, see :meth:`state`, and refuses to unpark meanwhile
         self._begin("TELESCOPE_PARK", {"UNPARK": "On"}, "unpark")
 
     def _begin(self, vector: str, members: dict[str, str], what: str) -> None:
@@ -339,14 +409,22 @@ class IndiMount(ServerMount):
         self._answered(vector, sent, what)
 
     def _answered(self, vector: str, sent_s: float, what: str) -> None:
-        """Raise `DeviceError` when the driver has refused what was sent, or not answered at all."""
-        states = [state for _, state in self._told(vector, sent_s)]
+        """Raise `DeviceError` when the driver has refused what was sent, taken it late, or not answered at all."""
+        told = self._told(vector, sent_s)
         words = {"name": self._device.name, "what": tr(what), "message": self._device.message()}
-        if not states:
+        if not told:
             raise NoAnswerError("{name} does not answer to a {what} on its INDI server{message}.", **words)
-        if "Alert" in states:
+        if "Alert" in (state for _, state in told):
             self._refused_s = monotonic()
             raise RefusedError("{name} refuses the {what}{message}.", **words)
+        if (late_s := told[0][0] - sent_s) > SLOW_S:
+            self.missed += 1
+            if what in MOTIONS:  # INDI's StarGo driver sends on after its mount's silence, to one that just woke up
+                raise NoAnswerError(
+                    "{name} took {late:.0f} s to pass on the {what}: was its mount switched off and on?",
+                    late=late_s,
+                    **words,
+                )
 
     def _told(self, vector: str, since_s: float) -> list[tuple[float, str]]:
         return self._link.heard_since(self._device.name, vector, since_s)

@@ -20,7 +20,7 @@ class ServerMount:
     blind_stop: ClassVar[bytes] = b""
     ends_alone: ClassVar[bool] = False
     rates_deg_s: ClassVar[tuple[float, ...]] = ()
-    missed: ClassVar[int] = 0  # the server asks the mount, and does not tell of these
+    missed: int = 0  # what the server tells of answers that it missed, if it does
 
     def __init__(self, epoch: Epoch, hang_up: Callable[[], None]) -> None:
         self.epoch = epoch
