@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from kochab import __version__
 from kochab.cli import process
 from kochab.cli.process import ended_by_signals
+from kochab.core import __version__
 from kochab.core.errors import KochabError, UsageError
 
 COMMANDS: dict[str, tuple[str, str]] = {

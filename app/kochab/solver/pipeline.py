@@ -39,6 +39,25 @@ class Examined:
     result: Solution | NoSolution
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Request:
+    """One list of stars to solve: how, by which clock, and the ``frame`` it is of, None for a list alone.
+
+    ``n_star_lists`` counts the lists of the same frame tried so far, this one included.
+    """
+
+    detections: Detections
+    options: SolveOptions
+    clock: Stopwatch
+    frame: Frame | None = None
+    n_star_lists: int = 1
+
+    @property
+    def year(self) -> float:
+        """The Julian year in which stars are placed."""
+        return year_of(self.options.hint.time_utc if self.options.hint else None)
+
+
 def solve_frame(frame: Frame, options: SolveOptions | None = None) -> Task[Solution | NoSolution]:
     """Detect the stars of ``frame``, identify them and refine the pointing.
 
@@ -63,13 +82,14 @@ def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms:
     with clock.stage("detect"):
         detections = detector.detect(frame)
     hint = merged_hint(with_field(options, frame.width), frame.hint if options.use_header else None)
-    result = yield from _solve(detections, replace(options, hint=hint), clock, frame)
+    request = _Request(detections, replace(options, hint=hint), clock, frame)
+    result = yield from _solve(request)
     few = len(detections) < FEWEST_STARS
     if few and isinstance(result, NoSolution) and isinstance(detector, AutoDetector):
         # stars of a sharp lens may be single pixels, which the detector takes for hot ones
         points = single_pixels(frame, detector)
         if len(points) >= FEWEST_STARS:
-            second = yield from _solve(points, replace(options, hint=hint), clock, frame, n_star_lists=2)
+            second = yield from _solve(replace(request, detections=points, n_star_lists=2))
             if isinstance(second, Solution):
                 detections, result = points, second
     _log(result)
@@ -90,7 +110,7 @@ def solve_detections(
     options = options or SolveOptions()
     if options.fov_deg is not None:
         options = replace(options, hint=with_field(options, detections.width))
-    result = yield from _solve(detections, options, Stopwatch(options.timeout_s, read_ms), None)
+    result = yield from _solve(_Request(detections, options, Stopwatch(options.timeout_s, read_ms)))
     _log(result)
     return result
 
@@ -131,30 +151,28 @@ def year_of(moment: datetime | None) -> float:
     return 2000.0 + (moment - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 31557600.0
 
 
-def _solve(
-    detections: Detections, options: SolveOptions, clock: Stopwatch, frame: Frame | None, n_star_lists: int = 1
-) -> Task[Solution | NoSolution]:
-    """Identify ``detections``; ``n_star_lists`` counts the lists of the same frame tried so far, this one included."""
+def _solve(request: _Request) -> Task[Solution | NoSolution]:
+    """Identify the stars and refine the pointing, or say why there is none."""
     from kochab.identification import IDENTIFIERS
 
     # a wrong name is told before the search, not after it
+    options = request.options
     IDENTIFIERS.check(options.method)
     if options.attitude is not None:
         ESTIMATORS.check(options.attitude)
-    year = year_of(options.hint.time_utc if options.hint else None)
     refusal: NoSolution | None = None
     searches = 0
     try:
-        for search in _searches(detections, options, year, clock):
+        for search in _searches(request):
             found = yield from search
             # one that lacked what it needs looked at nothing, and had no chance of error
             searches += isinstance(found, Identification) or found.searched
             if isinstance(found, Identification):
                 # each search may be lucky: the second's bound is that of two
-                alarm = min(0.0, found.log10_false_alarm + math.log10(n_star_lists * searches))
+                alarm = min(0.0, found.log10_false_alarm + math.log10(request.n_star_lists * searches))
                 if alarm <= ACCEPT_LOG10:
                     yield Progress("attitude", 0.8)
-                    return _finished(detections, replace(found, log10_false_alarm=alarm), year, options, clock, frame)
+                    return _finished(request, replace(found, log10_false_alarm=alarm))
             elif refusal is None or found.searched:  # without the hint it may lack what it needs
                 refusal = found
     except TimedOut:
@@ -165,49 +183,40 @@ def _solve(
     yield Progress("diagnose", 0.9)
     from kochab.solver.diagnosis import Evidence, diagnose
 
-    return diagnose(Evidence(detections, options.hint, frame), refusal, clock.elapsed_ms())
+    return diagnose(Evidence(request.detections, options.hint, request.frame), refusal, request.clock.elapsed_ms())
 
 
-def _finished(
-    detections: Detections,
-    found: Identification,
-    year: float,
-    options: SolveOptions,
-    clock: Stopwatch,
-    frame: Frame | None,
-) -> Solution | NoSolution:
-    with clock.stage("attitude"):
-        result = _conclude(detections, found, year, options)
-    warnings = (frame.warnings if frame else ()) + result.warnings
-    return replace(result, detections=len(detections), elapsed_ms=clock.elapsed_ms(), warnings=warnings)
+def _finished(request: _Request, found: Identification) -> Solution | NoSolution:
+    with request.clock.stage("attitude"):
+        result = _conclude(request, found)
+    warnings = (request.frame.warnings if request.frame else ()) + result.warnings
+    elapsed_ms = request.clock.elapsed_ms()
+    return replace(result, detections=len(request.detections), elapsed_ms=elapsed_ms, warnings=warnings)
 
 
-def _searches(
-    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
-) -> Iterator[Task[Identification | NoSolution]]:
+def _searches(request: _Request) -> Iterator[Task[Identification | NoSolution]]:
     """The searches to make in order: by the hint, blind, and the last resort when stars are few."""
+    detections, options = request.detections, request.options
     hint = options.hint if options.hint and options.hint.helps else None
     if len(detections) >= FEWEST_TO_TRY:
-        yield _identify(detections, options, hint, year, clock)
+        yield _identify(request, hint)
         if hint is not None and options.blind_after_hint:
             from kochab.identification.patterns import MOST_FOR_TRIANGLES
 
             # A few stars name themselves where the scale is right, however wrong the place is.
             if hint.centre_deg and hint.scale_arcsec_px and len(detections) <= MOST_FOR_TRIANGLES:
-                yield _identify(detections, options, replace(hint, centre_deg=None), year, clock)
-            yield _identify(detections, options, None, year, clock)
+                yield _identify(request, replace(hint, centre_deg=None))
+            yield _identify(request, None)
     if options.method == DEFAULT_METHOD:
-        yield _identify_few(detections, options, year, clock)
+        yield _identify_few(request)
 
 
-def _identify_few(
-    detections: Detections, options: SolveOptions, year: float, clock: Stopwatch
-) -> Task[Identification | NoSolution]:
+def _identify_few(request: _Request) -> Task[Identification | NoSolution]:
     from kochab.solver.few_stars import identify_few
 
     yield Progress("identify", 0.7)
-    with clock.stage("identify"):
-        found = identify_few(detections, options.hint, _catalogue(), year)
+    with request.clock.stage("identify"):
+        found = identify_few(request.detections, request.options.hint, _catalogue(), request.year)
     # as one that tried nothing, so that the refusal of the search before stands
     return found or NoSolution(Reason.NO_PATTERN_AGREED, "", "nothing")
 
@@ -220,20 +229,17 @@ def _catalogue() -> "Catalogue":
     return open_catalogue()
 
 
-def _identify(
-    detections: Detections, options: SolveOptions, hint: Hint | None, year: float, clock: Stopwatch
-) -> Task[Identification | NoSolution]:
+def _identify(request: _Request, hint: Hint | None) -> Task[Identification | NoSolution]:
     from kochab.identification import IDENTIFIERS
 
     yield Progress("identify", 0.3, tr("with a hint") if hint else tr("blind"))
+    options, clock = request.options, request.clock
     with clock.stage("identify"):
         identifier = IDENTIFIERS.make(options.method, **options.method_options)
-        return (yield from clock.watch(identifier.identify(detections, hint, year)))
+        return (yield from clock.watch(identifier.identify(request.detections, hint, request.year)))
 
 
-def _conclude(
-    detections: Detections, found: Identification, year: float, options: SolveOptions
-) -> Solution | NoSolution:
+def _conclude(request: _Request, found: Identification) -> Solution | NoSolution:
     from kochab.solver.matches import (
         centroid_sigma,
         extend,
@@ -243,8 +249,8 @@ def _conclude(
         with_unknown_date,
     )
 
-    catalogue = _catalogue()
-    usable = detections.take(slice(0, options.max_stars))
+    catalogue, options, year = _catalogue(), request.options, request.year
+    usable = request.detections.take(slice(0, options.max_stars))
     scale = options.hint.focal_px if options.hint else None
     focal = FocalPrior.of_range(*scale) if scale else None  # the fit drops it if the stars contradict it
     matches, fit = extend(

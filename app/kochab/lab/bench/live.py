@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-import kochab
 from kochab.core.progress import run as drive
 from kochab.lab.bench import BenchResult, Goal, Report, Row, summary, timed
 from kochab.lab.bench.live_stream import EXPOSURE_S, SIZES, Ring, average_rows, make_ring, slew
@@ -126,7 +125,7 @@ def window_row(ring: Ring, what: str, seconds: float) -> dict[str, Any]:
         try:
             done = subprocess.run(
                 [sys.executable, "-m", MODULE, folder],
-                cwd=Path(kochab.__file__).parent.parent,
+                cwd=Path(__file__).parents[3],
                 env=environment,
                 capture_output=True,
                 text=True,

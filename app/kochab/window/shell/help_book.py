@@ -12,8 +12,7 @@ from PySide6.QtCore import QLocale, QObject, Qt, QUrl
 from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QTextBrowser, QWidget
 
-from kochab import __version__
-from kochab.core import data_folder, tr, tr_noop
+from kochab.core import __version__, data_folder, tr, tr_noop
 from kochab.gear.journal import save_report
 from kochab.window.dialogs import ask_save, is_red, save_task, tell, without_icons
 from kochab.window.job import Jobs

@@ -16,8 +16,7 @@ from time import monotonic
 from types import UnionType
 from typing import IO, Any, get_args, get_origin, get_type_hints
 
-from kochab import __version__
-from kochab.core import tr
+from kochab.core import __version__, tr
 from kochab.core.angle_text import short_name
 from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.core.errors import FrameError, UsageError
