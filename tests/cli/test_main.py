@@ -1,5 +1,6 @@
 """The command line as a whole: help, versions, and every bad end."""
 
+import errno
 import logging
 import os
 import signal
@@ -107,6 +108,18 @@ def test_a_reader_that_leaves_is_no_error(repository, tmp_path) -> None:
     process.stderr.close()
     assert process.wait(timeout=60) in (2, 141)
     assert err == b""
+
+
+@pytest.mark.parametrize(("system", "code"), [("win32", 141), ("linux", 2)])
+def test_windows_calls_a_reader_that_left_an_invalid_argument(monkeypatch, capsys, system, code) -> None:
+    def write(arguments):
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    monkeypatch.setattr("kochab.cli.main._command", write)
+    monkeypatch.setattr("kochab.cli.process.give_up", lambda: None)
+    monkeypatch.setattr(sys, "platform", system)
+    assert main(["catalog", "info"]) == code
+    assert (capsys.readouterr().err == "") == (code == 141)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows ends a process without asking")

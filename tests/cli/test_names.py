@@ -1,6 +1,7 @@
 """A file's name that steers a terminal or feigns a line is shown with escapes, in every place that shows it."""
 
 import logging
+import sys
 
 import pytest
 
@@ -26,6 +27,11 @@ def clean(text):
     )
 
 
+# Windows has no file of such a name, and asks nobody to print one.
+has_such_names = pytest.mark.skipif(sys.platform == "win32", reason="no file can have such a name there")
+
+
+@has_such_names
 @pytest.mark.parametrize(
     "arguments",
     [["solve"], ["solve", "--json"], ["detect"], ["polar", "--site", "48,11,0"], ["-f"], ["solve", "--timeout", "9"]],
@@ -39,6 +45,7 @@ def test_a_sentence_about_it(tmp_path, arguments, capsys):
     assert "owned" in told.out + told.err
 
 
+@has_such_names
 def test_the_card_of_a_solved_frame(tmp_path, repository, capsys):
     (path := tmp_path / NAME.replace(".fits", ".png")).write_bytes(
         (repository / "resources" / "samples" / "orion.png").read_bytes()
@@ -49,6 +56,7 @@ def test_the_card_of_a_solved_frame(tmp_path, repository, capsys):
     assert out.startswith(str(tmp_path))
 
 
+@has_such_names
 def test_the_file_s_name_stands_once_in_a_sentence(tmp_path):
     (path := tmp_path / NAME).write_text("no image")
     with pytest.raises(FrameError) as caught:

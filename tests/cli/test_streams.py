@@ -46,7 +46,7 @@ def test_a_name_that_is_no_text_is_told(repository, tmp_path, flags) -> None:
     assert b"Traceback" not in done.stderr
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.skipif(sys.platform == "win32" or not os.path.exists("/dev/full"), reason="needs /dev/full")
 def test_a_full_disk_is_one_sentence(repository, tmp_path) -> None:
     stars = tmp_path / "a.csv"
     stars.write_text("1,1\n")

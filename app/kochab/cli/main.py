@@ -4,6 +4,7 @@
 """
 
 import argparse
+import errno
 import os
 import re
 import sys
@@ -58,11 +59,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:  # whoever read our output has left
-        process.give_up()
-        return 141
     except OSError as error:  # standard output on a full disk, a folder that may not be read
         process.give_up()
+        if _reader_left(error):
+            return 141
         process.say(_plain(error))
         return 2
     except Exception as error:  # our own mistake: its traceback goes to the journal
@@ -100,6 +100,12 @@ def _refuse_bare_files(arguments: Sequence[str]) -> None:
     first = arguments[0] if arguments else ""
     if first not in COMMANDS and not first.startswith("-") and os.path.isfile(first):
         raise UsageError(f"{first} is a file: kochab solve FILE... solves it.")
+
+
+def _reader_left(error: OSError) -> bool:
+    """Whether whoever read our output has ended; Windows calls a write into such a pipe an invalid argument."""
+    of_windows = sys.platform == "win32" and error.errno == errno.EINVAL and error.filename is None
+    return of_windows or isinstance(error, BrokenPipeError)
 
 
 def _plain(error: OSError) -> str:

@@ -90,7 +90,7 @@ def avm_packet(solution: Solution, credit: str) -> bytes:
     vectors = solution.sky_at(np.column_stack([x.ravel(), y.ravel()]))
     east, north = (vectors @ east_north(centre).T / (vectors @ centre)[:, None]).T
     seen, places = -east + 1j * north, x.ravel() + 1.0 + 1j * (camera.height - y.ravel())
-    (slope, offset), *_ = np.linalg.lstsq(np.column_stack([places, np.ones_like(places)]), seen)
+    (slope, offset), *_ = np.linalg.lstsq(np.column_stack([places, np.ones_like(places)]), seen, rcond=None)
     worst_px = float(np.abs(slope * places + offset - seen).max() / np.abs(slope))
     reference, scale_deg = -offset / slope, np.degrees(np.abs(slope))
     lists = {
