@@ -107,6 +107,26 @@ def test_places_agree_with_astropy(tables):
     assert len(stars) > 15
 
 
+def test_every_star_to_sixth_magnitude_can_be_marked_and_small_fields_have_numbers(tables, catalogue):
+    """The deep list's stars to V 6 in forty frames of 10 degrees; HD 65137 is alone in a degree of the Lynx (Simbad)."""
+    rng = np.random.default_rng(4)
+    wanted = 0
+    for _ in range(40):
+        solution = solution_at(rng.uniform(0, 360), np.degrees(np.arcsin(rng.uniform(-1, 1))), 0.0, 10.0)
+        rows = catalogue.cone(solution.centre_vector, np.radians(4.0), 6.0)
+        xy = solution.pixels_of(catalogue.vectors(rows, 2000.0))
+        at = np.array([mark.xy for mark in in_frame(tables, solution, 2000.0).marks if mark.kind == "star"])
+        gap = np.hypot(*(xy[:, None] - at[None]).transpose(2, 0, 1)).min(axis=1)
+        inside = (xy > 0).all(axis=1) & (xy < SIZE).all(axis=1)
+        wanted += int(inside.sum())
+        assert gap[inside].max(initial=0.0) < 1.0  # px, 24 arcsec: the photocentre of a double
+    assert wanted > 100
+    first = in_frame(tables, solution_at(120.0, 45.0, 0.0, 1.0)).marks[0]
+    assert first.text == "HD 65137"
+    whole = View(1.0, 0.0, 0.0, (0.0, 0.0, *SIZE))
+    assert first.mag <= faintest_of(whole, solution_at(120.0, 45.0, 0.0, 1.0))["star"]
+
+
 def test_an_ellipse_has_its_axes_and_position_angle(tables):
     """M 31: 178 by 70 arcmin, the major axis 35 degrees east of north."""
     solution = solution_at(10.685, 41.269, 0.0, 6.0)

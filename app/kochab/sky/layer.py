@@ -5,7 +5,7 @@ seen of it. Marks are in image px, label boxes in screen px; whoever draws bring
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,8 @@ FAMILIES |= dict.fromkeys(
 BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else
 BODIES = -20.0  # the rank down to which all are bodies
 MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
+NUMBERED = 2.0  # magnitudes by which a star that has only a number is named later
+NAMELESS = 7.0  # the rank that a frame's first name has at least: no solved frame is without one
 MOST_RADII = 1.0  # of the view: a larger outline says nothing
 POINTS = 48  # of an ellipse
 SAMPLES = 16  # of a line across the half diagonal
@@ -150,6 +152,8 @@ def in_frame(tables: SkyTables, solution: Solution, year: float = EPOCH, also: I
     centre, reach = solution.centre_vector, solution.radius_rad
     marks = [*_objects(tables, solution, centre, reach), *_stars(tables, solution, centre, reach, year), *also]
     marks.sort(key=lambda mark: mark.mag)
+    if marks and marks[0].mag > NAMELESS:
+        marks[0] = replace(marks[0], mag=NAMELESS)
     lines = {kind: tuple(_lines(solution, chains, centre, reach)) for kind, chains in tables.lines.items()}
     return SkyInFrame(tuple(marks), lines, np.array([mark.xy for mark in marks]).reshape(-1, 2))
 
@@ -211,11 +215,13 @@ def ellipses(tables: SkyTables, rows: Ints) -> Floats:
 def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, year: float) -> Iterable[Mark]:
     stars = tables.stars
     rows = np.flatnonzero(in_reach(stars.vector, centre, 1.1 * reach + 1e-4))
+    nameless = stars.name[rows] == ""
+    rows = rows[~nameless | (np.cumsum(nameless) <= MOST)]  # of a wide frame the brightest
     xy = solution.pixels_of(unit(stars.vector[rows] + (year - EPOCH) * stars.step[rows]))
     for row, place in zip(rows[seen := inside(solution, xy)].tolist(), xy[seen], strict=True):
-        name = str(stars.name[row])
-        proper = 1.5 * (" " not in name)
-        yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 - proper, name, name)
+        name = stars.called(row)
+        later = NUMBERED if not stars.name[row] else -1.5 * (" " not in name)
+        yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 + later, name, name)
 
 
 def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach: float) -> Iterable[Floats]:

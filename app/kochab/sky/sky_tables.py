@@ -22,10 +22,11 @@ EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedStars(Table):
-    """Stars with a name, brightest first: HIP number, name as charts print it, vector (N, 3) at J2000, V, motion.
+    """Hipparcos' stars, brightest first: HIP number, name as charts print it, vector (N, 3) at J2000, V, motion.
 
-    ``step`` (N, 3) is the proper motion, radians a year. ``pair`` (N, 3) is where Hipparcos saw the brightest other
-    component of the entry in 1991: arcsec, position angle in degrees and V; NaN where it saw none.
+    The name is empty where charts print none; ``hd`` is 0 without a number. ``step`` (N, 3) is the proper motion,
+    radians a year. ``pair`` (N, 3) is where Hipparcos saw the brightest other component of the entry in 1991: arcsec,
+    position angle in degrees and V; NaN where it saw none.
     """
 
     hip: np.ndarray[tuple[int], np.dtype[np.int64]]
@@ -34,6 +35,11 @@ class NamedStars(Table):
     mag: Floats
     step: Floats
     pair: Floats
+    hd: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+    def called(self, row: int) -> str:
+        """The name, else the HD number, else HIP's."""
+        return str(self.name[row]) or (f"HD {self.hd[row]}" if self.hd[row] else f"HIP {self.hip[row]}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,16 +73,18 @@ class SkyTables:
 def _named_stars(names: StarNames) -> NamedStars:
     bright = names.bright
     column = bright.column
-    hips = np.array(sorted(names.table), dtype=np.int64)
-    rows = np.minimum(np.searchsorted(column("hip"), hips), len(column("hip")) - 1)
-    known = column("hip")[rows] == hips
-    rows = rows[known][np.argsort(column("mag")[rows[known]], kind="stable")]
+    hips, rows = np.unique(column("hip").astype(np.int64), return_index=True)  # each one's brightest component
+    order = np.argsort(column("mag")[rows], kind="stable")
+    hips, rows = hips[order], rows[order]
     ra, dec = (column(name)[rows] * (2.0 * np.pi / 2**32) for name in ("ra", "dec"))
     east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
     vector = unit_vectors(np.degrees(ra), np.degrees(dec))
     motion = [column(name)[rows, None] * (1e-2 * MAS) for name in ("pm_ra", "pm_dec")]
     step = motion[0] * east + motion[1] * np.cross(vector, east)
-    labels = np.array([names.label(row)[1] for row in rows.tolist()])
+    named = np.flatnonzero(np.isin(hips, np.fromiter(names.table, dtype=np.int64)))
+    given = np.array([names.label(row)[1] for row in rows[named].tolist()])
+    labels = np.zeros(len(hips), dtype=given.dtype)
+    labels[named] = given
     other = np.minimum(rows + 1, len(column("hip")) - 1)
     # as int32 the difference is the shorter way round, across 0h too
     across, up = ((column(name)[other] - column(name)[rows]).astype(np.int32) for name in ("ra", "dec"))
@@ -84,7 +92,7 @@ def _named_stars(names: StarNames) -> NamedStars:
     pa_deg = np.degrees(np.arctan2(*offset.T)) % 360.0
     pair = np.stack([np.hypot(*offset.T), pa_deg, column("mag")[other] * 1e-3], axis=1)
     pair[(other == rows) | (column("hip")[other] != column("hip")[rows])] = np.nan
-    return NamedStars(column("hip")[rows].astype(np.int64), labels, vector, column("mag")[rows] * 1e-3, step, pair)
+    return NamedStars(hips, labels, vector, column("mag")[rows] * 1e-3, step, pair, column("hd")[rows].astype(np.int64))
 
 
 def _chains(path: Path) -> list[tuple[str, Floats]]:
