@@ -4,10 +4,12 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 
-from kochab.core.errors import LineLostError, NoAnswerError, RefusedError, StoppedError
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError, StoppedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, PierSide, TrackingRate
 from kochab.gear.mounts.drivers import alpaca
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
 
 RATES = (TrackingRate.SIDEREAL, TrackingRate.LUNAR, TrackingRate.SOLAR, TrackingRate.KING)
 USUAL = {
@@ -377,3 +379,21 @@ def test_after_it_was_closed_nothing_is_asked(scope) -> None:
             order()
     assert not link.sent
     assert scope(name=None)[0].identify() == "Alpaca telescope"
+
+
+@pytest.mark.parametrize("lost", ["rightascension", "declination"])
+def test_a_mount_that_wakes_at_home_after_its_server_missed_an_answer_needs_a_sync(scope, lost) -> None:
+    mount, link = scope(declination=85.0, athome=False)
+    guard = Guard(mount, Site(50.0, 8.0), Limits())
+    guard.position()
+    link.properties[lost] = unanswered
+    with pytest.raises(DeviceError):
+        guard.position()
+    assert mount.missed == 1
+    link.properties |= {"rightascension": 5.5, "declination": 86.5, "athome": True}  # as near as it might have tracked
+    guard.position()
+    assert "may have been switched off and on" in guard.policy.slew_block_reason
+
+
+def unanswered(_):
+    raise RefusedError("The telescope refused: timed out.")

@@ -9,6 +9,8 @@ from kochab.core.errors import NoAnswerError, NotStoppedError, RefusedError, Sto
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, PierSide, TrackingRate
 from kochab.gear.mounts.drivers import indi
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.servers import indi_link
 
 COORD, MODE, PARK = "EQUATORIAL_EOD_COORD", "TELESCOPE_TRACK_MODE", "TELESCOPE_PARK"
@@ -671,3 +673,26 @@ def test_a_mount_that_stands_parked_is_parked_whatever_its_driver_waits_for_and_
     link.sent.clear()
     mount.unpark()
     assert [vector for vector, _ in link.sent] == ["TELESCOPE_ABORT_MOTION", PARK]
+
+
+def test_a_mount_that_wakes_at_the_pole_after_its_driver_failed_to_read_it_needs_a_sync(scope) -> None:
+    """INDI's driver told of the failure between two looks; at the second it reads again."""
+    mount, link = scope(**{COORD: {"RA": "5.5", "DEC": "88.5"}})
+    guard = Guard(mount, SITE, Limits())
+    guard.position()
+    assert mount.missed == 0
+    link.tell(COORD, "Alert")
+    link.tell(COORD, "Ok")
+    link.vectors[COORD] = {"RA": "7.5", "DEC": "90.0"}
+    guard.position()
+    assert mount.missed == 1
+    assert "may have been switched off and on" in guard.policy.slew_block_reason
+
+
+def test_an_alert_that_refuses_an_order_is_no_missed_answer(scope) -> None:
+    mount, link = scope()
+    link.answers[COORD] = "Alert"
+    with pytest.raises(RefusedError):
+        mount.sync(80.0, 10.0)
+    mount.position()
+    assert mount.missed == 0

@@ -107,9 +107,8 @@ class AlpacaMount(ServerMount):
         return told_name(str(self._get("name", "Alpaca telescope")))
 
     @making_sense()
-    def position(self) -> Pointing:
-        """Where it says it points."""
-        self.watchdog.check()
+    def read_position(self) -> Pointing:
+        """``RightAscension`` and ``Declination``."""
         ra, dec = float(self._get("rightascension")), float(self._get("declination"))
         if not (0.0 <= ra <= 24.0 and abs(dec) <= 90.0):
             raise NoAnswerError("The mount reports no valid position: {ra:g} h, {dec:g}°.", ra=ra, dec=dec)
@@ -122,6 +121,7 @@ class AlpacaMount(ServerMount):
             slewing=self._truth("slewing"),
             parked=self._truth("atpark"),
             tracking=self._truth("tracking"),
+            at_home=self._truth("athome"),
             rate=self._one_of(dict(enumerate(RATES)), "trackingrate"),
             pier_side=self._one_of(SIDES, "sideofpier"),
             alt_azimuth=self._one_of(ALT_AZIMUTH, "alignmentmode"),

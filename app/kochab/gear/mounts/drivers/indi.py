@@ -91,6 +91,7 @@ class IndiMount(ServerMount):
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
+            self._looked_s = monotonic()
             self._parked = False  # as it was last seen
             self._goes: tuple[float, float, float] | None = None  # when a goto of ours was sent, and where to
             self._moved_s = 0.0  # when its place was last seen to change
@@ -129,18 +130,17 @@ class IndiMount(ServerMount):
         return self._device.name
 
     @making_sense()
-    def position(self) -> Pointing:
+    def read_position(self) -> Pointing:
         """What the driver last read of the mount; while something may move, what it reads next."""
-        self.watchdog.check()
         self._device.check()
         self._require_awake()
         asked = monotonic()
+        self._count_missed(asked)
         # A driver reports a place about once a second: what it has now may be older than the motion.
         if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
             self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
         # An Alert that only answered a refused order says nothing about the place.
         if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
-            self.missed += 1
             raise NoAnswerError(
                 "{name} gets no position from its mount{message}.",
                 name=self._device.name,
@@ -167,8 +167,13 @@ class IndiMount(ServerMount):
             return
         sent = self._device.send(vector, {on: "On"})  # as it is: nothing changes by it
         if not self._link.wait(lambda: bool(self._told(vector, sent)), CALL_S):
-            self.missed += 1
             raise NoAnswerError("{name} does not answer: is its mount switched on?", name=self._device.name)
+
+    def _count_missed(self, now: float) -> None:
+        """Since the last look the driver may have failed to read its mount, and have read it again meanwhile."""
+        since, self._looked_s = max(self._looked_s, self._refused_s), now
+        if self._device.state(self._at) != "Alert":  # one that lasts is counted where the place is asked for
+            self.missed += sum(state == "Alert" for _, state in self._told(self._at, since))
 
     def state(self) -> MountState:
         """As the driver shows it, and whoever else moves the mount."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 from kochab.core.attitude import wrapped
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError, StoppedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Epoch
+from kochab.core.mount import Ability, Epoch, Pointing
 from kochab.gear.mounts.emergency_stop import Watchdog
 
 
@@ -20,11 +20,11 @@ class ServerMount:
     blind_stop: ClassVar[bytes] = b""
     ends_alone: ClassVar[bool] = False
     rates_deg_s: ClassVar[tuple[float, ...]] = ()
-    missed: int = 0  # what the server tells of answers that it missed, if it does
 
     def __init__(self, epoch: Epoch, hang_up: Callable[[], None]) -> None:
         self.epoch = epoch
         self.watchdog = Watchdog()
+        self.missed = 0  # answers that the server did not get from its mount, as far as it tells
         self._stops = 0
         self._hang_up = hang_up
         self._lacks: dict[Ability, str] = {}
@@ -38,6 +38,19 @@ class ServerMount:
         """Raise the reason when the mount cannot do this."""
         if ability in self._lacks:
             raise RefusedError(self._lacks[ability])
+
+    def position(self) -> Pointing:
+        """Where it says it points."""
+        self.watchdog.check()
+        try:
+            return self.read_position()
+        except (NoAnswerError, RefusedError):  # the mount did not answer its server
+            self.missed += 1
+            raise
+
+    def read_position(self) -> Pointing:
+        """The same; `NoAnswerError` or `RefusedError` where the server got none from its mount."""
+        raise NotImplementedError
 
     @contextmanager
     def moving(self) -> Iterator[Callable[[], None]]:
