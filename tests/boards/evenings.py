@@ -149,7 +149,7 @@ class Astronomer:
         self._begin_session()
         home = Home.NOW if self._at_home() else None  # no word of it that is not true
         selection = MountSelection(self.board.port, self.board.driver, home=home)
-        self.guard = guarded(selection, SITE, clock=self.board.clock, limits=limits_at(pier))
+        self.guard = guarded(selection, SITE, clock=self.board.clock, limits=limits_at(pier), keep=True)
         self._look()  # as the window and every command do at once
 
     def _at_home(self):
@@ -198,7 +198,10 @@ class Astronomer:
             self._against("word", f"{what}: {told}")
 
     def _sync(self):
-        """On the truth, as a solved picture tells it."""
+        """On the truth, as a solved picture tells it, of a tube that stands."""
+        for _ in range(50):
+            if self.board.moving:
+                self.time.sleep(0.1)
         ra, dec = self.board.radec_deg()
         self.guard.allow_large_sync = self.random.random() < 0.5
         self._do("sync", lambda: self.guard.sync(ra, dec, by_hand=True, confirmed=True))

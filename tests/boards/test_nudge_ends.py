@@ -31,6 +31,17 @@ def test_a_nudge_whose_end_is_lost_is_stopped(nudged):
     assert not board.moving
 
 
+@pytest.mark.parametrize("nudged", ["ioptron", "nexstar"], indirect=True)
+def test_a_stop_without_its_answer_is_sent_again_before_the_tube_is_far(nudged):
+    """An answer was waited for 4.5 s, in which a nudge at 6 deg/s ran on by 27 deg."""
+    board, guard = nudged
+    begun = board.radec_deg()[1]
+    board.lose_stops(1)
+    run(nudge(guard, Direction.SOUTH, 21600.0, rate_deg_s=4.0))
+    assert not board.moving
+    assert 5.0 < begun - board.radec_deg()[1] < 20.0
+
+
 def test_a_nudge_in_ra_at_the_pole_whose_end_is_lost_is_stopped(nudged):
     """Where the sky does not move: the axis does, and so does the right ascension that it tells."""
     board, guard = nudged

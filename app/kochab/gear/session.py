@@ -108,10 +108,12 @@ def guarded(
     clock: Callable[[], datetime] | None = None,
     limits: Limits | None = None,
     stop_first: bool = False,
+    keep: bool | None = None,
 ) -> Guard:
     """Open a mount behind its guard; the line can be opened again when it was lost.
 
-    ``stop_first`` sends the bytes of Stop before anything is asked.
+    ``stop_first`` sends the bytes of Stop before anything is asked. What is known of the mount is kept for the next
+    program with ``keep``, unless told otherwise not on a practice night, which has a ``clock`` of its own.
 
     Raises `DeviceError` with one sentence and what to do.
     """
@@ -121,9 +123,9 @@ def guarded(
     # Home was confirmed for this moment, not for when a lost line is found again.
     mount = again() if stop_first else again(stop_first=False, home=selection.home)
     _remember(selection)
-    # With a clock of its own it is a practice night, on which nothing is kept.
-    syncs = NightSyncs.of_line(now, kept, selection.port or selection.driver) if clock is None else None
-    needed = SyncNeeded.of_line(now, kept, f"{selection.driver} {selection.port}") if clock is None else None
+    keep = clock is None if keep is None else keep
+    syncs = NightSyncs.of_line(now, kept, selection.port or selection.driver) if keep else None
+    needed = SyncNeeded.of_line(now, kept, f"{selection.driver} {selection.port}") if keep else None
     return Guard(mount, site, limits or Limits(), clock=now, reopen=again, syncs=syncs, needed=needed)
 
 

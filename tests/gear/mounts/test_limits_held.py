@@ -445,3 +445,14 @@ def test_a_sync_does_not_take_a_mount_away_from_its_home(beside, step, fork, ref
     start = -30.0, 90.0 - beside
     found = sync(start, (-30.0, start[1] - step), allow_large_sync=allow_large_sync, crosses_meridian=fork)
     assert ("thinks it is at home" in " ".join(found.refusals)) is refused
+
+
+def test_a_mount_that_tells_the_side_of_its_pier_is_no_fork() -> None:
+    """A person who says so would sync a German mount to the wrong side: 23 deg off at the end of its next slew."""
+    told = replace(READY, pier_side=PierSide.WEST)
+    found = sync((-30.0, 89.5), (-30.0, 60.0), allow_large_sync=True, crosses_meridian=True, state=told)
+    assert "thinks it is at home" in " ".join(found.refusals)
+    before = policy(crosses_meridian=True)
+    before.told_side = True  # as it did before it woke at home, where it has none
+    found = before.sync(here(-30.0, 89.5), READY, at(-30.0, 60.0), None, True, True)
+    assert "thinks it is at home" in " ".join(found.refusals)

@@ -1,5 +1,6 @@
 """The supply of a mount fails while its port stays open: boards that share nothing with the drivers."""
 
+from contextlib import suppress
 from functools import partial
 
 import pytest
@@ -66,6 +67,37 @@ def test_a_mount_that_lost_its_power_between_two_orders_is_not_slewed_from_its_f
             run(guard.slew(*place(board, -30.0, 50.0)))
     assert "Sync first" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
     assert [order.kind for order in board.orders if order.kind == "goto"] == []
+
+
+def test_a_mount_that_wakes_parked_in_a_slew_is_said_to_have_been_restarted(board, guard) -> None:
+    if board.driver != "onstep":
+        pytest.skip("the others do not wake parked where they believe to be at home")
+    board.saved["parked"] = True  # in its memory, from an evening before
+    cutting = cut_when_it_moves(board)
+    assert "switched off and on" in said(lambda: run(guard.slew(*place(board, -10.0, 40.0))))
+    board.timing.join(cutting)
+
+
+def test_a_restart_that_no_question_met_is_seen_before_its_clock_is_set(board, guard) -> None:
+    """The comparison began anew with a clock that the mount then refused to take."""
+    guard.preview_goto(*place(board, -30.0, 50.0))
+    board.cut_power(0.5)
+    board.timing.sleep(10.0)
+    with suppress(DeviceError):
+        guard.set_clock()
+    assert "Sync first" in said(lambda: guard.goto(*place(board, -30.0, 50.0)))
+    assert not board.false_slews()
+
+
+def test_after_a_restart_clock_and_site_are_compared_again_though_nothing_was_missed(board, guard) -> None:
+    guard.preview_goto(*place(board, -30.0, 50.0))
+    board.keeps_clock = False
+    board.cut_power(0.5)
+    board.timing.sleep(10.0)
+    guard.position()
+    said(lambda: guard.goto(*place(board, -30.0, 50.0)))
+    # An OnStepX wakes with the date that it was set to.
+    assert bool(guard.policy.clock_conflict) is (abs(board.clock_error_s) > 600.0)
 
 
 def test_a_slew_in_which_the_power_failed_ends_with_a_word_of_the_restart(board, guard) -> None:

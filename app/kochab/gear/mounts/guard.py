@@ -93,6 +93,7 @@ class Guard:
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
         self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted)
+        self.supervisor.watch.on_restart = self.clock_and_site.reconnected
         self._reopen = reopen
         self._finalizer = weakref.finalize(self, self.emergency.at_exit)  # a bound method would keep self alive
 
@@ -182,6 +183,7 @@ class Guard:
         self._require_ability(ability)
         if self._settled_state().slewing or self.emergency.moving:
             self._refuse(str(ability), tr("The mount is moving: stop it first."))
+        self.position()  # it may show that the mount was switched off and on
         self.clock_and_site.compare(self.mount)  # with the clock of before, while it can tell of a restart
         self.supervisor.forget()  # a new clock or site may shift the position: no jump
         self.supervisor.undo = None

@@ -111,7 +111,8 @@ class Plan:
     ``paths`` are arrays (N, 3) of unit vectors of date: paths the telescope may take.
     ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
     ``block_reason`` is why the mount's clock, site or pointing must not be relied upon. ``by_hand_deg`` is what this
-    night's syncs by hand have shifted it by.
+    night's syncs by hand have shifted it by. ``has_sides``: it has told of a side of its pier, or is not said to be a
+    fork.
     """
 
     start_deg: tuple[float, float]
@@ -130,6 +131,7 @@ class Plan:
     block_reason: str = ""
     by_hand_deg: Degrees = (0.0, 0.0)
     park_altitude_deg: float | None = None
+    has_sides: bool = True
 
     @property
     def start(self) -> Floats:

@@ -278,7 +278,7 @@ def sync_step(plan: Plan) -> Findings:
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
     # Switched on with its tube anywhere a mount reports its home: a sync would tell it the place, not the pier side.
-    at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and not limits.crosses_meridian
+    at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and plan.has_sides
     if at_home and step > limits.confirm_sync_deg and not guessed:
         yield refuse(
             "Mount thinks it is at home, {step:.0f}° from where it points. A sync can't set the pier side: switch it"
@@ -391,6 +391,7 @@ class MotionPolicy:
     ) -> None:
         self.site, self.limits, self.clock, self._needed = site, limits, clock, needed
         self.clock_conflict = ""
+        self.told_side = False  # of its pier: then it has one, whatever a person says of a fork
         self._slew_block_reason = "" if needed is None else needed.read()
 
     @property
@@ -492,6 +493,7 @@ class MotionPolicy:
             time_utc=now,
             site=self.site,
             action=action,
+            has_sides=not self.limits.crosses_meridian or self.told_side or state.pier_side is not None,
             block_reason=self.clock_conflict or ("" if action == "sync" else self.slew_block_reason),
         )
 

@@ -92,6 +92,7 @@ class RestartWatch:
     def __init__(self, mount: Mount, policy: MotionPolicy, log: MotionLog, reach_deg: Callable[[float], float]) -> None:
         self.restarts = 0  # how many were found
         self.state = MountState()  # as it was last told
+        self.on_restart: Callable[[], None] = lambda: None  # its clock and site may be others now
         self._policy, self._log, self._reach_deg = policy, log, reach_deg
         self._seen: Look | None = None
         self._missed: int | None = mount.missed  # None: the line was opened again
@@ -152,5 +153,6 @@ class RestartWatch:
     def found(self, sentence: str) -> None:
         """It was, or may have been, restarted: no slew before a sync."""
         self.restarts += 1
+        self.on_restart()
         self._policy.slew_block_reason = f"{sentence} {tr(CURE)}"
         self._log.add("position", "failed", self._policy.slew_block_reason)

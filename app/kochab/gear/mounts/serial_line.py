@@ -239,6 +239,7 @@ class SerialLink:
 Reader = Callable[[SerialLink], bytes]
 Command = tuple[bytes, tuple[Reader, ...]]  # bytes, and how each answer to them is read
 QUIET_S = 0.3  # after a bad answer the line must be silent this long before it is trusted again
+STOP_TRIES = 2  # of a Stop that is not answered: the mount may not have heard it
 LOSSY_TRIES = 12  # with 25 % of datagrams lost each way, all 12 fail once in 20,000
 DOUBT = 2  # exchanges: what is read after a bad answer may still be that answer, late
 
@@ -259,7 +260,7 @@ class Conversation:
         self._counting = Lock()
         self._stopping = 0  # Stops whose bytes are on their way: everything else waits
         self.stops = 0  # how often everything was stopped: what began before must not begin now
-        self.missed = 0  # questions that stayed unanswered on a line that loses nothing itself
+        self.missed = 0  # questions that stayed unanswered, on a line that loses some as often as they are asked
 
     def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T], since: int | None = None) -> T:
         """Send ``command``, read its answer and parse it.
@@ -295,7 +296,13 @@ class Conversation:
         for _ in range(tries - 1):
             with suppress(again):
                 return self.ask(command, read, parse, since)
-        return self.ask(command, read, parse, since)
+        try:
+            return self.ask(command, read, parse, since)
+        except ProtocolError:
+            raise
+        except NoAnswerError:
+            self.missed += self.link.lossy and tries > 1  # one may be lost on the way, not all
+            raise
 
     def send(self, command: bytes, since: int | None = None) -> None:
         """Send a command without an answer; ``since`` as for :meth:`ask`."""
@@ -324,9 +331,9 @@ class Conversation:
             logger.debug("%s > %r", self.link.port, command)
 
     def read_pending(self) -> None:
-        """Read the answers to :meth:`send_now` that are due; without all of them a lossy line is sent it again."""
+        """Read the answers to :meth:`send_now` that are due; without all of them it is sent again."""
         with self._exchange:
-            tries = LOSSY_TRIES if self.link.lossy else 1
+            tries = LOSSY_TRIES if self.link.lossy else STOP_TRIES
             while self._pending:
                 # Everything is sent again and every answer read anew: a repeated Stop does no harm.
                 due, tries = list(self._pending), tries - 1

@@ -330,6 +330,7 @@ class SlewSupervisor:
             else:
                 misses = misses + 1 if state.parked and what != "park" else 0
                 if misses >= MISSES:
+                    self._parked_at(restarts)
                     raise RefusedError("The mount was parked on its way. Unpark it, then try again.")
             self._require_no_restart(restarts)
             stood = self._stood(stood, here, state)
@@ -348,6 +349,7 @@ class SlewSupervisor:
 
     def _state(self) -> MountState:
         self.watch.state = state = self._emergency.mount.state()
+        self._policy.told_side |= state.pier_side is not None
         if state.slewing is not False:
             self._slewed = monotonic()
         # All but a goto end by their time limit. A goto may begin late, or pause, and is supervised all the same.

@@ -83,7 +83,7 @@ class Ioptron(SerialMount):
 
     def stop_commands(self) -> list[Command]:
         """End a slew, and moves on both axes."""
-        return [(command, (self.reply(1),)) for command in protocol.STOPS]
+        return [(command, (self.stop_reply(1),)) for command in protocol.STOPS]
 
     def park_altitude_deg(self) -> float | None:
         """``:GPC#``; None from a mount that does not answer it."""
@@ -103,7 +103,7 @@ class Ioptron(SerialMount):
         self.require_accepted(rate, tr_noop("The mount does not accept this rate."))
         # One axis alone: the other may be moving, too.
         halt = protocol.HALT_DEC if direction.in_dec else protocol.HALT_RA
-        with self.bounded(direction, seconds, (halt, (self.reply(1),))):
+        with self.bounded(direction, seconds, (halt, (self.stop_reply(1),))):
             self.talk.send(protocol.move(direction), since)
 
     def track(self, rate: TrackingRate) -> None:

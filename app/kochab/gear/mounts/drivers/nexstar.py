@@ -9,7 +9,7 @@ from kochab.core import tr, tr_noop
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
-from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, SerialMount
+from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, STOP_S, SerialMount
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, SerialLink, exactly
@@ -155,11 +155,11 @@ class NexStar(SerialMount):
     def stop_commands(self) -> list[Command]:
         """Cancel a goto, and end moves at a fixed rate on both axes."""
         # M cancels a goto, not a move. A move may be from before the line broke: no timer knows of it.
-        return [(protocol.CANCEL, (self.reply(1),))] * self.cancels + [self.halt(board) for board in BOARDS]
+        return [(protocol.CANCEL, (self.stop_reply(1),))] * self.cancels + [self.halt(board) for board in BOARDS]
 
     def halt(self, board: int) -> Command:
         """The bytes that end a move on one axis."""
-        return protocol.move_fixed(board, True, 0), (self.read_passed,)
+        return protocol.move_fixed(board, True, 0), (lambda link: self.read_passed(link, STOP_S),)
 
     def pulse(self, direction: Direction, milliseconds: int) -> None:
         """The motor board ends it; a pulse too long for it runs at twice the rate for half."""
@@ -205,10 +205,11 @@ class NexStar(SerialMount):
         """What the hand control passes on to a motor."""
         self.talk.ask(command, self.read_passed, protocol.parse_passed, since)
 
-    def read_passed(self, link: SerialLink) -> bytes:
-        """``#``, or one byte more when it failed."""
-        reply = link.read_exact(1, self.timeout_s)
-        return reply if reply == b"#" else reply + link.read_exact(1, self.timeout_s)
+    def read_passed(self, link: SerialLink, timeout_s: float = 0.0) -> bytes:
+        """``#``, or one byte more when it failed; within its usual time where none is given."""
+        timeout_s = timeout_s or self.timeout_s
+        reply = link.read_exact(1, timeout_s)
+        return reply if reply == b"#" else reply + link.read_exact(1, timeout_s)
 
 
 class StarSense(NexStar):

@@ -22,6 +22,7 @@ ALIGNED_BY_CLOCK = tr_noop(
     "The mount was aligned on stars with its present clock and site. If it points right, say that the mount is right;"
     " if not, switch it off and on, set them, and align it again."
 )
+STOP_S = 1.0  # without its answer in so long a Stop is sent again; mounts answer in some hundredths
 LONGEST_REPLY = 64  # the longest are texts, such as why an LX200 refuses a slew
 
 
@@ -140,6 +141,10 @@ class SerialMount:
     def reply(self, size: int = 0) -> Reader:
         """Reader of ``size`` bytes; without a size up to ``#``."""
         return exactly(size, self.timeout_s) if size else until(b"#", LONGEST_REPLY, self.timeout_s)
+
+    def stop_reply(self, size: int = 0) -> Reader:
+        """The same of a Stop, which a mount that has heard it answers at once."""
+        return exactly(size, STOP_S) if size else until(b"#", LONGEST_REPLY, STOP_S)
 
     def query(self, command: bytes, parse: Callable[[bytes], T], size: int = 0) -> T:
         """Answer to a question, which is repeated when the answer makes no sense."""
