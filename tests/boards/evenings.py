@@ -71,8 +71,7 @@ class Astronomer:
         self.random = Random(f"{kind} {seed}")
         self.evening = Evening(kind, seed)
         self.guard = None
-        self.session_since = 0.0  # a program that begins later cannot know of a cut before
-        self.lost_before = False
+        self.lost_before = False  # a program that begins later cannot know of a cut before
 
     # -- the evening ---------------------------------------------------------------------------------
 
@@ -357,17 +356,15 @@ class Astronomer:
         return told
 
     def _begin_session(self):
-        self.session_since, self.lost_before = self.board.clock.unix(), False
-        self._unknowable()
+        self.lost_before = self.board.false_by_deg() > FALSE_DEG
 
     def _unknowable(self):
-        """Whether the board is wrong by a cut before this session, with a clock and a site that are right."""
-        lost = self.board.false_by_deg() > FALSE_DEG
-        if not lost or abs(self.board.clock_error_s) > 600.0:
-            self.lost_before = False
-        elif not any(unix >= self.session_since for unix, _ in self.board.cuts):
-            self.lost_before = True
-        return self.lost_before  # and a cut at a false home shows nothing new
+        """Whether the board was wrong before this session already, with a clock and a site that are right.
+
+        And a cut at a false home shows nothing new.
+        """
+        self.lost_before &= self.board.false_by_deg() > FALSE_DEG
+        return self.lost_before and abs(self.board.clock_error_s) <= 600.0
 
     def _tube(self):
         with self.board.lock:

@@ -83,6 +83,12 @@ class MountLine:
         """Do this when the orders before it are done; Done or Failed tells of its end."""
         self._orders.put(MountOrder(name, make, self._stops, survives_line_loss))
 
+    @property
+    def may_move(self) -> bool:
+        """Whether something of the mount may move, or nobody has seen yet that a Stop has worked."""
+        guard = self._guard
+        return guard is not None and guard.emergency.unseen
+
     def cancel(self) -> None:
         """Give up the present order, at its next yield, and those that wait; what moves stops."""
         self._stops += 1
@@ -148,7 +154,7 @@ class MountLine:
 
     def _part(self, guard: Guard) -> None:
         """The end of the session: whatever moves is stopped and seen to stand, and what was seen is told."""
-        moved = guard.emergency.moving or guard.emergency.unfinished or guard.emergency.unconfirmed
+        moved = guard.emergency.unseen
         try:
             guard.see_stopped()
         except DeviceError as error:

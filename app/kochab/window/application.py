@@ -163,6 +163,8 @@ def build(
     mount = MountControl(settings, session, jobs, wiring, cameras)
     mount_status = MountStatus(mount, window.closing)
     mount_status.hide()
+    window.about_to_close.connect(mount.hold_window)
+    mount.window_released.connect(window.close_at_last)
     window.bar.add(mount_status)
     equipment = Equipment(window.bar.equipment, settings, actions["preferences"], undo)
     equipment.follow(mount)
@@ -243,7 +245,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     # A terminal that is closed must not leave a mount moving. One that is ignored, as nohup has it, stays so.
     for number in [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]:
         if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, lambda *_: window.close())  # handled when Python runs: at a tick of Garbage
+            signal.signal(number, lambda *_: window.end())  # handled when Python runs: at a tick of Garbage
     code = app.exec()
     garbage.stop()
     background.job.join(5.0)

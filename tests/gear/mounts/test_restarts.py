@@ -1,6 +1,10 @@
 """The supply of a mount fails while its port stays open: boards that share nothing with the drivers."""
 
+import gc
+import subprocess
+import sys
 from contextlib import suppress
+from datetime import UTC, datetime
 from functools import partial
 
 import pytest
@@ -14,7 +18,7 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.sync_needed import SyncNeeded
-from tests.boards import served, virtual_time
+from tests.boards import Night, served, virtual_time
 from tests.boards.sky import sidereal_deg
 
 FORGETS = ("onstep", "onstepx", "am5", "ioptron")
@@ -186,6 +190,45 @@ def test_a_session_that_ends_in_a_slew_repeats_a_stop_that_was_lost(board, guard
     board.lose_stops(1 if board.driver != "ioptron" else 3)  # its Stop is three commands
     guard.close()
     assert stands(board)
+
+
+@pytest.mark.parametrize(("lost", "told"), [(1, ""), (1000, "CUT ITS POWER")])
+def test_a_guard_that_is_dropped_in_a_slew_sees_its_stop_through(lost, told, board, capsys) -> None:
+    mount = open_mount(board.driver, board.port, site=board.site, clock=board.clock)
+    guard = Guard(mount, board.site, Limits(crosses_meridian=True), clock=board.clock)
+    goes(board, guard)
+    for axis in board.tube.axes:
+        axis.top_deg_s = 0.5  # long under way
+    board.lose_stops(lost)
+    del guard
+    gc.collect()
+    assert stands(board) is not bool(told)
+    assert told in capsys.readouterr().err
+
+
+ENDS_IN_A_SLEW = """
+import sys
+from datetime import UTC, datetime
+from kochab.core.frame import Site
+from kochab.gear.mounts import open_mount
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+port, ra, dec = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
+guard = Guard(open_mount("onstep", port), None, Limits(allow_without_site=True, crosses_meridian=True))
+guard.goto(ra, dec)
+"""
+
+
+def test_a_program_that_ends_in_a_slew_sees_its_stop_through() -> None:
+    """By the computer's clock: the interpreter is on its way out."""
+    with served("onstep", clock=Night(datetime.now(UTC)), slew_deg_s=1.0) as one:
+        ra, dec = one.align(-40.0, 60.0)
+        one.lose_stops(1)
+        line = [sys.executable, "-c", ENDS_IN_A_SLEW, one.port, str(ra), str(dec - 30.0)]
+        ended = subprocess.run(line, capture_output=True, text=True, timeout=120)
+        assert ended.returncode == 0, ended.stderr
+        assert [order.kind for order in one.orders] == ["goto"]
+        assert stands(one)
 
 
 def test_a_disconnection_tells_what_it_saw(board, guard) -> None:

@@ -1,8 +1,9 @@
 """The emergency stop: what may be moving, Stop, the check that it worked, and the watchdog."""
 
 import logging
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import datetime
 from math import inf
 from threading import Lock, Timer
@@ -83,11 +84,29 @@ class EmergencyStop:
         self._sent += 1
         logger.info("stop sent")
 
+    @property
+    def unseen(self) -> bool:
+        """Whether something may move, or nobody has seen yet that a Stop has worked."""
+        return self.moving or self.unfinished or self.unconfirmed
+
+    def see_stopped(self) -> None:
+        """Before a session ends: stop what moves, and see that it stands.
+
+        Raises `LineLostError` when no Stop went out, and `NotStoppedError` when the mount moves on, or does not answer.
+        """
+        if self.moving or self.unfinished:
+            self.stop()
+        if self.unconfirmed:
+            self.confirm()
+
     def at_exit(self) -> None:
-        """Stop what moves when the program ends or the guard was dropped; never raises."""
-        if self.moving:
-            with suppress(DeviceError):
-                self.mount.stop()
+        """The same when the program ends or the guard was dropped; never raises, and writes what is wrong to stderr."""
+        try:
+            self.see_stopped()
+        except DeviceError as error:
+            logger.error("At the program's end: %s", error)
+            if sys.stderr is not None:
+                sys.stderr.write(f"{error}\n")
 
     def reconnect(self, reopen: Callable[[], Mount]) -> None:
         """Open the line again and, first of all, stop what was moving; no motion is repeated."""

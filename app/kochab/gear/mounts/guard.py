@@ -517,14 +517,8 @@ class Guard:
         self.emergency.reconnect(self._reopen)
 
     def see_stopped(self) -> None:
-        """Before the session ends: stop what moves, and see that it stands.
-
-        Raises `LineLostError` when no Stop went out, and `NotStoppedError` when the mount moves on, or does not answer.
-        """
-        if self.emergency.moving or self.emergency.unfinished:
-            self.stop()
-        if self.emergency.unconfirmed:
-            self.emergency.confirm()
+        """As :meth:`EmergencyStop.see_stopped`."""
+        self.emergency.see_stopped()
 
     def stop_on_new_line(self, patience_s: float = PATIENCE_S) -> None:
         """The line broke in a motion: open it again, send Stop and see that the mount stands.

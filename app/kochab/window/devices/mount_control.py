@@ -83,6 +83,7 @@ class MountControl(QObject):
     progressed = Signal(object)  # Progress, or None when nothing is under way
     ended = Signal(object)  # OrderDone or OrderFailed, after every order
     stopping = Signal()
+    window_released = Signal(str)  # it may close now; the alarm, empty where the mount stands
     _posted = Signal(object, object)  # a line, and its MountEvent or SolvedFrame
 
     def __init__(
@@ -99,6 +100,7 @@ class MountControl(QObject):
         self._opening: Opening | None = None
         self._job: Job | None = None  # it runs the line, also while that is being closed
         self._tasks: dict[str, MountTask] = {}
+        self._holds_window = False
         self._posted.connect(self._receive)
         # Sent before the jobs are abandoned: a mount must not move on when its window is gone.
         jobs.closing.connect(self.stop)
@@ -156,6 +158,19 @@ class MountControl(QObject):
         self.known.phase = "leaving"
         self.changed.emit()
 
+    def hold_window(self, why: list[str]) -> None:
+        """The window is to close: it stays until a mount that may move is seen to stand, unless it is closed again.
+
+        The reason goes to ``why``.
+        """
+        moves = self._line is not None and self._line.may_move
+        if self._job is None or self._holds_window or not (moves or self.known.phase == "leaving"):
+            return
+        self._holds_window = True
+        why.append(tr("Stopping the mount. The window closes when it stands; close it again not to wait."))
+        if self.known.phase != "leaving":
+            self.disconnect_mount()
+
     def _closed(self, job: Job, sentence: str) -> None:
         """The line is closed: by a person, or for a reason."""
         # A later line has taken its place.
@@ -178,6 +193,9 @@ class MountControl(QObject):
         self.message.emit(text, "bad" if before.alarm else "wrong" if sentence else "muted")
         self.progressed.emit(None)
         self.changed.emit()
+        if self._holds_window:
+            self._holds_window = False
+            self.window_released.emit(before.alarm)
 
     def order(self, name: str, make: MakeTask, survives_line_loss: SurvivesLineLoss = never) -> MountTask:
         """Do this on the guard, in the line's thread; one order at a time.
@@ -291,8 +309,10 @@ class MountControl(QObject):
             self._posted.emit(line, event)
 
     def _receive(self, line: MountLine | None, event: object) -> None:
-        closing = line is not self._line or self.known.phase == "leaving"
-        if closing and not isinstance(event, StopFailed):  # only its end matters, and whether the mount stands
+        # Of a line that is being closed only its end matters, and whether the mount stands.
+        if line is not self._line and not isinstance(event, StopFailed):
+            return
+        if self.known.phase == "leaving" and not isinstance(event, StopFailed | StandsStill):
             return
         self.known.hear(event)
         match event:

@@ -1,5 +1,7 @@
 """The window: it lays out its panes, takes files that are dropped, and closes cleanly."""
 
+import sys
+
 from PySide6.QtCore import QChildEvent, QSize, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QMainWindow, QStackedWidget, QWidget
@@ -19,12 +21,14 @@ class MainWindow(QMainWindow):
     """Widgets only; :func:`kochab.window.application.build` makes what connects them."""
 
     files_dropped = Signal(object)  # list[Path]
+    about_to_close = Signal(object)  # a list, into which goes why the window has to stay a little longer
     closing = Signal()
     resized = Signal()
     has_part = Signal(object)  # a QWidget that is about to be seen in the window
 
     def __init__(self, methods: list[str], detectors: list[str], samples: list[Sample]) -> None:
         super().__init__()
+        self.told_to_end = False
         self.setWindowTitle("Kochab")
         self.setAcceptDrops(True)
         # The same in every theme, so that the window itself need not be dressed again.
@@ -55,6 +59,19 @@ class MainWindow(QMainWindow):
         """Show a sentence in the status bar for a while."""
         self.status.showMessage(sentence, SAY_MS)
 
+    def end(self) -> None:
+        """Close, with an alarm too: the program was told to end by a signal, and nobody may be there to read it."""
+        self.told_to_end = True
+        self.close()
+
+    def close_at_last(self, alarm: str) -> None:
+        """What the window stayed for is over; with an ``alarm`` it stays open until it is closed once more."""
+        self.status.showMessage(alarm)
+        if alarm and sys.stderr is not None:  # a program without a console has none
+            sys.stderr.write(f"{alarm}\n")
+        if not alarm or self.told_to_end:
+            self.close()
+
     def show_frame_page(self) -> None:
         self.pages.setCurrentWidget(self.workspace)
         self.workspace.view.setFocus()
@@ -81,6 +98,12 @@ class MainWindow(QMainWindow):
             self.files_dropped.emit(paths)
 
     def closeEvent(self, event: QCloseEvent) -> None:
+        stays: list[str] = []
+        self.about_to_close.emit(stays)
+        if stays:
+            event.ignore()
+            self.status.showMessage(stays[0])
+            return
         self.closing.emit()
         self.log.detach()
         super().closeEvent(event)
