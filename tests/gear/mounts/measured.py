@@ -17,6 +17,7 @@ import pytest
 from kochab.core.errors import DeviceError
 from kochab.gear.mounts.guard import Guard
 from kochab.lab.bench import mount_stops
+from tests.boards import measured as boards
 from tests.gear.mounts import indi_sequences
 from tests.gear.mounts.bench import LIMITS, SITE, alpaca, indi, place
 from tests.gear.mounts.sequences import MOUNTS, planned, play
@@ -35,7 +36,7 @@ SUITES = {
     "real exchanges": "test_real_transcripts",
     "syncs and unknown motion": "test_night_syncs",
     "states of Alpaca": "test_alpaca_words",
-    "states of INDI": "test_indi_words",
+    "states of INDI": "test_indi_words",  # EQMod beyond the pole among them
 }
 QUICK = "arrives or below_the_horizon or stop_ends or test_killed or test_real_transcripts or syncs or _words"
 
@@ -142,6 +143,7 @@ def main() -> None:
         detective(QUICK_CASES if quick else CASES),
         detective_by_tpoint(QUICK_CASES if quick else CASES),
         stops(),
+        boards.rows(quick),
         evenings(QUICK_EVENINGS if quick else EVENINGS, 0 if quick else INDI_EVENINGS),
         suites(quick),
     )

@@ -13,6 +13,7 @@ from kochab.lab.bench.mount import CentringRun
 from kochab.lab.bench.mount_rig import ReceivedOrder, WatchedMount, unguarded
 from kochab.simulate.responders import RESPONDERS
 from kochab.simulate.serial_line import Fault
+from tests.boards.evenings import KINDS
 from tests.simulate.test_indi import FAMILIES
 from tests.workflows.mount_nights import bench, good
 
@@ -56,6 +57,11 @@ MEASURED = [
     {"driver": "healthy", "line": "detective by TPOINT", "right": 0.99, "wrong": 0.01},
     {"driver": "clock", "line": "detective by TPOINT", "right": 0.95, "wrong": 0.05},
     {"driver": "am5", "line": "evenings", "violations": 0},
+    {"driver": "am5", "line": "power cuts"} | dict.fromkeys(KINDS, 0),
+    {"driver": "am5", "line": "home and park", "wrong": 0},
+    {"driver": "am5", "line": "broken in a slew", "wrong": 0},
+    {"driver": "am5", "line": "syncs by hand", "shift_deg": 20.0},
+    {"driver": "none given", "line": "stop without a driver", "byte_s": 0.4},
     {"driver": "am5", "line": "conformance", "failed": 0},
     {"driver": "all", "line": "syncs and unknown motion", "failed": 0},
     {"driver": "all", "line": "states of Alpaca", "failed": 0},
@@ -68,17 +74,27 @@ SPOILT = [
     {"wrong": 0.02},
     {"right": 0.94},
     {"violations": 1},
+    {"false": 1},
+    {"wrong": 1},
+    {"wrong": 1},
+    {"shift_deg": 21.0},
+    {"byte_s": 0.6},
     *({"failed": k} for k in (1, 1, 1, 1, 2)),
 ]
 
 
 def test_what_is_measured_in_a_checkout_misses_its_goal_where_one_driver_does() -> None:
     stop = {"line": "stop", "byte_ms": 3.0, "stands": True, "mute_s": 4.0}
-    assert [goal.met for goal in mount_stops.goals([stop])] == [True] * 3 + [None] * 10, "not measured is not met"
+    assert [goal.met for goal in mount_stops.goals([stop])] == [True] * 3 + [None] * 17, "not measured is not met"
     assert all(goal.met for goal in mount_stops.goals([stop, *MEASURED]))
     for k, worse in enumerate(SPOILT):
         rows = [row | worse if j == k else row for j, row in enumerate(MEASURED)]
         assert sum(goal.met is False for goal in mount_stops.goals([stop, *rows])) == 1
+    for kind in KINDS:
+        assert any(
+            goal.met is False
+            for goal in mount_stops.goals([stop, {"line": "power cuts"} | {k: int(k == kind) for k in KINDS}])
+        )
 
 
 def test_what_a_checkout_measures_are_rows_of_json_and_without_one_its_command_is_told(monkeypatch, tmp_path) -> None:
@@ -101,7 +117,7 @@ def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     monkeypatch.setattr(mount_stops, "rows", lambda names: [row | {"driver": name} for name in names])
     monkeypatch.setattr(mount_stops, "elsewhere", lambda quick, report: MEASURED)
     result = mount.run(True, lambda line: None)
-    assert [goal.met for goal in result.goals] == [True] * 17
+    assert [goal.met for goal in result.goals] == [True] * 24
     assert "10 arcsec in at most 3 corrections" in result.goals[0].name
     assert BENCHES["mount"] == "kochab.lab.bench.mount:run"
     assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults", "stop"} | {

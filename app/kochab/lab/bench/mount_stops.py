@@ -83,12 +83,26 @@ def goals(found: list[dict[str, Any]]) -> list[Goal]:
         ),
         Goal.at_most("share of healthy mounts by TPOINT's terms accused", worst(TPOINT, "wrong", of="healthy"), 0.01),
         Goal.at_most("motions outside limits in random evenings, any driver", worst("evenings", "violations"), 0),
+        Goal.at_most("slews from a false home after power cuts, any board", worst("power cuts", "false"), 0),
+        Goal.at_most("motions that lost their power without a word of it", worst("power cuts", "word"), 0),
+        Goal.at_most("all else that went wrong in evenings with power cuts", _all_else(found), 0),
+        Goal.at_most("home or park called done by a mount that is not there", worst("home and park", "wrong"), 0),
+        Goal.at_most("mounts that move on after their line broke", worst("broken in a slew", "wrong"), 0),
+        Goal.at_most("all that syncs by hand may shift a mount, deg", worst("syncs by hand", "shift_deg"), 20.1),
+        Goal.at_most("first byte of a Stop without a driver, s", worst("stop without a driver", "byte_s"), 0.5),
         Goal.at_most("conformance not met, any driver", worst("conformance", "failed"), 0),
         Goal.at_most("syncs and unknown motion judged wrongly", worst("syncs and unknown motion", "failed"), 0),
         Goal.at_most("states of Alpaca misread", worst("states of Alpaca", "failed"), 0),
         Goal.at_most("states of INDI misread", worst("states of INDI", "failed"), 0),
         Goal.at_most("nudges that outlive their program, any driver", worst("killed or asleep", "failed"), 0),
     ]
+
+
+def _all_else(found: list[dict[str, Any]]) -> int | None:
+    """What is counted of evenings with power cuts beside what has goals of its own."""
+    rows = [one for one in found if one["line"] == "power cuts"]
+    kinds = ("low", "sun", "done", "running", "hang", "fault")
+    return sum(int(row[kind]) for row in rows for kind in kinds) if rows else None
 
 
 def _slewing(rig: MountRig) -> Task[Pointing]:

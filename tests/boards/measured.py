@@ -1,0 +1,132 @@
+"""What boards tell of power cuts, home, park, lines that break and syncs by hand: rows of ``kochab bench mount``."""
+
+import os
+import select
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from contextlib import contextmanager, suppress
+from functools import partial
+from time import monotonic
+
+from kochab.core.errors import DeviceError
+from kochab.core.mount import Ability
+from kochab.core.progress import run
+from kochab.gear.mounts import open_mount
+from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.motion_plan import Limits
+
+from . import BOARDS, served, virtual_time
+from .evenings import KINDS, spend
+from .sky import apart_deg, sidereal_deg
+
+MOMENTS_S = (0.3, 0.6, 1.0, 2.0, 4.0, 8.0)  # after a rest was ordered its power fails
+OFF_S = (0.1, 2.0, 8.0)
+REACHES_DEG, AWAY_DEG = 5.0, 5.0
+STEP_DEG, STEPS = 4.0, 12  # of syncs by hand, each below what has to be confirmed
+FORGETS = [kind for kind in BOARDS if kind not in ("nexstar", "skywatcher")]  # its home is nowhere, or a person's word
+UNKNOWN_S = 60.0
+
+
+def power_cuts(count):
+    """Random evenings in which the supply fails while the port stays open; a column for each kind of violation."""
+    for kind in BOARDS:
+        row = Counter()
+        for seed in range(1, count + 1):
+            evening = spend(kind, seed)
+            row["cuts"] += evening.cuts
+            row.update(what for what, _ in evening.violations)
+        yield {"driver": kind, "line": "power cuts", "runs": count, "cuts": row["cuts"]} | {k: row[k] for k in KINDS}
+
+
+def rests():
+    """Home and park with a power cut on the way: how often "done" was said of a tube that is not there."""
+    for kind in FORGETS:
+        runs = wrong = 0
+        for action, after_s, off_s in ((a, m, o) for a in ("home", "park") for m in MOMENTS_S for o in OFF_S):
+            with _guarded(kind) as (board, guard):
+                if Ability("go home" if action == "home" else action) in guard.lacks:
+                    continue
+                board.timing.Timer(after_s, partial(board.cut_power, off_s)).start()
+                runs += 1
+                with suppress(DeviceError):
+                    run(guard.rest(action))
+                    wrong += bool(board.false_by_deg() > AWAY_DEG or board.radec_deg()[1] < 90.0 - REACHES_DEG)
+        yield {"driver": kind, "line": "home and park", "runs": runs, "wrong": wrong}
+
+
+def broken_lines():
+    """A line that breaks in a slew is opened again, and the mount stopped."""
+    for kind in FORGETS:
+        with _guarded(kind) as (board, guard):
+            guard.goto(*_place(board, -10.0, 40.0))
+            while not board.moving:
+                guard.state()
+            guard.mount.talk.link.close()
+            guard.stop_on_new_line()
+            yield {"driver": kind, "line": "broken in a slew", "runs": 1, "wrong": int(board.moving)}
+
+
+def syncs_by_hand():
+    """How far many small ones shift a mount, each of which alone is allowed without a question."""
+    for kind in (*FORGETS, "nexstar"):
+        with _guarded(kind) as (board, guard):
+            before = board.believed_deg()
+            taken = 0
+            with suppress(DeviceError):
+                for _ in range(STEPS):
+                    here = guard.position()
+                    guard.sync(here.ra_deg, here.dec_deg - STEP_DEG, by_hand=True, confirmed=True)
+                    taken += 1
+            shift_deg = apart_deg(board.believed_deg(), before)
+            yield {"driver": kind, "line": "syncs by hand", "runs": taken, "shift_deg": shift_deg}
+
+
+def stops_without_a_driver():
+    """``kochab mount stop --port``, a program of its own: until its first byte is on the line."""
+    import pty
+    import tty
+
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    with tempfile.TemporaryDirectory() as config:
+        line = [sys.executable, "-m", "kochab", "mount", "stop", "--port", os.ttyname(slave)]
+        begun = monotonic()
+        child = subprocess.Popen(
+            line, env={**os.environ, "KOCHAB_CONFIG": config}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        heard = select.select([master], [], [], UNKNOWN_S)[0]
+        byte_s = monotonic() - begun if heard else None
+        child.kill()
+        child.wait()
+    for end in (master, slave):
+        os.close(end)
+    return {"driver": "none given", "line": "stop without a driver", "byte_s": byte_s}
+
+
+@contextmanager
+def _guarded(kind):
+    """A board on the east side, well up, in a virtual time, and its guard."""
+    with virtual_time() as time, served(kind, time=time, slew_deg_s=4.0, keeps_clock=True) as board:
+        board.align(-50.0, 60.0)
+        again = partial(open_mount, board.driver, board.port, site=board.site, clock=board.clock)
+        limits = Limits(crosses_meridian=True)
+        guard = Guard(again(), board.site, limits, clock=board.clock, reopen=partial(again, stop_first=True))
+        try:
+            yield board, guard
+        finally:
+            guard.close()
+
+
+def _place(board, hour_angle_deg, dec_deg):
+    return (sidereal_deg(board.clock.unix(), board.site.longitude_deg) - hour_angle_deg) % 360.0, dec_deg
+
+
+def rows(quick):
+    """All of them."""
+    yield from power_cuts(8 if quick else 100)
+    yield from rests()
+    yield from broken_lines()
+    yield from syncs_by_hand()
+    yield stops_without_a_driver()
