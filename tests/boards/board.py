@@ -157,6 +157,13 @@ class Board:
             self.tube.advance()
             return apart_deg(self.believed_deg(), self.tube.radec_deg())
 
+    def lost_by_deg(self):
+        """The same where the Dec axis stands 60 deg from here: at the pole the sky tells nothing of the other axis."""
+        with self.lock:
+            self.tube.advance()
+            true, believed = [axis.at_deg for axis in self.tube.axes], self.believed_axes_deg()
+            return max(apart_deg(*(looks_at_deg(a, b - off) for a, b in (true, believed))) for off in (0.0, 60.0))
+
     def lowest_deg(self, since=0.0):
         """The lowest true altitude while motors ran, since a unix time; 90 when none did."""
         return min((s.altitude_deg for s in list(self.tube.path) if s.unix >= since), default=90.0)

@@ -356,14 +356,14 @@ class Astronomer:
         return told
 
     def _begin_session(self):
-        self.lost_before = self.board.false_by_deg() > FALSE_DEG
+        self.lost_before = self.board.lost_by_deg() > FALSE_DEG
 
     def _unknowable(self):
         """Whether the board was wrong before this session already, with a clock and a site that are right.
 
         And a cut at a false home shows nothing new.
         """
-        self.lost_before &= self.board.false_by_deg() > FALSE_DEG
+        self.lost_before &= self.board.lost_by_deg() > FALSE_DEG
         return self.lost_before and abs(self.board.clock_error_s) <= 600.0
 
     def _tube(self):

@@ -45,6 +45,9 @@ class SkyWatcher(Board):
     def false_by_deg(self):
         return 0.0
 
+    def lost_by_deg(self):
+        return 0.0
+
     # -- framing -------------------------------------------------------------------------------------
 
     def next_command(self, buffer):

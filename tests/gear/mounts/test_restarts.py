@@ -73,6 +73,19 @@ def test_a_mount_that_lost_its_power_between_two_orders_is_not_slewed_from_its_f
     assert [order.kind for order in board.orders if order.kind == "goto"] == []
 
 
+def test_home_is_not_done_by_a_mount_that_was_found_to_be_restarted_before(board, guard) -> None:
+    """It takes itself to be there, and does not move."""
+    guard.position()
+    board.cut_power(0.5)
+    board.timing.sleep(5.0)
+    guard.position()
+    ended = said(lambda: run(guard.rest("home")))
+    assert "says that it is home" in ended
+    assert "Sync first" in ended
+    guard.clock_and_site.trust()
+    run(guard.rest("home"))
+
+
 def test_a_mount_that_wakes_parked_in_a_slew_is_said_to_have_been_restarted(board, guard) -> None:
     if board.driver != "onstep":
         pytest.skip("the others do not wake parked where they believe to be at home")

@@ -393,6 +393,7 @@ class MotionPolicy:
         self.clock_conflict = ""
         self.told_side = False  # of its pier: then it has one, whatever a person says of a fork
         self._slew_block_reason = "" if needed is None else needed.read()
+        self.restarted = bool(self._slew_block_reason)  # and not synced since, as far as another program has left word
 
     @property
     def slew_block_reason(self) -> str:
@@ -404,6 +405,7 @@ class MotionPolicy:
         if self._needed is not None and sentence != self._slew_block_reason:
             self._needed.keep(sentence)
         self._slew_block_reason = sentence
+        self.restarted &= bool(sentence)
 
     def goto(self, here: Pointing, state: MountState, to_deg: Degrees, flip: bool = False) -> tuple[Plan, Preview]:
         """A slew, and its preview by the rules; ``flip``: a person has asked for it."""

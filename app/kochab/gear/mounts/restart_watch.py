@@ -154,5 +154,5 @@ class RestartWatch:
         """It was, or may have been, restarted: no slew before a sync."""
         self.restarts += 1
         self.on_restart()
-        self._policy.slew_block_reason = f"{sentence} {tr(CURE)}"
+        self._policy.slew_block_reason, self._policy.restarted = f"{sentence} {tr(CURE)}", True
         self._log.add("position", "failed", self._policy.slew_block_reason)

@@ -288,7 +288,9 @@ class SlewSupervisor:
         except NoAnswerError:
             self.restarted(tr(MUTED))
             return NoAnswerError("{may} {why}", may=tr(MAY_STILL_MOVE), why=self._policy.slew_block_reason)
-        return error if self.watch.restarts == restarts else NoAnswerError(self._policy.slew_block_reason)
+        if self.watch.restarts != restarts or self._policy.restarted:
+            return NoAnswerError(self._policy.slew_block_reason)
+        return NoAnswerError("{error} It answers again: check its power and its cable.", error=error)
 
     def _parked_at(self, restarts: int) -> Degrees | None:
         """Where it is that says it is parked; None where it is silent then, as an Autostar is.
