@@ -53,11 +53,11 @@ def program_of(kind, home):
 
 
 def until(holds, why):
-    """Wait, at most a minute, until something holds."""
-    deadline = time.monotonic() + 60.0
+    """Wait, at most two minutes of a busy computer, until something holds."""
+    deadline = time.monotonic() + 120.0
     while not holds():
         assert time.monotonic() < deadline, why
-        time.sleep(0.1)
+        time.sleep(0.05)
 
 
 class Indi:
@@ -96,6 +96,8 @@ class Indi:
         """The same, and have it connect."""
         self.tell(board)
         self.set("CONNECTION.CONNECT=On")
+        if board.kind not in BEHIND_INDI:  # whose drivers are asked by the second
+            self.set("POLLING_PERIOD.PERIOD_MS=250")
         if board.kind == "exos2":  # until it has seen that the mount tracks, an order breaks its table of states
             until(lambda: self.get(f"{PLACE}._STATE") == "Ok", "INDI does not see that the mount tracks")
 

@@ -86,6 +86,20 @@ def test_home_is_not_done_by_a_mount_that_was_found_to_be_restarted_before(board
     run(guard.rest("home"))
 
 
+def test_a_clock_that_could_not_be_asked_in_a_silence_is_asked_after_it(board, guard) -> None:
+    """Two questions without an answer made it a mount that tells no clock: 25 deg off, by a clock of 2000."""
+    board.keeps_clock = False
+    board.align(-90.0, 90.0)  # at its home, where a restart takes nothing but the clock
+    board.cut_power(100.0)
+    for _ in range(3):
+        with pytest.raises(DeviceError):
+            guard.goto(*place(board, -30.0, 50.0))
+    board.timing.sleep(100.0)
+    with suppress(DeviceError):
+        guard.goto(*place(board, -30.0, 50.0))
+    assert bool(guard.policy.clock_conflict) is (abs(board.clock_error_s) > 600.0)
+
+
 def test_a_mount_that_wakes_parked_in_a_slew_is_said_to_have_been_restarted(board, guard) -> None:
     if board.driver != "onstep":
         pytest.skip("the others do not wake parked where they believe to be at home")

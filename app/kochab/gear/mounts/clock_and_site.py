@@ -1,6 +1,7 @@
 """The mount's clock and site beside the computer's: what contradicts forbids slews and syncs."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
 from kochab.core import tr, tr_n, tr_noop
@@ -79,7 +80,9 @@ class ClockAndSite:
             if silent and self._otherwise(report):
                 report = mount.site_report()  # a late answer may be of before, and midnight passes between two
         except NoAnswerError:
-            self._left -= 1
+            with suppress(NoAnswerError):  # one that answers nothing at all is asked again
+                mount.position()
+                self._left -= 1
             return self._policy.clock_conflict
         if silent and (what := self._otherwise(report)):
             self._restarted(tr(JUMPED).format(what=what))
