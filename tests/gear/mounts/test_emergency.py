@@ -436,7 +436,8 @@ def test_a_move_that_could_not_be_ended_is_stopped_by_whoever_asks_where_the_mou
     for fails, told in (({}, NotStoppedError), ({"stop": BROKEN}, LineLostError)):
         guard, mount = guarded()
         dog, _ = expired(*[SILENT] * 3)
-        mount.position, mount.fails = dog.check, fails
+        mount.position = lambda check=dog.check, here=mount.position: check() or here()
+        mount.fails = fails
         with pytest.raises(told, match=r"(?i)cut its power"):
             guard.position()
         assert mount.did == [("stop",)]
