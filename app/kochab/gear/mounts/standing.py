@@ -29,7 +29,7 @@ class Reading:
 
     def agrees(self, before: "Reading") -> bool:
         """Whether the tube has stood since, or followed the sky: one that does not track drifts at its rate."""
-        passed_s = max(self.asked_s - before.asked_s, (self.asked - before.asked).total_seconds(), LOOK_S)
+        passed_s = max(self.asked_s - before.asked_s, (self.asked - before.asked).total_seconds())
         drift_deg = 2.0 * SIDEREAL_DEG_S * passed_s
         here, there = ((one.here.ra_deg, one.here.dec_deg) for one in (self, before))
         turned_deg = abs(wrapped(here[0] - there[0]))
