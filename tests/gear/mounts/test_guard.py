@@ -145,6 +145,15 @@ def test_sync_can_be_taken_back_wherever_the_mount_has_gone_since() -> None:
         guard.undo_sync()
 
 
+@pytest.mark.parametrize(("before_deg", "synced_deg"), [(359.5, 0.5), (0.5, 359.5)])
+def test_a_sync_across_right_ascension_zero_is_taken_back_to_where_it_was(before_deg, synced_deg) -> None:
+    guard, mount = guarded()
+    mount.here = before_deg, 60.0
+    guard.sync(synced_deg, 60.0, by_hand=True, confirmed=True)
+    guard.undo_sync()
+    assert mount.did[-1] == ("sync", pytest.approx(before_deg), pytest.approx(60.0))
+
+
 # -- a sync refused by the mount --------------------------------------------------------------
 
 
