@@ -10,7 +10,7 @@ from astropy.io import fits
 from PIL import Image
 
 from kochab.cli.main import main
-from kochab.frames import SUFFIXES
+from kochab.frames import suffixes
 from kochab.workflows.annotated_image import INKS
 
 
@@ -65,7 +65,7 @@ def test_a_folder_stands_for_its_pictures(dark, broken, tmp_path, capsys) -> Non
     (tmp_path / "truth.json").write_text("{}")
     assert main(["solve", "--json", str(tmp_path)]) == 2
     assert [o["file"] for o in lines(capsys)] == [broken, dark]
-    assert ".json" not in SUFFIXES
+    assert ".json" not in suffixes()
 
 
 def test_an_empty_folder_is_one_sentence(tmp_path, capsys) -> None:

@@ -8,7 +8,7 @@ from PIL import Image
 
 from kochab.cli.main import main
 from kochab.core.errors import FrameError
-from kochab.frames import FORMATS, SUFFIXES, read_frame
+from kochab.frames import FORMATS, file_pattern, format_names, read_frame, suffixes
 from kochab.frames.readers import kind_of
 from tests.frames.files import colours, faulty_reader, one_of_each, sky
 
@@ -63,7 +63,14 @@ def test_every_reader_can_be_imported():
     for target in FORMATS.values():
         module, name = target.split(":")
         assert callable(getattr(importlib.import_module(module), name))
-    assert set(SUFFIXES.values()) == set(FORMATS)
+    assert set(suffixes().values()) == set(FORMATS)
+
+
+def test_another_package_s_format_is_offered_and_named_like_ours(monkeypatch):
+    monkeypatch.setattr(FORMATS, "_others", {"asdf": "tests.frames.files:quick_reader"})
+    assert suffixes()[".asdf"] == "asdf"
+    assert "*.asdf *.ASDF" in file_pattern()
+    assert format_names() == "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC, asdf or camera RAW"
 
 
 def test_content_beats_suffix(tmp_path):

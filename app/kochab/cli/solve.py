@@ -226,10 +226,10 @@ def _expand(given: str) -> list[str]:
     path = Path(given)
     if not path.is_dir():
         return [given]
-    from kochab.frames import SUFFIXES
+    from kochab.frames import suffixes
 
     try:
-        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in {*SUFFIXES} - {".gz"})
+        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in {*suffixes()} - {".gz"})
     except OSError:
         return [given]  # told in its turn, like a file that cannot be read
     return found or [given]

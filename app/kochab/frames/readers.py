@@ -3,11 +3,13 @@
 import os
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from kochab.core import tr, tr_noop
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Task, run
@@ -18,40 +20,69 @@ Reader = Callable[[Path], Frame]
 
 # -- Which reader a file belongs to, decided by what it holds before what it is called ---------
 
-FORMATS: Registry[Frame] = Registry(
-    "format",
-    "kochab.formats",
-    {
-        "FITS": "kochab.frames.fits:read_fits",
-        "XISF": "kochab.frames.xisf:read_xisf",
-        "TIFF": "kochab.frames.tiff:read_tiff",
-        "picture": "kochab.frames.picture:read_picture",
-        "HEIF": "kochab.frames.picture:read_heif",
-        "raw": "kochab.frames.tiff:read_raw",
-    },
-)
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A kind of file: its ``reader`` (``module:function``), its suffixes, the bytes it may begin with, and its names.
+
+    ``names`` are what people read where Kochab says what it opens. Files that begin alike are told apart in
+    :func:`kind_of`.
+    """
+
+    reader: str
+    suffixes: str
+    beginnings: tuple[bytes, ...]
+    names: str
+
+
+_RAW = ".cr2 .cr3 .crw .nef .nrw .arw .srf .sr2 .dng .raf .orf .rw2 .raw .pef .srw .3fr .iiq .x3f"
+_OWN = {
+    "FITS": Format(
+        "kochab.frames.fits:read_fits", ".fit .fits .fts .fz .gz", (b"SIMPLE  =", b"\x1f\x8b"), tr_noop("FITS")
+    ),
+    "XISF": Format("kochab.frames.xisf:read_xisf", ".xisf", (b"XISF0100",), tr_noop("XISF")),
+    "TIFF": Format(
+        "kochab.frames.tiff:read_tiff", ".tif .tiff", (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+"), tr_noop("TIFF")
+    ),
+    "picture": Format(
+        "kochab.frames.picture:read_picture",
+        ".png .jpg .jpeg .bmp .gif .webp",
+        (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"GIF8", b"BM"),
+        tr_noop("PNG, JPEG, BMP, GIF, WebP"),
+    ),
+    "HEIF": Format("kochab.frames.picture:read_heif", ".heic .heif .hif", (), tr_noop("HEIC")),
+    "raw": Format(
+        "kochab.frames.tiff:read_raw",
+        _RAW,
+        (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\x00", b"FOVb"),
+        tr_noop("camera RAW"),
+    ),
+}
+"""Everything that Kochab knows of a format stands in its row."""
+
+FORMATS: Registry[Frame] = Registry("format", "kochab.formats", {name: row.reader for name, row in _OWN.items()})
 """Readers, functions of a path. Another package's is named by its files' suffix: ``asdf``."""
 
-_RAW = (  # noqa: SIM905
-    ".cr2 .cr3 .crw .nef .nrw .arw .srf .sr2 .dng .raf .orf .rw2 .raw .pef .srw .3fr .iiq .x3f"
-).split()
+_SUFFIXES = {suffix: name for name, row in _OWN.items() for suffix in row.suffixes.split()}
 
-SUFFIXES: dict[str, str] = {
-    **dict.fromkeys((".fit", ".fits", ".fts", ".fz", ".gz"), "FITS"),
-    **dict.fromkeys((".xisf",), "XISF"),
-    **dict.fromkeys((".tif", ".tiff"), "TIFF"),
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp", ".gif", ".webp"), "picture"),
-    **dict.fromkeys((".heic", ".heif", ".hif"), "HEIF"),
-    **dict.fromkeys(_RAW, "raw"),
-}
 
-_MAGIC: dict[str, tuple[bytes, ...]] = {
-    "FITS": (b"SIMPLE  =", b"\x1f\x8b"),
-    "XISF": (b"XISF0100",),
-    "picture": (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"GIF8", b"BM"),
-    "raw": (b"FUJIFILMCCD-RAW", b"IIRO", b"IIRS", b"MMOR", b"IIU\x00", b"FOVb"),
-    "TIFF": (b"II*\x00", b"MM\x00*", b"II+\x00", b"MM\x00+"),
-}
+def suffixes() -> dict[str, str]:
+    """The suffixes of the files that can be read, in small letters with their dot, and the format of each.
+
+    Other packages' formats are among them.
+    """
+    return _SUFFIXES | {f".{name}": name for name in FORMATS.others()}
+
+
+def file_pattern() -> str:
+    """The same as a file dialog takes them, in both cases for systems that tell capitals apart."""
+    return " ".join(f"*{suffix} *{suffix.upper()}" for suffix in suffixes())
+
+
+def format_names() -> str:
+    """What can be opened, for people: ``FITS, XISF, ... or camera RAW``."""
+    *names, last = (tr(row.names) for row in _OWN.values())
+    return tr("{names} or {last}", names=", ".join([*names, *FORMATS.others()]), last=last)
 
 
 READ_LIMIT_S = 60.0
@@ -167,20 +198,19 @@ def _sniff(path: Path) -> str:
         return kind
     if suffix[1:] in FORMATS.others():
         return suffix[1:]
-    known = "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC or camera RAW"
-    raise FrameError("Can't open {name}: not a supported image ({known}).", name=path.name, known=known)
+    raise FrameError("Can't open {name}: not a supported image ({known}).", name=path.name, known=format_names())
 
 
 def kind_of(head: bytes, suffix: str) -> str | None:
     """The key of `FORMATS` for a file that begins with ``head``, None when unknown."""
-    named = SUFFIXES.get(suffix)
+    named = _SUFFIXES.get(suffix)
     # ISO base media files: Canon's CR3 among them has the brand "crx ".
     if head[4:8] == b"ftyp":
         return "raw" if head[8:12] == b"crx " else "HEIF"
     if head[:4] == b"RIFF":
         return "picture" if head[8:12] == b"WEBP" else None
-    for kind, beginnings in _MAGIC.items():
-        if head.startswith(beginnings):
+    for kind, row in _OWN.items():
+        if row.beginnings and head.startswith(row.beginnings):
             # Most cameras' raw files are TIFF inside; only the name tells them from a picture.
             return "raw" if kind == "TIFF" and (named == "raw" or head[8:10] == b"CR") else kind
     return "raw" if named == "raw" else None

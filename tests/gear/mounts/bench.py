@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from kochab.core.frame import Site
 from kochab.core.mount import Home
-from kochab.gear.mounts import open_mount
+from kochab.gear.mounts import COUNT_STEPS, open_mount
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.simulate.serial_line import Faults
 from kochab.sky.horizon import sidereal_deg
@@ -19,7 +19,7 @@ from .indi_server import indi_server
 
 SITE = Site(50.0, 8.0)
 START = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)  # the Sun is far below the horizon
-COUNTERS = ("skywatcher", "celestronaux")  # of steps: what they point at only the driver knows
+COUNTERS = COUNT_STEPS  # what they point at only the driver knows
 LIMITS = Limits(crosses_meridian=True, read_back_arcsec=120.0)
 
 

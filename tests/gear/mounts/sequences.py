@@ -29,7 +29,7 @@ from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, Home, P
 from kochab.core.progress import Progress
 from kochab.gear import mount_events as events
 from kochab.gear import mount_line
-from kochab.gear.mounts import DRIVERS, emergency_stop, serial_line, slew_supervisor
+from kochab.gear.mounts import COUNT_STEPS, DRIVERS, emergency_stop, serial_line, slew_supervisor
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.drivers import celestron_aux, skywatcher
 from kochab.gear.mounts.guard import Guard
@@ -49,7 +49,7 @@ SLEW_DEG_S = 12.0
 FORKS = ("lx200",)
 ALIGNS = ("lx200", "nexstar", "synscan")  # switched on, they say that they are not aligned
 MOUNTS = (*RESPONDERS, *DIALECT_RESPONDERS)
-COUNTERS = ("skywatcher", "celestronaux")  # of steps, which are told where home is
+COUNTERS = COUNT_STEPS  # which are told where home is
 LOW_DEG, PAST_DEG = 5.0, 15.0
 TOLERANCE_DEG = 0.6  # syncs by others are so good
 OWN_WAY_DEG = 3.0  # where only the mount knows its way it is stopped at the limit, which takes a second at 12 deg/s

@@ -36,6 +36,7 @@ DRIVERS: Registry[Mount] = Registry(
 )
 
 
+COUNT_STEPS = ("skywatcher", "celestronaux")  # drivers whose mounts report neither their home position nor their type
 SERVERS = ("indi", "alpaca")  # drivers of mounts behind a server, found by its address instead of a port
 STOP_REPLY_S = 0.5  # by then the reply to the opening Stop has come
 

@@ -12,7 +12,7 @@ from kochab.core import tr
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
-from kochab.frames import SUFFIXES
+from kochab.frames import suffixes
 from kochab.solver import SolveOptions
 from kochab.window.frame.session import Session, WorkflowEngine
 from kochab.window.image.thumbnails import small_picture
@@ -49,9 +49,10 @@ def images_in(paths: Iterable[Path]) -> list[Path]:
     """The files of ``paths``, each once; a folder stands for the images in it, by name."""
     # A dict keeps their order, and each once.
     found: dict[Path, None] = {}
+    known = suffixes()
     for path in paths:
         inside = sorted(path.iterdir()) if path.is_dir() else []
-        images = (p for p in inside if p.suffix.lower() in SUFFIXES and p.is_file())
+        images = (p for p in inside if p.suffix.lower() in known and p.is_file())
         found.update(dict.fromkeys(images if path.is_dir() else [path]))
     return list(found)
 

@@ -7,7 +7,7 @@ from PySide6.QtCore import QObject, Signal
 from kochab.core import tr, tr_n
 from kochab.core.angle_text import short_name
 from kochab.core.solution import Solution
-from kochab.frames import SUFFIXES
+from kochab.frames import file_pattern
 from kochab.frames.atomic_file import write_atomically
 from kochab.sky.elements import ENDINGS, keep_elements
 from kochab.window.dialogs import ask_folder, ask_frames, ask_save, save_task, tell
@@ -143,6 +143,5 @@ class Files(QObject):
 
 
 def _kinds() -> str:
-    """The file types of the open dialog, in both cases for systems that tell capitals apart."""
-    endings = " ".join(f"*{s} *{s.upper()}" for s in SUFFIXES)
-    return tr("Images ({endings});;All files (*)", endings=endings)
+    """The file types of the open dialog."""
+    return tr("Images ({endings});;All files (*)", endings=file_pattern())

@@ -11,7 +11,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import Home
 from kochab.core.progress import Progress
 from kochab.gear import session as equipment
-from kochab.gear.mounts import DRIVERS, Diagnosis
+from kochab.gear.mounts import COUNT_STEPS, DRIVERS, Diagnosis
 from kochab.gear.mounts.probe import PortInfo
 from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
@@ -23,7 +23,6 @@ BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
 EPOCH_TIP = tr_noop(
     "Equinox of the mount's coordinates. Leave it at default unless the mount is off by about 20′ everywhere."
 )
-COUNTS_STEPS = ("skywatcher", "celestronaux")  # these mounts report neither their home position nor their type
 HOME_TIP = tr_noop(
     "This mount only counts motor steps. It does not slew until you confirm the home position or "
     "sync on a solved frame."
@@ -164,13 +163,13 @@ class ConnectBox(QWidget):
 
     def _confirmed(self) -> tuple[Home | None, bool]:
         """What only the person can know of a mount that reports neither."""
-        if self.driver.currentData() not in COUNTS_STEPS:
+        if self.driver.currentData() not in COUNT_STEPS:
             return None, False
         return (Home.NOW if self.home.isChecked() else None), self.equatorial.isChecked()
 
     def _show_questions(self) -> None:
         for question in (self.home_picture, self.home, self.equatorial):
-            question.setVisible(self.driver.currentData() in COUNTS_STEPS)
+            question.setVisible(self.driver.currentData() in COUNT_STEPS)
 
     def _site_typed(self) -> None:
         text = self.site.text().strip()

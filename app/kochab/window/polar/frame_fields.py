@@ -6,6 +6,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QFormLayout, QListWidget, QListWidgetItem, QWidget
 
 from kochab.core import tr, tr_noop
+from kochab.frames import file_pattern
 from kochab.gear.cameras import SOURCES
 from kochab.gear.session import CameraSelection
 from kochab.window.devices.cameras import CameraBox
@@ -59,7 +60,6 @@ class FrameList(QListWidget):
         return tuple(Path(i.toolTip()) for i in items if i.data(SWEEP) == sweep)
 
 
-FRAMES = "*.fit *.fits *.fts *.xisf *.cr2 *.cr3 *.nef *.arw *.dng *.tif *.tiff *.png *.jpg"
 SOLVED_OR_GUIDED = "*.wcs *.json *.jsonl *GuideLog*.txt"
 GUIDED = {tr_noop("as the drift shows"): None, tr_noop("guided"): True, tr_noop("not guided"): False}
 GUIDED_TIP = tr_noop("A guider holds the stars: then only the rotation of the field counts")
@@ -153,7 +153,7 @@ class FrameFields(QObject):
 
     def _ask_files(self, sweep: int) -> None:
         start = self._services.settings.text("folder", str(Path.home()))
-        kinds = tr("Frames ({endings});;All files (*)", endings=f"{FRAMES} {SOLVED_OR_GUIDED}")
+        kinds = tr("Frames ({endings});;All files (*)", endings=f"{file_pattern()} {SOLVED_OR_GUIDED}")
         paths = ask_frames(self.row.window(), start, tr("Frames to measure"), kinds)
         self.files.add(paths, sweep)
 

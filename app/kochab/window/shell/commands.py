@@ -7,7 +7,7 @@ from PySide6.QtCore import QObject
 
 from kochab.core import tr
 from kochab.core.solution import Solution
-from kochab.frames import SUFFIXES
+from kochab.frames import suffixes
 from kochab.sky.layer import MARKS
 from kochab.window.devices.equipment import Equipment
 from kochab.window.frame.batch import Batch
@@ -192,4 +192,4 @@ class Commands(QObject):
 
 def _is_fits(path: Path | None) -> bool:
     """Whether a file may be FITS; only FITS can be copied with a WCS in its header."""
-    return path is not None and SUFFIXES.get(path.suffix.lower(), "FITS") == "FITS"
+    return path is not None and suffixes().get(path.suffix.lower(), "FITS") == "FITS"

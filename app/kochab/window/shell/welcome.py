@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
 from kochab.core import data_folder, tr, tr_noop
 from kochab.core.angle_text import short_name
-from kochab.frames import SUFFIXES
+from kochab.frames import format_names, suffixes
 from kochab.window.image.thumbnails import GAP, HEIGHT, WIDTH, as_pixmap, thumbnails
 from kochab.window.job import Jobs
 from kochab.window.themes import BASE_POINT
@@ -46,7 +46,7 @@ def samples(folder: Path | None = None) -> list[Sample]:
     texts = texts if isinstance(texts, dict) else {}
     found, place = [], {name: i for i, name in enumerate(texts)}
     for path in sorted(folder.iterdir(), key=lambda p: (place.get(p.name, len(place)), p.name)):
-        if path.suffix.lower() in SUFFIXES:
+        if path.suffix.lower() in suffixes():
             about = texts.get(path.name, {})
             title = about.get("title") or path.stem.replace("_", " ").replace("-", " ").capitalize()
             found.append(Sample(path, title, about.get("text", "")))
@@ -55,10 +55,7 @@ def samples(folder: Path | None = None) -> list[Sample]:
 
 MOST_SHOWN = 5
 INVITATION = tr_noop("Open an image of the night sky to see where it points and which stars are in it.")
-READS = tr_noop(
-    "Or drop a file on this window: FITS, XISF, TIFF, PNG, JPEG, HEIC or camera RAW. "
-    "No focal length or coordinates needed."
-)
+READS = tr_noop("Or drop a file on this window: {formats}. No focal length or coordinates needed.")
 
 PRACTICE = tr_noop("&Practice with a simulated telescope")
 PRACTICE_TIP = tr_noop("A misaligned mount with a camera, under a simulated sky.")
@@ -97,7 +94,7 @@ class Welcome(Page):
             label(tr(INVITATION), wrap=True),
             8,
             row(self.first, self.practice, None),
-            label(tr(READS), "muted", wrap=True),
+            label(tr(READS).format(formats=format_names()), "muted", wrap=True),
             4,
             self._recent_title,
             self._recent,

@@ -231,9 +231,10 @@ def _refuse_impossible(solution: Solution) -> None:
 
 def _beside(path: Path) -> tuple[Hint, tuple[str, ...]]:
     """Of the picture with the same name as a ``.wcs``."""
-    from kochab.frames import SUFFIXES
+    from kochab.frames import suffixes
 
-    pictures = (p for p in sorted(path.parent.glob(f"{path.stem}.*")) if p.suffix.lower() in SUFFIXES)
+    known = suffixes()
+    pictures = (p for p in sorted(path.parent.glob(f"{path.stem}.*")) if p.suffix.lower() in known)
     return next((hint for p in pictures if (hint := _hint_of(p))[0].time_utc is not None), (Hint(), ()))
 
 
