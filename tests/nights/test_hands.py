@@ -98,8 +98,23 @@ def test_a_seed_is_a_hand():
     assert run(BY_NAME["slips"], 7) == run(BY_NAME["slips"], 7)
 
 
-@pytest.mark.parametrize("name", ["steady", "backlash", "coupling", "slips", "wrong way", "coarse"])
-def test_the_tutor_brings_such_hands_below_a_minute_of_arc(name):
-    ended = [run(BY_NAME[name], seed) for seed in (2001, 2002)]
-    assert all(one.ended_arcsec < 60 for one in ended), ended
-    assert not any(one.accused for one in ended)
+HANDS = 4
+"""Of each kind here; `make nights` and `kochab bench polar` run 80."""
+
+
+@pytest.mark.parametrize("name", [name for name in BY_NAME if not name.startswith("clock")])
+def test_hands_end_nearer_than_they_began_and_most_of_them_below_a_minute_of_arc(name):
+    """Chance may let one of these fail in 30 instructions: it may turn the wrong bolt in the last of them."""
+    ended = [run(BY_NAME[name], 2001 + number) for number in range(HANDS)]
+    assert all(one.ended_arcsec < one.began_arcsec for one in ended), ended
+    assert sum(one.ended_arcsec < 60.0 for one in ended) >= HANDS - 1, ended
+    assert not any(one.accused for one in ended), ended
+    assert max(one.blind_turns for one in ended) <= 0.25, "nobody knows yet what a bolt does that nobody has turned"
+
+
+def test_a_clock_six_hours_wrong_is_named_before_anything_gets_worse():
+    for number in range(HANDS):
+        one = run(BY_NAME["clock 6 h wrong"], 2001 + number)
+        assert one.ended_arcsec < one.began_arcsec
+        assert one.instructions <= 12
+        assert "Check the clock and time zone" in one.told[-1]

@@ -22,7 +22,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.pole import pole_direction
 from kochab.polar.rotations import alt_az, direction
-from kochab.polar.tutor import BoltTutor, TutorStep
+from kochab.polar.tutor import ROUGH, WIDEST, BoltTutor, TutorStep
 
 
 def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):
@@ -57,7 +57,8 @@ class Hands:
 def align(hands, most=60):
     tutor = BoltTutor()
     for _ in range(most):
-        told = tutor.advise(hands.error(), noise_arcsec=(2.0, 2.0))
+        hands.read = hands.error()
+        told = tutor.advise(hands.read, noise_arcsec=(2.0, 2.0))
         if told.step is TutorStep.STOP:
             break
         hands.follow(told)
@@ -79,7 +80,10 @@ def test_whatever_the_bolts_the_end_is_the_pole(size, angle, seed, a_turn, backl
     hands = Hands(*off, a_turn, backlash, seed, latitude)
     tutor, told = align(hands)
     assert told.step is TutorStep.STOP
-    assert error_at(*hands.at, latitude).total_arcsec < 34.0  # the goal, and two sigma of what it reads
+    # It stops by what it reads: each bolt within 1.7 tolerances, or all within 2.5 goals of a hand that goes too far.
+    limit = tutor.goal_arcsec * (ROUGH if tutor.rough else WIDEST)
+    assert hands.read.total_arcsec < limit
+    assert error_at(*hands.at, latitude).total_arcsec < limit + 6.0 * 2.0  # sigmas of that reading
     assert tutor.moves <= 7
 
 
@@ -105,8 +109,8 @@ def test_one_bolt_at_a_time_the_larger_error_first():
     assert (second.step, second.knob) == (TutorStep.TURN, Knob.AZIMUTH)
     assert second.turns == 0.25, "one turn may be mostly backlash"
     third = tutor.advise(error_at(300.0, -3000.0))
-    assert third.turns == pytest.approx(1.25)  # 0.9 of 1.5 turns, as eighths say it
-    assert third.words == "Left azimuth bolt: one and a quarter turns clockwise, then wait."
+    assert third.turns == 1.0, "of 1.5 turns no more than four times what was seen to work"
+    assert third.words == "Left azimuth bolt: one turn clockwise, then wait."
     assert tutor.moves == 1
     fourth = tutor.advise(error_at(300.0, -6.0))
     assert fourth.words.startswith("Azimuth is good (6″). Now altitude. Altitude bolt: an eighth of a turn")
@@ -159,35 +163,46 @@ def test_stop_at_the_goal_and_below_the_uncertainty():
     assert poor.words == "Finer than one sweep can tell (±60″). Tighten, then check."
 
 
+def turned_well(bolt=ALTITUDE_BOLT, arcsec_a_turn=2000.0, direction=1, times=4):
+    """A bolt that a steady hand turned by quarters in one direction."""
+    for _ in range(times):
+        bolt = bolt.learned(0.25 * direction, 0.25 * direction * arcsec_a_turn, 1.0)
+    assert bolt.proved
+    return bolt
+
+
+def with_backlash():
+    """A bolt with 0.2 turns of backlash, turned back and forth through it; clockwise last."""
+    return turned_well().learned(-0.5, -600.0, 2.0).learned(-0.25, -500.0, 2.0).learned(0.5, 600.0, 2.0)
+
+
 def test_play_is_learned_at_a_reversal_and_taken_into_account():
-    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
-    back = bolt.learned(-0.5, -800.0, 2.0)  # 0.4 turns' worth moved, 0.1 was backlash
-    assert back.backlash_turns == pytest.approx(0.1)
-    assert back.direction == -1
-    assert back.needed(-400.0) == pytest.approx(0.2 + 0.08)  # 0.8 of the backlash
-    assert back.needed(400.0) == pytest.approx(-0.2)  # going on needs none
+    bolt = with_backlash()
+    assert bolt.backlash_turns == pytest.approx(0.2, abs=0.03)
+    assert bolt.direction == 1
+    assert bolt.needed(400.0) == pytest.approx(-0.2 - 0.2, abs=0.06)
+    assert bolt.needed(-400.0) == pytest.approx(0.2, abs=0.01), "going on needs none"
 
 
 def test_a_turn_swallowed_by_play_is_no_change_of_mind():
-    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
+    bolt = turned_well()
     still = bolt.learned(-0.05, 0.5, 2.0)
-    assert (still.direction, still.taken_turns) == (1, pytest.approx(0.05))
-    moved = still.learned(-0.2, -300.0, 2.0)  # 0.15 turns moved of 0.25 taken
-    assert moved.backlash_turns == pytest.approx(0.1)
-    assert moved.taken_turns == 0.0
+    assert (still.direction, still.proved) == (1, True)
+    assert still.arcsec_a_turn == pytest.approx(2000.0, rel=0.05)
+    swallowed = still.learned(-0.1, 0.5, 2.0).learned(-0.1, 0.5, 2.0)
+    assert swallowed.needed(100.0) < 1.5 * bolt.needed(100.0) < 0.0, "what may be left of its backlash is turned too"
+    moved = swallowed.learned(-0.2, -200.0, 2.0)  # 0.1 turns moved of 0.45
+    assert moved.backlash_turns == pytest.approx(0.35, abs=0.05)
 
 
 def test_a_very_small_turn_does_not_change_the_thread():
     """A hand told two degrees may turn four, or back: 3400 arcsec a turn looked like 8000."""
-    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 3400.0, True, 0.0, 1)
+    bolt = turned_well(arcsec_a_turn=3400.0)
     for again in range(1, 9):
-        after = bolt.learned(2 / 360, 44.0, 1.0)
-        assert (after.arcsec_a_turn, after.proved) == (3400.0, True), again
-    assert bolt.learned(2 / 360, -15.0, 1.0) == bolt
-    back = bolt.learned(-4 / 360, -18.9, 1.0)  # two of its four degrees were backlash
-    assert (back.arcsec_a_turn, back.direction) == (3400.0, -1)
-    assert back.backlash_turns == pytest.approx(2 / 360, abs=1e-4)
-    assert bolt.learned(0.25, 950.0, 1.0).arcsec_a_turn == pytest.approx(3600.0)  # as good as what was known
+        bolt = bolt.learned(2 / 360, 44.0, 1.0)
+        assert bolt.arcsec_a_turn == pytest.approx(3400.0, rel=0.03 * again), again
+        assert bolt.proved
+    assert bolt.learned(2 / 360, -15.0, 1.0).arcsec_a_turn > 0.0
 
 
 def test_an_untested_bolt_promises_nothing():
@@ -244,14 +259,14 @@ def test_a_change_is_seen_from_four_sigmas_of_two_readings_on(sigmas, seen):
         bolt = tutor.bolts[knob]
         assert (bolt.arcsec_a_turn is not None) is seen
         if seen:
-            assert bolt.arcsec_a_turn == pytest.approx(-change / told.turns, rel=1e-3)
+            assert bolt.arcsec_a_turn == pytest.approx(-change / told.turns, rel=0.25), "its backlash is unknown"
 
 
 def test_how_far_the_hand_really_turned_counts_when_it_is_known():
     tutor = BoltTutor()
     tutor.advise(error_at(2000.0, 0.0))
     tutor.advise(error_at(1600.0, 0.0), turned=0.5)
-    assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(-800.0)
+    assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(-800.0, rel=0.25)
 
 
 @pytest.mark.parametrize(
@@ -292,7 +307,7 @@ def test_a_bolt_known_from_another_night_is_proved_by_one_turn_that_agrees_or_le
         assert (told.step, told.turns) == (TutorStep.TURN, 0.25)  # not further before it is seen to move
         tutor.bolts[Knob.ALTITUDE] = replace(tutor.bolts[Knob.ALTITUDE], direction=1)  # without backlash
         told = tutor.advise(error_at(-2800.0 + moved, 0.0))
-        assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(thread)
+        assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn == pytest.approx(thread, rel=0.2)
         assert (abs(told.turns) > 0.25) is proved
 
 
@@ -304,62 +319,54 @@ def test_a_new_measurement_teaches_nothing_of_the_bolt():
     assert tutor.bolts[Knob.ALTITUDE].arcsec_a_turn is None
 
 
-@pytest.mark.parametrize(("sigmas", "mended"), [(14.0, False), (16.0, True)])
-def test_a_sure_thread_is_mended_only_by_a_clear_reading(sigmas, mended):
-    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
-    after = bolt.learned(1.0, 2200.0, 2200.0 / sigmas)
-    assert after.arcsec_a_turn == pytest.approx(2100.0 if mended else 2000.0)
+@pytest.mark.parametrize("sigma", [1.0, 10.0])
+def test_a_thread_is_mended_by_turns_that_agree_and_less_by_noisy_ones(sigma):
+    bolt = turned_well()
+    once = bolt.learned(1.0, 2400.0, sigma)
+    for _ in range(4):
+        bolt = bolt.learned(1.0, 2400.0, sigma)
+    assert 2000.0 < once.arcsec_a_turn < bolt.arcsec_a_turn < 2450.0
+    assert bolt.learned(1.0, 2000.0, 400.0).arcsec_a_turn == pytest.approx(bolt.arcsec_a_turn, rel=0.05)
 
 
-def test_before_a_turn_without_backlash_the_larger_reading_is_right():
-    """Backlash only ever makes a turn look smaller; a reading that goes on without a reversal proves it."""
+def test_one_turn_proves_nothing_and_backlash_makes_it_look_smaller():
     first = ALTITUDE_BOLT.learned(0.25, 300.0, 1.0)  # a part may have gone into its backlash
-    assert (first.arcsec_a_turn, first.proved, first.direction) == (1200.0, False, 1)
-    back = first.learned(-0.25, -450.0, 1.0)
-    assert (back.arcsec_a_turn, back.proved) == (1800.0, False)
-    on = first.learned(0.25, 500.0, 1.0)
-    assert (on.arcsec_a_turn, on.proved) == (2000.0, True)
-    much = first.learned(0.25, 900.0, 1.0)
-    assert (much.arcsec_a_turn, much.proved) == (3600.0, False), "the two don't agree"
-    assert much.learned(0.25, 850.0, 1.0).proved
+    assert (first.proved, first.direction) == (False, 1)
+    assert 1200.0 < first.arcsec_a_turn < 2000.0
+    assert first.learned(0.25, 500.0, 1.0).arcsec_a_turn == pytest.approx(2000.0, rel=0.1)
 
 
 def test_of_readings_that_disagree_those_count_that_agree_best():
-    """A hand that goes 5 arcmin too far in four turns of ten, and one that slips."""
+    """A hand that goes 5 arcmin too far in two turns of seven, and slips in one."""
     bolt = ALTITUDE_BOLT
     for change in (500.0, 800.0, 510.0, 495.0, 800.0, 150.0, 505.0):
         bolt = bolt.learned(0.25, change, 1.0)
-    assert bolt.arcsec_a_turn == pytest.approx(2000.0, rel=0.03)
+    assert bolt.arcsec_a_turn == pytest.approx(2000.0, rel=0.05)
     assert bolt.proved
 
 
-def test_a_turn_the_wrong_way_takes_the_proof_away_and_two_turn_the_thread():
-    bolt = ALTITUDE_BOLT.learned(0.25, 500.0, 1.0).learned(0.25, 500.0, 1.0)
-    wrong = bolt.learned(0.25, -500.0, 1.0)
-    assert (wrong.arcsec_a_turn, wrong.proved, wrong.direction) == (2000.0, False, -1)
+def test_a_turn_the_wrong_way_takes_the_proof_away_and_another_settles_it():
+    wrong = turned_well(times=2).learned(0.25, -500.0, 1.0)
+    assert (wrong.proved, wrong.arcsec_a_turn > 0.0) == (False, True)
     assert wrong.learned(0.25, 480.0, 1.0).proved
-    other = wrong.learned(-0.25, 490.0, 1.0)
-    assert (other.arcsec_a_turn < 0.0, other.proved) == (True, False), "not yet without backlash"
+    assert not wrong.learned(-0.25, 490.0, 1.0).proved, "two of four"
+    assert turned_well(times=6).learned(0.25, -500.0, 1.0).arcsec_a_turn > 0.0
 
 
-def test_backlash_is_never_more_than_half_a_turn_nor_less_than_none():
-    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.0, 1)
-    assert bolt.learned(-2.0, -1000.0, 1.0).backlash_turns == 0.5
-    assert bolt.learned(-0.5, -1200.0, 1.0).backlash_turns == 0.0
-    swallowed = bolt.learned(-0.2, 0.0, 1.0).learned(-0.2, 0.0, 1.0).learned(-0.2, 0.0, 1.0)
-    assert (swallowed.backlash_turns, swallowed.taken_turns) == (0.5, pytest.approx(0.6))
-
-
-def test_backlash_that_is_taken_up_already_is_not_turned_again():
-    bolt = Bolt(Knob.ALTITUDE, "altitude bolt", 2000.0, True, 0.25, 1, 0.15)
-    assert bolt.needed(1000.0) == pytest.approx(-0.5 - (0.8 * 0.25 - 0.15))
-    assert replace(bolt, taken_turns=0.3).needed(1000.0) == pytest.approx(-0.5)
-    assert bolt.needed(-1000.0) == pytest.approx(0.5)
+def test_a_sense_that_three_mistakes_in_a_row_spoke_against_is_found_again():
+    """An altitude bolt asked three times, and turned the other way each time: 4 arcmin became 13 degrees."""
+    bolt = ALTITUDE_BOLT
+    for _ in range(3):
+        bolt = bolt.learned(0.25, 500.0, 1.0)
+    assert bolt.arcsec_a_turn > 0.0
+    for _ in range(5):
+        bolt = bolt.learned(0.25, -500.0, 1.0)
+    assert (bolt.arcsec_a_turn < 0.0, bolt.proved) == (True, True)
 
 
 def test_an_unproved_bolt_is_given_no_more_than_a_test_a_proved_one_nine_tenths_and_near_the_pole_all():
     def asked(error_arcsec, sure):
-        usual = {"arcsec_a_turn": 2000.0, "proved": sure, "direction": -1}
+        usual = {"arcsec_a_turn": 2000.0, "proved": sure, "direction": -1, "seen_turns": 2.0}
         tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
         return tutor.advise(error_at(error_arcsec, 0.0, sigma=0.1)).turns
 
@@ -373,6 +380,9 @@ def test_an_unproved_bolt_is_given_no_more_than_a_test_a_proved_one_nine_tenths_
         tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
         assert tutor.advise(error_at(off, 0.0, sigma=0.1)).turns == turns
     assert asked(40000.0, True) == -6.0  # then measure again
+    small = replace(ALTITUDE_BOLT, arcsec_a_turn=2000.0, proved=True, direction=-1, seen_turns=0.25)
+    told = BoltTutor(bolts=(small, AZIMUTH_BOLT)).advise(error_at(40000.0, 0.0))
+    assert told.turns == -1.0, "four times what was seen to work"
 
 
 def test_the_test_nudge_is_a_quarter_turn_and_half_of_it_for_a_small_error():
@@ -497,6 +507,15 @@ def test_a_wrong_bolt_turned_by_somebody_leaves_a_proved_one_proved_and_its_play
     assert tutor.bolts[Knob.ALTITUDE] == replace(ALTITUDE_BOLT, **usual | {"direction": -1})
 
 
+def test_a_bolt_moved_by_mistake_stands_at_the_other_end_of_its_backlash():
+    bolt = with_backlash()
+    there = bolt.moved_by_mistake(-300.0)
+    assert bolt.needed(1000.0) == pytest.approx(-0.5 - 0.2, abs=0.07)
+    assert there.needed(1000.0) == pytest.approx(-0.5, abs=0.03)
+    assert there.needed(-1000.0) == pytest.approx(0.5 + 0.2, abs=0.07)
+    assert ALTITUDE_BOLT.moved_by_mistake(300.0) == ALTITUDE_BOLT
+
+
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_bolts_that_move_each_others_axis_are_tested_towards_the_pole_and_then_no_more(sense):
     """A clock six hours wrong does that: 14 arcmin became 3 degrees."""
@@ -512,6 +531,17 @@ def test_bolts_that_move_each_others_axis_are_tested_towards_the_pole_and_then_n
     assert told.stray
     assert farthest <= 600.0, "one test at most goes the wrong way"
     assert not tutor.witness
+
+
+def test_turns_of_the_other_bolt_that_do_not_agree_accuse_no_clock():
+    """Somebody takes hold of any bolt: what its turns moved the other axis by proves nothing unless three agree."""
+    at, tutor = np.array([3000.0, -5000.0]), BoltTutor()
+    for moved in (300.0, 900.0, 300.0, 900.0, 300.0, 900.0, 300.0, 900.0, 300.0, 900.0):
+        told = tutor.advise(error_at(*at), noise_arcsec=(2.0, 2.0))
+        assert told.step is not TutorStep.STOP
+        assert "time zone" not in told.words
+        at[int(told.knob is Knob.ALTITUDE)] += moved * np.sign(told.turns)
+    assert not any(bolt.proved for bolt in tutor.bolts.values())
 
 
 def turned_sky(hours, coupling=0.0):

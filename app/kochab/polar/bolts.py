@@ -1,17 +1,16 @@
 """What carries the mount, and what each of its two adjustments has been seen to do.
 
-:meth:`Bolt.learned` takes one turn and what it changed. A bolt is *proved* once two turns in a row moved the axis the
-same way, one of them without backlash; a turn against that takes the proof away until another settles it.
+:meth:`Bolt.learned` takes one turn and what it changed. A bolt is *proved* once two turns moved the axis and which way
+it goes and by how much is sure; a turn against that takes the proof away until others settle it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 
 from kochab.core import tr_noop
+from kochab.polar.bolt_filter import BoltFilter
 from kochab.polar.error import Knob
 
 
@@ -29,36 +28,25 @@ WHOLE_TURN_ARCSEC, HAND_ARCSEC = 1_296_000.0, 240.0  # of what has no thread; an
 
 # -- What one bolt has been seen to do: direction, arcseconds a turn, backlash -----------------
 
-SEEN, WORTH = 4.0, 15.0  # a change of so many sigmas is real; one of so many corrects what was known
-SHARE_OF_BACKLASH = 0.8  # it is better to stop short and go on than to come back through the backlash again
-
-MOST_BACKLASH_TURNS = 0.5
-HAND_TURNS = 0.02  # that a hand may be off
-
-TELLING_TURNS = 10.0 / 360.0  # a hand is a degree off in any turn: less than this says little about the thread
-FULL_TURNS, LOSSY = 0.25, 0.4  # turned, from which on a reading has its full weight; and of one that backlash shortened
-PROVING_TURNS = 0.12  # less than this never takes a proof away
-READINGS = 12  # of a bolt that are kept
-SAME_THREAD_FACTOR = 2.0  # a first reading within this factor of another night's is of the same thread
-
-
-class Reading(NamedTuple):
-    """What a clockwise turn added, by one turn of so many; ``whole`` when no backlash took a part of it."""
-
-    arcsec_a_turn: float
-    turns: float
-    whole: bool
+SEEN = 4.0  # a change of so many sigmas is real
+SENSE, SPREAD = (
+    0.95,
+    1.6,
+)  # a proved bolt's surety of which way it goes, and the ratio that one sigma of its thread spans
+PROVING_TURNS = 2  # that were seen to move the axis
+SHORT, SHORT_OF_BACKLASH = 0.4, (0.25, 0.3, 0.4, 0.5, 0.75)
+"""Quantiles: it is better to stop short and go on than to come back once more; after turns that moved nothing, more."""
+SAME_THREAD_FACTOR = 2.0  # a turn within this factor of what the thread says did what it should
 
 
 @dataclass(frozen=True, slots=True)
 class Bolt:
     """A bolt and what is known of it; clockwise, looking at its head, is positive.
 
-    ``arcsec_a_turn`` is what a full clockwise turn adds to its own error, None before the first
-    test; ``proved`` once two turns agreed on it. ``backlash_turns`` are lost at a reversal.
-    ``direction`` is the sign of the last turn that was seen to move the axis, 0 before the first;
-    ``taken_turns`` is how much of the backlash has been taken up the other way since. What a hand moves without a
-    thread goes by whole turns of its own, up and clockwise from above.
+    ``arcsec_a_turn`` is what a full clockwise turn adds to its own error, None before it was seen to move the axis;
+    ``proved`` once turns agreed on it. ``backlash_turns`` are lost at a reversal. ``direction`` is the sign of the turn
+    that last moved the axis, 0 before the first. ``seen_turns`` is the largest turn that did what the thread says.
+    What a hand moves without a thread goes by whole turns of its own, up and clockwise from above.
     """
 
     knob: Knob
@@ -67,9 +55,11 @@ class Bolt:
     proved: bool = False
     backlash_turns: float = 0.0
     direction: int = 0
-    taken_turns: float = 0.0
     base: Base = Base.BOLTS
-    readings: tuple[Reading, ...] = ()
+    seen_turns: float = 0.0
+    moves: int = 0  # turns that were seen to move the axis
+    unseen: int = 0  # turns in a row that were not
+    filter: BoltFilter | None = None
 
     @property
     def by_hand(self) -> bool:
@@ -81,103 +71,46 @@ class Bolt:
         if self.arcsec_a_turn is None:
             raise ValueError(f"The {self.name} has not been tested.")
         turns = -error_arcsec / self.arcsec_a_turn
-        sign = 1.0 if turns > 0 else -1.0
-        if self.direction != -sign:
+        if self.filter is None:
             return turns
-        return turns + sign * max(0.0, SHARE_OF_BACKLASH * self.backlash_turns - self.taken_turns)
+        likely, direction = self.filter.likely, 1 if turns > 0.0 else -1
+        size = float(np.quantile(abs(error_arcsec) / np.abs(likely.arcsec_a_turn), SHORT))
+        through = SHORT_OF_BACKLASH[min(self.unseen, len(SHORT_OF_BACKLASH) - 1)]
+        return direction * (size + float(np.quantile(likely.slack_turns(direction), through)))
 
     def learned(self, turns: float, change_arcsec: float, sigma_arcsec: float) -> "Bolt":
         """What is known after ``turns`` changed its error by ``change_arcsec`` (one sigma)."""
-        sign = 1 if turns > 0 else -1
-        reverses = self.direction != sign
-        taken = abs(turns) + self.taken_turns * reverses
-        if abs(change_arcsec) < SEEN * sigma_arcsec:
-            # Still in its backlash, if it reversed; else the turn was too small to be seen.
-            lost = max(self.backlash_turns, min(taken, MOST_BACKLASH_TURNS)) if reverses else self.backlash_turns
-            return replace(self, backlash_turns=lost, taken_turns=taken * reverses)
-        after = replace(self, direction=sign, taken_turns=0.0)
-        gain, own = self.arcsec_a_turn, change_arcsec / turns
-        lost = taken if gain is None else taken - change_arcsec / gain * sign
-        against = gain is not None and gain * own < 0
-        small = gain is not None and abs(turns) < TELLING_TURNS
-        if small and against:
-            return self  # a hand that lets go
-        if self.proved and reverses and not against and lost > -HAND_TURNS:  # less: it went farther than it should
-            after = replace(after, backlash_turns=float(np.clip(lost, 0.0, MOST_BACKLASH_TURNS)))
-        if self.proved and not against and abs(change_arcsec) < WORTH * sigma_arcsec:
+        before, moves = self.filter, self.moves
+        if before is None:
+            known = self.arcsec_a_turn
+            before = BoltFilter.unknown() if known is None else BoltFilter.other_night(known)
+            moves += known is not None  # another night's turns count as one
+        seen = bool(abs(change_arcsec) >= SEEN * sigma_arcsec)
+        now = before.turned(turns, change_arcsec, sigma_arcsec, seen)
+        after = replace(self, filter=now, moves=moves + seen, unseen=0 if seen else self.unseen + 1)
+        if not now.has_thread:
             return after
-        if self.proved and against:
-            after = replace(after, direction=-sign)  # the hand went the other way, more likely than the thread
-        return after._read(Reading(own, abs(turns), not against and not reverses))
+        likely = now.likely
+        thread = float(np.median(likely.arcsec_a_turn))
+        low, high = np.quantile(np.abs(likely.arcsec_a_turn), (0.16, 0.84))
+        surety = max(now.clockwise_adds, 1.0 - now.clockwise_adds)
+        alike = seen and 1.0 / SAME_THREAD_FACTOR < change_arcsec / turns / thread < SAME_THREAD_FACTOR
+        return replace(
+            after,
+            arcsec_a_turn=thread,
+            proved=bool(after.moves >= PROVING_TURNS and surety >= SENSE and high < SPREAD * low),
+            backlash_turns=float(np.median(likely.backlash_turns)),
+            direction=int(np.sign(change_arcsec * thread)) if seen else self.direction,
+            seen_turns=max(self.seen_turns, abs(turns)) if alike else self.seen_turns,
+        )
 
     def moved_by_mistake(self, change_arcsec: float) -> "Bolt":
         """The other bolt was asked for: only which way this one went is known, if it was tested before."""
         if not self.arcsec_a_turn:
-            return replace(self, direction=0, taken_turns=0.0)
-        return replace(self, direction=1 if change_arcsec * self.arcsec_a_turn > 0.0 else -1, taken_turns=0.0)
-
-    def _read(self, new: Reading) -> "Bolt":
-        """One more reading; the thread is the median of those that agree with its sense."""
-        gain, kept = self.arcsec_a_turn, self.readings
-        if gain is not None and not kept:  # of another night: as good as a reading, if it is of this thread
-            same = (
-                self.proved
-                or new.turns < TELLING_TURNS
-                or 1.0 / SAME_THREAD_FACTOR < new.arcsec_a_turn / gain < SAME_THREAD_FACTOR
-            )
-            kept, gain = ((Reading(gain, 1.0, True),), gain) if same else ((), None)
-        agree = any(
-            1.0 / SAME_THREAD_FACTOR < new.arcsec_a_turn / one.arcsec_a_turn < SAME_THREAD_FACTOR for one in kept[-2:]
-        )
-        turned = agree or not kept or kept[-1].arcsec_a_turn * new.arcsec_a_turn > 0.0
-        sense = new.arcsec_a_turn if turned or gain is None else gain
-        agree = any(
-            1.0 / SAME_THREAD_FACTOR < new.arcsec_a_turn / one.arcsec_a_turn < SAME_THREAD_FACTOR for one in kept[-2:]
-        )
-        turned = agree or not kept or kept[-1].arcsec_a_turn * new.arcsec_a_turn > 0.0
-        sense = new.arcsec_a_turn if turned or gain is None else gain
-        kept = (*kept, new)
-        if len(kept) > READINGS:
-            lightest = min(kept[:-1], key=_weight)
-            kept = tuple(one for one in kept if one is not lightest)
-        like = [one for one in kept if one.arcsec_a_turn * sense > 0.0]
-        proves = agree and any(one.whole for one in like)
-        proved = self.proved if new.turns < PROVING_TURNS and self.proved else proves
-        return replace(self, arcsec_a_turn=_best(like), proved=proved, readings=kept)
-
-
-def _weight(one: Reading) -> float:
-    """A small turn counts as much as it turned, for a hand is as far off in any; less what lost some in backlash."""
-    return min(one.turns, FULL_TURNS) * (1.0 if one.whole else LOSSY)
-
-
-def _best(like: Sequence[Reading]) -> float:
-    """The weighted median of what agrees in sense; between two halves their mean."""
-    if not any(one.whole for one in like):
-        # Backlash only ever makes a turn look smaller: of such readings alone the largest is nearest.
-        most = max(one.turns for one in like)
-        return max((one.arcsec_a_turn for one in like if one.turns >= most / 2.0), key=abs)
-    return _median(_densest(sorted(like, key=lambda one: abs(one.arcsec_a_turn))))
-
-
-def _densest(ordered: list[Reading]) -> list[Reading]:
-    """The readings, in order, that agree best among those that hold more than half of the weight."""
-    half = sum(_weight(one) for one in ordered) / 2.0
-    best, least = ordered, float("inf")
-    for first in range(len(ordered)):
-        weights = np.cumsum([_weight(one) for one in ordered[first:]])
-        last = first + int(np.searchsorted(weights, half * (1.0 + 1e-9)))
-        if last < len(ordered) and (ratio := ordered[last].arcsec_a_turn / ordered[first].arcsec_a_turn) < least:
-            best, least = ordered[first : last + 1], ratio
-    return best
-
-
-def _median(ordered: list[Reading]) -> float:
-    """The weighted median; between two halves their mean."""
-    below = np.cumsum([_weight(one) for one in ordered])
-    middle = below[-1] / 2.0
-    low, high = (int(np.searchsorted(below, middle * (1.0 + side))) for side in (-1e-9, 1e-9))
-    return (ordered[low].arcsec_a_turn + ordered[high].arcsec_a_turn) / 2.0
+            return replace(self, direction=0)
+        clockwise = change_arcsec * self.arcsec_a_turn > 0.0
+        after = None if self.filter is None else self.filter.moved_by_mistake(clockwise)
+        return replace(self, direction=1 if clockwise else -1, filter=after)
 
 
 ALTITUDE_BOLT = Bolt(Knob.ALTITUDE, "altitude bolt")

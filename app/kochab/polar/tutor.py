@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 
 from kochab.core import tr, tr_noop
-from kochab.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, SEEN, TELLING_TURNS, Base, Bolt
+from kochab.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, SAME_THREAD_FACTOR, SEEN, Base, Bolt
 from kochab.polar.error import (
     FINER,
     FINEST_DEG,
@@ -69,7 +69,8 @@ NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for
 HALF_A_HAND = 0.7  # of the finest turn of a hand: less than that is left alone
 ENOUGH = 1.45  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
-MOST_TURNS = 6.0  # at a time
+MOST_TURNS, GROWTH = 6.0, 4.0  # at a time, and times the largest turn that did what its thread says
+TELLING_TURNS = 10.0 / 360.0  # less than this a hand does not turn by a number
 MOST_REVERSALS = 4  # of one bolt, before the other one has its turn
 TOO_FAR = 2  # times that a proved bolt went clearly past the pole: the hand is rough
 ROUGH = 2.5  # goals, which such a hand can reach
@@ -79,7 +80,8 @@ ROUGH = 2.5  # goals, which such a hand can reach
 STRAY, STRAY_ARCSEC = 2.0, 60.0
 """What moved the axis so many times farther across a bolt's own direction as along it, and so far, was the other."""
 TURNED_BACK = 0.3  # of what strayed: nearer than this to where it was
-STUBBORN = 3  # turns in a row that move the other axis, before the other bolt has its turn
+STUBBORN = 3
+"""Turns that agree on how far they move the other axis: that is as sure then as a proved bolt's own thread."""
 STRAYED = {
     Knob.ALTITUDE: tr_noop("That moved azimuth, not altitude ({moved}). Turn it back, or take it from here."),
     Knob.AZIMUTH: tr_noop("That moved altitude, not azimuth ({moved}). Turn it back, or take it from here."),
@@ -274,9 +276,12 @@ class BoltTutor:
         if abs(self._astray + moved.beside) < TURNED_BACK * abs(moved.beside):
             self._astray = 0.0
             return
-        if not self.bolts[knob].readings:
-            alike = tuple(one for one in self._strays[knob] if one * moved.beside * turns > 0.0)
-            self._strays[knob] = (*alike, moved.beside / turns)
+        if not self.bolts[knob].moves:
+            a_turn = moved.beside / turns
+            alike = tuple(
+                one for one in self._strays[knob] if 1.0 / SAME_THREAD_FACTOR < one / a_turn < SAME_THREAD_FACTOR
+            )
+            self._strays[knob] = (*alike, a_turn)
         self._astray = moved.beside
         self._note = tr(STRAYED[knob], moved=f"{'+' if change > 0.0 else '−'}{angle_in_words(change)}")
 
@@ -367,7 +372,7 @@ class BoltTutor:
         share = 1.0 if near else CONFIDENT
         wanted = bolt.needed(value) * share
         finest = FINEST_DEG / 360.0
-        most = MOST_TURNS if bolt.proved else test
+        most = min(MOST_TURNS, max(test, GROWTH * (bolt.seen_turns or 1.0))) if bolt.proved else test
         turns = sayable(float(np.clip(wanted, -most, most)))
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
