@@ -9,6 +9,7 @@ tutor says, the product sees only attitudes as solved frames give them, with the
 """
 
 import argparse
+import json
 import math
 import re
 from dataclasses import dataclass, replace
@@ -301,16 +302,39 @@ def _line(name: str, runs: list[Run]) -> str:
     return f"{name:26}{len(runs):6}{np.median(ended):8.0f}{ended.max():8.0f}{np.median(used):6.0f}{used.max():6}{worse:7}{near:6}{accused:9}{max(one.blind_turns for one in runs):7.2f}"
 
 
+def row(name: str, runs: list[Run]) -> dict[str, str | float]:
+    """The same as a row of ``kochab bench polar``."""
+    ended = np.array([one.ended_arcsec for one in runs])
+    return {
+        "kind": f"hands: {name}",
+        "runs": len(runs),
+        "median_arcsec": float(np.median(ended)),
+        "worst_arcsec": float(ended.max()),
+        "instructions": float(np.median([one.instructions for one in runs])),
+        "worse": sum(one.ended_arcsec > one.began_arcsec for one in runs),
+        "below_60": int((ended < GOAL_ARCSEC).sum()),
+        "accused": sum(one.accused for one in runs),
+        "blind_turns": max(one.blind_turns for one in runs),
+    }
+
+
 def main() -> None:
     """Run hands of every kind."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=80, help="hands a kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=[kind.name for kind in KINDS])
+    parser.add_argument("--json", action="store_true", help="a row a kind, as kochab bench polar prints it")
     parser.add_argument("--worst", type=int, default=3, help="tell so many of the worst, word by word")
     asked = parser.parse_args()
     kinds = [kind for kind in KINDS if asked.kind in (None, kind.name)]
-    runs = [run(kind, 1000 * asked.seed + number) for kind in kinds for number in range(asked.count)]
+    runs = []
+    for kind in kinds:
+        runs += (own := [run(kind, 1000 * asked.seed + number) for number in range(asked.count)])
+        if asked.json:
+            print(json.dumps(row(kind.name, own)), flush=True)
+    if asked.json:
+        return
     print(report(runs))
     for one in sorted(runs, key=lambda one: -one.ended_arcsec)[: asked.worst]:
         print(f"\n{one.kind}, seed {one.seed}: {one.began_arcsec:.0f} to {one.ended_arcsec:.0f} arcsec")

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from kochab.core.attitude import ARCSEC, angle_between
-from kochab.lab.bench import polar, polar_faults, polar_frames, polar_guided, polar_moved, polar_rig
+from kochab.lab.bench import polar, polar_faults, polar_frames, polar_guided, polar_hands, polar_moved, polar_rig
 from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.sighting import to_local
+from tests.nights.hands import KINDS
 
 
 def row(error=5.0, **changed):
@@ -91,6 +92,7 @@ def test_it_runs_and_reports(monkeypatch):
     monkeypatch.setattr(polar_moved, "QUICK", 1)
     monkeypatch.setattr(polar_guided, "QUICK", 1)
     monkeypatch.setattr(polar_faults, "QUICK", 1)
+    monkeypatch.setattr(polar_hands, "QUICK", 1)
     drawn = ("healthy, 3 frames", "kick, 3 frames", "clock an hour wrong")
     monkeypatch.setattr(polar_faults, "KINDS", {kind: polar_faults.KINDS[kind] for kind in drawn})
     monkeypatch.setattr(polar_frames, "FIELDS_DEG", (8.0, 15.0))
@@ -104,10 +106,13 @@ def test_it_runs_and_reports(monkeypatch):
     moved = {f"gives way: {fault}" for fault in polar_moved.FAULTS}
     guided = {f"guide log: {kind}" for kind in polar_guided.KINDS}
     evenings = {f"evening: {kind}" for kind in drawn}
-    assert kinds - rendered - moved - guided - evenings == {"measure", "align"} | {f"worn: {kind}" for kind in worn}
-    assert moved | guided | evenings < kinds
-    assert len(result.goals) == 28
-    assert len(said) == 9
+    hands = {f"hands: {kind.name}" for kind in KINDS}
+    assert kinds - rendered - moved - guided - evenings - hands == {"measure", "align"} | {
+        f"worn: {kind}" for kind in worn
+    }
+    assert moved | guided | evenings | hands < kinds
+    assert len(result.goals) == 32
+    assert len(said) == 10 + len(KINDS)
 
 
 def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():
@@ -133,3 +138,18 @@ def test_what_bends_beside_the_tube_bends_the_rigs_frames_alone():
     truth = sky.rig.truth(sky.rig.clock.now_unix() - 1.5)
     apart = angle_between(local.boresight, truth.enu_to_camera[2]) / ARCSEC
     assert apart == pytest.approx(100.0 * abs(truth.enu_to_camera[0, 2]), abs=0.1)
+
+
+def hands(kind, **changed):
+    usual = {"runs": 4, "worse": 0, "below_60": 4, "accused": 0, "blind_turns": 0.25}
+    return {"kind": f"hands: {kind}"} | usual | changed
+
+
+def test_hands_are_judged_over_all_kinds_and_a_wrong_clock_may_be_blamed():
+    good = [hands("steady"), hands("overshoots 5 arcmin"), hands("clock 6 h wrong", accused=4)]
+    assert all(goal.met for goal in polar_hands.hands_goals(good))
+    for changed in ({"worse": 1}, {"accused": 1}, {"blind_turns": 6.0}):
+        met = [goal.met for goal in polar_hands.hands_goals([*good, hands("coarse", **changed)])]
+        assert met.count(False) == 1, changed
+    assert polar_hands.hands_goals([hands("overshoots 5 arcmin", below_60=3)])[1].met is False
+    assert all(goal.met is None for goal in polar_hands.hands_goals([{"kind": "hands: not measured here"}]))

@@ -1,12 +1,7 @@
 """How soon a slewing mount is stopped, and a mute one told: the rows of ``kochab bench mount`` that need real time."""
 
-import json
-import os
-import subprocess
-import sys
 from contextlib import suppress
 from math import inf
-from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
@@ -15,6 +10,7 @@ from kochab.core.mount import Pointing
 from kochab.core.progress import Task
 from kochab.gear.mounts.slew_supervisor import MUTE
 from kochab.lab.bench import Goal, Report
+from kochab.lab.bench.checkout import rows_of
 from kochab.lab.bench.mount_rig import FarEnd, MountRig, mount_rig
 from kochab.simulate.responders import open_responder
 from kochab.simulate.serial_line import Fault
@@ -32,7 +28,6 @@ DRIVEN_BY = {
     "skywatcher": "indi_eqmod_telescope",
 }
 """Our simulator of each kind is driven by this driver of INDI's, too (tests/simulate/test_indi.py)."""
-CHECKOUT = Path(__file__).parents[4]
 ELSEWHERE = "tests.gear.mounts.measured"
 """What only a checkout can measure, because its simulators are not shipped; it prints rows of JSON."""
 
@@ -50,18 +45,8 @@ def row(driver: str, simulator: str, far_end: FarEnd = open_responder) -> dict[s
 
 def elsewhere(quick: bool, report: Report) -> list[dict[str, Any]]:
     """The detective, random evenings, conformance, killed programs, and the makes whose simulators are not shipped."""
-    command = [sys.executable, "-m", ELSEWHERE, *(["--quick"] if quick else [])]
-    if not (CHECKOUT / "tests").is_dir():
-        return [{"driver": "all others", "line": f"not measured here: python -m {ELSEWHERE}, in a checkout"}]
-    paths = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (CHECKOUT / "app", CHECKOUT)))}
-    found: list[dict[str, Any]] = []
-    with subprocess.Popen(command, cwd=CHECKOUT, env=paths, stdout=subprocess.PIPE, text=True) as child:
-        for line in child.stdout or ():
-            found.append(json.loads(line))
-            report(f"  {line.strip()}")
-    if child.returncode:
-        found.append({"driver": "all others", "line": f"failed: python -m {ELSEWHERE}"})
-    return found
+    found = rows_of(ELSEWHERE, ["--quick"] if quick else [], report)
+    return [{"driver": "all others", "line": found}] if isinstance(found, str) else found
 
 
 def goals(found: list[dict[str, Any]]) -> list[Goal]:

@@ -13,6 +13,7 @@ camera rolled at will, bolts with backlash and threads of unknown pitch and sens
   noise, and the one with what was not seen.
 * ``gives way``: see :mod:`kochab.lab.bench.polar_moved`.
 * ``guide log``: see :mod:`kochab.lab.bench.polar_guided`.
+* ``hands``: see :mod:`kochab.lab.bench.polar_hands`.
 * ``evening``: see :mod:`kochab.lab.bench.polar_faults`.
 * ``rendered``: see :mod:`kochab.lab.bench.polar_frames`; the others make up attitudes.
 
@@ -41,6 +42,7 @@ from kochab.lab.bench import BenchResult, Goal, Report, Row, column, summary, ti
 from kochab.lab.bench.polar_faults import fault_rows
 from kochab.lab.bench.polar_frames import frames_rows
 from kochab.lab.bench.polar_guided import guided_rows
+from kochab.lab.bench.polar_hands import hands_rows
 from kochab.lab.bench.polar_moved import moved_rows
 from kochab.lab.bench.polar_rig import ALIGN, RigSky, follow, make_rig, point_for_sweep, point_where_best
 from kochab.polar.error import CHI2_68, CHI2_95, PolarError
@@ -154,8 +156,9 @@ def run(quick: bool, report: Report) -> BenchResult:
     moved, of_moved = moved_rows(quick, report)
     guided, of_guided = guided_rows(quick, report)
     faults, of_faults = fault_rows(quick, report)
-    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *guided, *faults, *frames]
-    met = [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_guided, *of_faults, *of_frames]
+    hands, of_hands = hands_rows(quick, report)
+    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *guided, *hands, *faults, *frames]
+    met = [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_guided, *of_hands, *of_faults, *of_frames]
     return BenchResult("polar", rows, met)
 
 
