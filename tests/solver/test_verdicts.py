@@ -126,10 +126,21 @@ def test_out_of_focus_a_patch_must_be_larger_than_a_star(verdict, share, patch) 
     assert (found.reason is Reason.OUT_OF_FOCUS) is not patch
 
 
-@pytest.mark.parametrize(("fwhm_px", "reason"), [(15.0, Reason.OUT_OF_FOCUS), (3.0, Reason.CLOUDED_OR_DARK)])
-def test_wide_stars_that_hardly_stand_out_are_out_of_focus_before_they_are_clouded(verdict, fwhm_px, reason) -> None:
+@pytest.mark.parametrize("fwhm_px", [15.0, 3.0])
+def test_bumps_that_hardly_stand_out_are_no_stars_however_wide(verdict, fwhm_px) -> None:
+    """Vignetting, glow and dust make them; stars as discs are looked for by their edges."""
     found = stars(30, snr=5.0, fwhm_px=fwhm_px)
-    assert verdict(replace(CLEAR, contrast=3.0), found=found, hfd_px=fwhm_px).reason is reason
+    assert verdict(replace(CLEAR, contrast=3.0), found=found, hfd_px=fwhm_px).reason is Reason.CLOUDED_OR_DARK
+
+
+@pytest.mark.parametrize(
+    ("changed", "blurred"),
+    [({}, True), ({"elongation": 1.4}, False), ({"fwhm_px": 31.0}, False), ({"snr": 7.0}, False)],
+)
+def test_wide_stars_are_round_clear_and_no_wider_than_a_disc(verdict, changed, blurred) -> None:
+    told = {"snr": 20.0, "fwhm_px": 15.0} | changed
+    found = verdict(found=stars(30, **told), hfd_px=told["fwhm_px"])
+    assert (found.reason is Reason.OUT_OF_FOCUS) is blurred
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,9 @@ FLAT_CONTRAST = 4.0
 GLARE_SHARE, LARGE_GLARE_SHARE = 0.002, 0.01
 FEW_BESIDE_GLARE = 20
 OUT_OF_FOCUS_PX = 12.0
+ROUND = 1.35
+WIDEST_PX = 30.0
+"""Wider stars have an edge: they are discs, and looked for as such."""
 FEWEST_DISCS = 3
 """Or as many as there are clear stars, of which sharp ones would be many more."""
 FISHEYE_DEG = 100.0
@@ -109,7 +112,8 @@ def _measure(evidence: Evidence) -> None:
         discs = measure_discs(bins, clipping_level(evidence.frame))
         clear = int(np.count_nonzero(_clear(d)))
         width = out.get("half_flux_diameter_px", discs.diameter_px)  # two thirds of an even disc's
-        if discs.count >= max(1, min(FEWEST_DISCS, clear), clear / 8) and width > discs.diameter_px / 3.0:
+        least = max(min(FEWEST_DISCS, clear), clear / 8) if clear else FEWEST_DISCS  # a cloud may look like one or two
+        if discs.count >= least and width > discs.diameter_px / 3.0:
             out["disc_diameter_px"] = discs.diameter_px
     field_deg = implied_field_deg(evidence)
     if field_deg is not None:
@@ -148,7 +152,6 @@ def _no_stars(case: Evidence) -> Iterator[Finding]:
     # noise bumps that the detector took for stars do not make a sky
     if clear < 3 and light.contrast < FLAT_CONTRAST:
         yield from _discs(case)  # they hardly stand out
-        yield from _focus(case)
         yield (
             Reason.CLOUDED_OR_DARK,
             tr("No stars above the background: check for clouds, a closed cover or dew, then expose longer."),
@@ -210,8 +213,9 @@ def _discs(case: Evidence) -> Iterator[Finding]:
 
 
 def _focus(case: Evidence) -> Iterator[Finding]:
-    fwhm = case.measured.get("fwhm_px", 0.0)
-    if len(case.detections) >= 3:
+    """Stars that are wide, all round and clear: bumps of noise, glow and vignetting are wide as well, and long."""
+    fwhm, stars = case.measured.get("fwhm_px", 0.0), case.detections.take(np.flatnonzero(_clear(case.detections)))
+    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and fwhm < WIDEST_PX:
         yield from _wide(min(case.measured.get("half_flux_diameter_px", fwhm), fwhm))
 
 

@@ -17,6 +17,8 @@ DISC_BINS = (4.0, 5.6)
 LEAST_DISC_PX = 12.0
 CLEAR_DISC_SNR = 15.0
 DISCS_ALIKE = 0.12
+FAR_SKY = 5.0
+"""Radii of a disc within which the sky is looked at from further away."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,11 +165,24 @@ def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[flo
     level = float(ring.mean())
     if not level > noise or stamp[r < 0.85].max() > 0.95 * clip:
         return None
+    beyond = math.ceil(FAR_SKY * radius)
+    sky = image[max(y - beyond, 0) : y + beyond + 1, max(x - beyond, 0) : x + beyond + 1]
+    if np.median(stamp[r < 0.85]) - np.median(sky) < 0.5 * level:  # the hole in a dust ring is no brighter than the sky
+        return None
     rough = math.sqrt(max(0.0, float(ring.var()) - noise**2))
     flat = light[r < 0.45].mean() < 1.25 * level and rough < 0.3 * level
     edge = light[(r > 1.2) & (r < 1.5)].mean() < 0.15 * level
-    snr = level * math.sqrt(ring.size) / max(noise, 1e-9)
+    # noise averages out over the ring; clouds, whose neighbours go together, do not
+    alike = float(np.clip(_shared(light, around) / max(noise**2, 1e-18), 0.0, 0.99))
+    snr = level * math.sqrt(ring.size) / max(noise, 1e-9) * (1.0 - alike) / (1.0 + alike)
     return (snr, radius, place) if flat and edge and snr > CLEAR_DISC_SNR else None
+
+
+def _shared(light: Floats, where: NDArray[np.bool_]) -> float:
+    """Covariance of a pixel and its neighbour to the right or below, both where wanted."""
+    pairs = [(light[:, 1:], light[:, :-1], where[:, 1:] & where[:, :-1])]
+    pairs.append((light[1:], light[:-1], where[1:] & where[:-1]))
+    return float(np.mean([np.mean(one[both] * other[both]) for one, other, both in pairs]))
 
 
 def measure_trails(bins: Bins) -> Trails:
