@@ -193,12 +193,12 @@ def virtual_time():
 
     DRIVERS.loaded()
     virtual, undone = VirtualTime(), []
-    for module in [m for name, m in list(sys.modules.items()) if name.startswith(PATCHED)]:
-        _patch_names(module, virtual, undone)
-        _patch_defaults(module, virtual, undone)
-    undone.append(lambda: setattr(serial, "serial_for_url", serial_for_url))
-    serial.serial_for_url = virtual.open_port
-    try:
+    try:  # from the first patch on: one that stays would stop the clock of every later test
+        for module in [m for name, m in list(sys.modules.items()) if name.startswith(PATCHED)]:
+            _patch_names(module, virtual, undone)
+            _patch_defaults(module, virtual, undone)
+        undone.append(lambda: setattr(serial, "serial_for_url", serial_for_url))
+        serial.serial_for_url = virtual.open_port
         yield virtual
     finally:
         for undo in reversed(undone):
@@ -224,7 +224,7 @@ def _patch_defaults(module, virtual, undone):
     functions = [thing for holder in (module, *classes) for thing in vars(holder).values() if isfunction(thing)]
     for function in functions:
         for given in (function.__defaults__ or (), tuple((function.__kwdefaults__ or {}).values())):
-            if time.sleep not in given:
+            if not any(one is time.sleep for one in given):  # an array is compared element by element
                 continue
             undone.append(
                 lambda f=function, d=function.__defaults__, k=function.__kwdefaults__: (

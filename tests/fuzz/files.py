@@ -116,7 +116,7 @@ def check_kept(data: bytes, folder: Path) -> None:
         in_order(again)
 
 
-SOLUTION = Solution(Camera.centred(64, 48, 800.0), attitude_from(84.0, -2.0, 25.0), (), 40, 0.3, 3.0, -30.0, "patterns")
+SOLUTION = Solution(Camera.centred(64, 48, 800.0), attitude_from(84.0, -2.0, 25.0), (), 0.3, -30.0, "patterns", 40)
 
 
 def check_solved_copy(data: bytes, folder: Path) -> None:

@@ -18,13 +18,13 @@ from kochab.simulate.night_sky import (
     Weather,
     WeatherConfig,
     airmass,
+    altitude_deg,
     midnight_unix,
     sun_and_moon,
     surface_mag,
 )
 from kochab.simulate.star_images import Sensor
 from kochab.sky.apparent import julian_years
-from kochab.sky.horizon import altitude_deg
 from tests.simulate.rig_help import catalogue
 
 SITE = Site(47.0, 8.0, 450.0)

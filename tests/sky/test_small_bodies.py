@@ -77,9 +77,9 @@ def test_apophis_is_told_until_it_passes_the_earth_in_2029():
 @pytest.mark.parametrize(
     ("name", "when", "constellation", "v"),
     [  # where the papers of those weeks sent people
-        ("12P", datetime(2024, 4, 10, tzinfo=UTC), "Ari", 4.5),
-        ("13P", datetime(2024, 6, 30, tzinfo=UTC), "Lyn", 7.5),
-        ("C/2023 A3", datetime(2024, 10, 15, 20, tzinfo=UTC), "Ser", 1.0),
+        ("12P", datetime(2024, 4, 10, tzinfo=UTC), "Aries", 4.5),
+        ("13P", datetime(2024, 6, 30, tzinfo=UTC), "Lynx", 7.5),
+        ("C/2023 A3", datetime(2024, 10, 15, 20, tzinfo=UTC), "Serpens", 1.0),
     ],
 )
 def test_comets_of_2024_are_told_where_people_saw_them(name, when, constellation, v):

@@ -114,7 +114,7 @@ NAMES = {
     "kochab.window.panels.star_table": {"Zubeneschamali"},  # a star, the longest name
     "kochab.window.mount.actions": {"nudge dec"},  # names of actions
     "kochab.window.mount.gamepad": {"nudge dec"},
-    "kochab.window.mount.view": {"set clock", "set site"},
+    "kochab.window.mount.buttons": {"set clock", "set site"},
     "kochab.window.polar.history": {'<p><img src="0" width="0"></p>'},
 }
 EVERYWHERE = {"Kochab", "Esc", "Home", "Tab"}  # the program, and what stands on keys

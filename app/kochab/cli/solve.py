@@ -184,7 +184,7 @@ def _targets(given: str | None, files: list[str], option: str, endings: Sequence
     if target.is_dir():
         return [str(target / f"{Path(file).name}{endings[0]}") for file in files]
     if target.suffix.lower() not in endings:
-        *most, last = endings
+        *most, last = (ending for ending in endings if ending not in (".jpeg", ".tiff"))
         raise UsageError(f"{option} {target}: the {what} is a {', '.join(most)} or {last}.")
     if len(files) > 1:
         raise UsageError(f"{option} {target} is one {what} for {len(files)} frames: name a folder.")

@@ -91,7 +91,7 @@ def test_a_park_position_below_the_horizon_is_refused_before_it_begins() -> None
 def test_a_mount_that_does_not_report_its_park_position_is_told_of_the_limit_before() -> None:
     guard, _ = guarded()
     assert any(
-        re.search(r"below your horizon limit .5°. Kochab stops it", told)
+        re.search(r"If Kochab stops it at the horizon limit .5°., lower the limit", told)
         for told in guard.preview_rest("park").warnings
     )
 

@@ -331,7 +331,7 @@ def woken(hour, dec, lost, moving=False):
 def test_a_mount_that_jumps_to_the_pole_was_switched_off_and_on(dec, refused, lost) -> None:
     """OnStep and iOptron wake up at home wherever the tube is; nothing else that they say tells of it."""
     guard, refusals = woken(-40.0, dec, lost)
-    assert ("switched off and on" in refusals) is refused
+    assert ("switched off and on" in refusals) is (refused or lost)  # a silent mount that is 46 deg away woke up there
     if refused:
         with pytest.raises(RefusedError, match="thinks it is at home"):
             guard.sync(*at(-40.0, dec - 10.0), by_hand=True, confirmed=True)

@@ -8,7 +8,7 @@ from kochab.core.mount import Direction
 from kochab.core.progress import run
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts import serial_line
-from kochab.lab.bench import BENCHES, mount, mount_rig, mount_stops
+from kochab.lab.bench import BENCHES, checkout, mount, mount_rig, mount_stops
 from kochab.lab.bench.mount import CentringRun
 from kochab.lab.bench.mount_rig import ReceivedOrder, WatchedMount, unguarded
 from kochab.simulate.responders import RESPONDERS
@@ -98,7 +98,7 @@ def test_what_is_measured_in_a_checkout_misses_its_goal_where_one_driver_does() 
 
 
 def test_what_a_checkout_measures_are_rows_of_json_and_without_one_its_command_is_told(monkeypatch, tmp_path) -> None:
-    monkeypatch.setattr(mount_stops, "CHECKOUT", tmp_path)
+    monkeypatch.setattr(checkout, "CHECKOUT", tmp_path)
     (told,) = mount_stops.elsewhere(True, print)
     assert "python -m tests.gear.mounts.measured" in told["line"]
     (tmp_path / "tests").mkdir()
@@ -210,7 +210,7 @@ def test_a_stopped_and_a_mute_mount_are_rows_that_say_by_whom_they_were_written(
 
 def test_what_is_too_late_misses_its_goal() -> None:
     row = {"line": "stop", "byte_ms": 101.0, "stands": False, "mute_s": 5.1}
-    assert [goal.met for goal in mount_stops.goals([row])] == [False] * 3 + [None] * 10
+    assert [goal.met for goal in mount_stops.goals([row])] == [False] * 3 + [None] * 17
 
 
 def test_indi_s_drivers_are_those_that_are_tried_at_the_simulators() -> None:

@@ -364,10 +364,9 @@ class Guard:
         yield from self._finish(action, self.supervisor.rest(action, self.limits.slew_timeout_s, stops))
         if self.policy.restarted:  # it has gone where it believes to rest
             why = self.policy.slew_block_reason
-            text = (
-                tr("The mount says that it is parked.") if action == "park" else tr("The mount says that it is home.")
-            )
-            raise RefusedError(f"{text} {why}")
+            if action == "park":
+                raise RefusedError("The mount says that it is parked. {why}", why=why)
+            raise RefusedError("The mount says that it is home. {why}", why=why)
 
     def unpark(self) -> None:
         """Unpark it, so that it can move again."""
