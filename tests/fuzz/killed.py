@@ -243,7 +243,7 @@ def whole(path: Path) -> bool:
         case ".zip":
             return zipfile.ZipFile(io.BytesIO(data)).testzip() is None
         case ".csv" | ".reg":  # stars, objects, stars and objects
-            count = 24 if "objects" in path.name else 501 if path.suffix == ".csv" else 526
+            count = 25 if "objects" in path.name else 501 if path.suffix == ".csv" else 526
             return data.count(b"\n") == count and data.endswith(b"\n")
         case ".ssc":
             return data.startswith(b"// Name: ") and data.endswith(b", 1);\n")
