@@ -14,6 +14,7 @@ import pytest
 
 import kochab
 from tests import house, smoke
+from tests.any_day import __main__ as any_day
 
 TOP_LEVEL = {
     ".ci",
@@ -260,6 +261,10 @@ def test_the_quick_minute_touches_every_room():
     rooms = {path.parent.name for path in house.SOURCE.glob("*/__init__.py")}
     assert smoke.SMOKE.keys() == rooms
     assert not [path for path in smoke.files() if not path.exists()]
+
+
+def test_the_tests_of_other_days_are_where_they_are_looked_for(repository):
+    assert not [name for name in (*any_day.QUICK, *any_day.MORE) if not (repository / name.partition("::")[0]).exists()]
 
 
 def test_the_makefile_and_the_hooks_run_the_same_checks(repository):

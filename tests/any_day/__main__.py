@@ -32,9 +32,9 @@ QUICK = [
     "tests/simulate/test_clock.py",
     "tests/simulate/test_mechanics_sky.py",
     "tests/simulate/test_responders_words.py",
-    "tests/window/shell/test_exports.py",
+    "tests/window/frame/test_exports.py",
     "tests/window/test_numerals.py",
-    "tests/window/shell/test_readout.py",
+    "tests/window/frame/test_readout.py",
     "tests/workflows/test_fresh_frame.py",
 ]
 MORE = [
@@ -48,7 +48,7 @@ MORE = [
     "tests/workflows",
     "tests/window/test_damaged_settings.py",
     "tests/window/test_entry.py",
-    "tests/window/shell/test_exports.py",
+    "tests/window/frame/test_exports.py",
     "tests/window/test_formats.py",
     "tests/window/live/test_parts.py",
     "tests/window/mount/test_frames.py",
@@ -56,7 +56,7 @@ MORE = [
     "tests/window/test_numerals.py",
     "tests/window/polar/test_night.py",
     "tests/window/polar/test_state.py",
-    "tests/window/shell/test_readout.py",
+    "tests/window/frame/test_readout.py",
     "tests/window/shell/test_welcome.py",
 ]
 # The kernel dates files, and faketime does not reach it: a new file would be 400 days old.
