@@ -15,6 +15,7 @@ from kochab.window.shell.preferences import Preferences
 from kochab.window.themes import HUES
 from tests.window.fakes import FakeEngine
 from tests.window.mount_bench import connected
+from tests.window.person import choose, type_in
 
 CTRL, SHIFT = Qt.KeyboardModifier.ControlModifier, Qt.KeyboardModifier.ShiftModifier
 
@@ -30,17 +31,6 @@ def dialog(opened):
     commands.tools.show_preferences()
     yield window.findChild(Preferences)
     commands.appearance.use_theme("dark", "normal")
-
-
-def choose(box, data):
-    box.setCurrentIndex(box.findData(data))
-    box.activated.emit(box.currentIndex())
-
-
-def type_in(qtbot, field, text):
-    field.clear()
-    qtbot.keyClicks(field, text)
-    qtbot.keyClick(field, Qt.Key.Key_Return)
 
 
 def test_before_anything_was_changed_there_is_nothing_to_undo(opened):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.solver import SolveOptions
 
 TABLES = (".csv", ".reg", ".ssc")
+ALIASES = (".jpeg", ".tiff")  # of endings that are told
 WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
 PIXELS = (2, 1_000_000, "size in pixels")
 
@@ -184,7 +185,7 @@ def _targets(given: str | None, files: list[str], option: str, endings: Sequence
     if target.is_dir():
         return [str(target / f"{Path(file).name}{endings[0]}") for file in files]
     if target.suffix.lower() not in endings:
-        *most, last = (ending for ending in endings if ending not in (".jpeg", ".tiff"))
+        *most, last = (ending for ending in endings if ending not in ALIASES)
         raise UsageError(f"{option} {target}: the {what} is a {', '.join(most)} or {last}.")
     if len(files) > 1:
         raise UsageError(f"{option} {target} is one {what} for {len(files)} frames: name a folder.")

@@ -170,7 +170,7 @@ class SmallBodies:
 
     def body(self, row: int, observer: Observer) -> Task[Body | None]:
         """One of them, wherever it is; None when nobody knows it after an encounter."""
-        if float(observer.jd_tdb[0]) >= ENCOUNTERS.get(self.names[row], np.inf):
+        if _past_encounter(self.names[row], float(observer.jd_tdb[0])):
             return None
         (body,) = yield from _seen(self, np.array([row], dtype=np.intp), observer)
         return body
@@ -191,7 +191,12 @@ def _known(name: str, comet: bool, jd_tdb: float) -> bool:
     """Whether somebody knows where a body is at a date."""
     if comet:
         return name not in LOST and not FRAGMENT.search(name)
-    return jd_tdb < ENCOUNTERS.get(name, np.inf)
+    return not _past_encounter(name, jd_tdb)
+
+
+def _past_encounter(name: str, jd_tdb: float) -> bool:
+    """Whether a body has come so close to the Earth that its elements no longer hold."""
+    return jd_tdb >= ENCOUNTERS.get(name, np.inf)
 
 
 def read_small_bodies(path: Path) -> SmallBodies:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from kochab.sky.layer import DOT_PX, FAMILIES, in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import Moving
 from kochab.workflows.annotated_image import INKS
+from kochab.workflows.solution_json import Json
 
 NAN = float("nan")
 
@@ -84,7 +84,7 @@ def _larger(solution: Solution, told: set[str]) -> list[FrameObject]:
     return [one for one in found if one.name not in told]
 
 
-def objects_json(found: Sequence[FrameObject]) -> list[dict[str, Any]]:
+def objects_json(found: Sequence[FrameObject]) -> list[Json]:
     """The stable JSON form; what is not known is null."""
     return [
         {

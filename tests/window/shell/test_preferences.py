@@ -16,6 +16,7 @@ from kochab.window.settings import WindowSettings
 from kochab.window.shell.preferences import OFFLINE, Preferences
 from kochab.window.themes import HUES
 from tests.window.mount_bench import connected
+from tests.window.person import choose, type_in
 
 
 @pytest.fixture(autouse=True)
@@ -31,17 +32,6 @@ def shown(qtbot, opened):
     qtbot.waitUntil(lambda: window.findChild(Preferences) is not None)
     yield window, commands, window.findChild(Preferences)
     commands.appearance.use_theme("dark", "normal")
-
-
-def choose(box, data):
-    box.setCurrentIndex(box.findData(data))
-    box.activated.emit(box.currentIndex())
-
-
-def type_in(qtbot, field, text):
-    field.clear()
-    qtbot.keyClicks(field, text)
-    qtbot.keyClick(field, Qt.Key.Key_Return)
 
 
 def test_settings_stands_on_the_rail(opened):
