@@ -93,7 +93,7 @@ COMETS_TO_V = 16.0
 MORE = Path(__file__).with_name("more_elements.tsv")
 """Near-Earth asteroids, and comets that JPL's tables of November 2022 lack or have by a return long ago."""
 OUTBURSTS = {"29P/Schwassmann-Wachmann 1": 4.0}
-"""M1 of a comet that stands where JPL has it and is brighter than its nucleus (Minor Planet Center)."""
+"""The total magnitude M1 (Minor Planet Center), where JPL's is that of the nucleus."""
 
 
 def write_small_bodies(asteroids: Path, comets: Path, source: Path, path: Path) -> Task[dict[str, int]]:

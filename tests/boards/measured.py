@@ -57,7 +57,7 @@ def rests():
 
 
 def broken_lines():
-    """A line that breaks in a slew is opened again, and the mount stopped."""
+    """A line that breaks during a slew is opened again and the mount is stopped."""
     for kind in FORGETS:
         with _guarded(kind) as (board, guard):
             guard.goto(*_place(board, -10.0, 40.0))

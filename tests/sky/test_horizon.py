@@ -1,4 +1,4 @@
-"""The air near the horizon, against the table of Allen's *Astrophysical Quantities* (1973, par. 55)."""
+"""Refraction near the horizon, against the classic table of mean refraction, as Allen's *Astrophysical Quantities* has it."""
 
 from datetime import UTC, datetime
 

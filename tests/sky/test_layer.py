@@ -108,7 +108,7 @@ def test_places_agree_with_astropy(tables):
 
 
 def test_every_star_to_sixth_magnitude_can_be_marked_and_small_fields_have_numbers(tables, catalogue):
-    """The deep list's stars to V 6 in forty frames of 10 degrees; HD 65137 is alone in a degree of the Lynx (Simbad)."""
+    """The deep list's stars to V 6 in forty fields of 10 degrees; in one degree of Lynx no star has a name."""
     rng = np.random.default_rng(4)
     wanted = 0
     for _ in range(40):

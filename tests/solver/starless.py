@@ -161,7 +161,7 @@ WAYS: list[tuple[str, Callable[[Random], Picture]]] = [
     ("twilight", lambda r: gradient(vignetted(r, 26000.0), r, 0.3)),
 ]
 
-"""By name, of a sky of 16 bit."""
+"""By name, on a 16-bit sky background."""
 AS_JPEG, AS_EIGHT_BIT = (0, 3, 5, 6, 8, 10, 11, 13, 16, 17, 18, 21), (1, 6, 12, 17)
 """Of which there is a JPEG, and a frame of 8 bit, as well."""
 

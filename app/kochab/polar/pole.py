@@ -30,7 +30,7 @@ def northern(site: Site) -> bool:
 
 
 def tracking_rad_s(site: Site) -> float:
-    """How fast, right-handed about the elevated pole, a camera turns that tracks the sky."""
+    """The rate of a camera that tracks the sky, right-handed about the elevated pole."""
     return -SIDEREAL_RAD_S if northern(site) else SIDEREAL_RAD_S
 
 

@@ -87,7 +87,7 @@ def test_home_is_not_done_by_a_mount_that_was_found_to_be_restarted_before(board
 
 
 def test_a_clock_that_could_not_be_asked_in_a_silence_is_asked_after_it(board, guard) -> None:
-    """Two questions without an answer made it a mount that tells no clock: 25 deg off, by a clock of 2000."""
+    """After two missed answers it counted as a mount without a clock, and slewed 25 deg wrong by a clock of the year 2000."""
     board.keeps_clock = False
     board.align(-90.0, 90.0)  # at its home, where a restart takes nothing but the clock
     board.cut_power(100.0)

@@ -397,7 +397,7 @@ class MotionPolicy:
 
     @property
     def slew_block_reason(self) -> str:
-        """Why no slew is allowed before a sync; empty when one is."""
+        """Why a slew needs a sync first; empty when it does not."""
         return self._slew_block_reason
 
     @slew_block_reason.setter

@@ -77,7 +77,7 @@ def drift_deg(passed_s: float) -> float:
 
 
 def under_way_s(before: Look, ended: tuple[float, datetime] | None, passed_s: float) -> float:
-    """How long a motion went on that was under way at a look; all that has passed where its end is not known."""
+    """How long the motion that the last look saw went on; all the time since, where its end is not known."""
     if ended is None or ended[0] < before.at_s:
         return passed_s
     return min(passed_s, max(ended[0] - before.at_s, (ended[1] - before.at).total_seconds()))

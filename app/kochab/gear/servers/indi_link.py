@@ -233,7 +233,7 @@ class IndiLink:
             self._news.notify_all()
 
     def _endless(self) -> None:
-        """Leave a server that defines or sends without end."""
+        """Disconnect from a server that never stops defining or sending."""
         self._lost = self._lost or tr("{server} never ends its reply.", server=self._address.server)
         self._client.shutdown()
 

@@ -123,7 +123,7 @@ class Atlas(QDialog):
         self.chart.update()
 
     def _frame(self) -> None:
-        """Draw what frames would hold."""
+        """Draw the fields of the planned frames."""
         on = self.framing.isChecked()
         for each in (*self.fields, self.copy):
             each.setEnabled(on)

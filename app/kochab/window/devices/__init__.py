@@ -1,1 +1,1 @@
-"""The owners of the cameras' and the mount's lines and of the equipment profile, one of each in a window."""
+"""What owns the mount's line, the cameras and the equipment profile: one of each in a window."""

@@ -20,7 +20,7 @@ from kochab.window.widgets import scrolled
 
 
 class Mode(NamedTuple):
-    """A view on the rail; ``made_by`` is imported, and made with the services alone, when first shown."""
+    """A view on the rail. Its class, ``made_by``, is imported and built from the services when first shown."""
 
     title: str  # with its mnemonic
     key: str

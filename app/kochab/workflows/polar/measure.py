@@ -254,7 +254,7 @@ def sweep_from(
 
 
 def _ends(found: Measurement, controls: PolarControls, enough: Callable[[Measurement], bool] | None) -> bool:
-    """Whether no more frames are wanted: two alone are enough only where an earlier sweep agrees."""
+    """Whether there are enough frames: two alone are enough only where an earlier sweep agrees."""
     return (found.checked and controls.take(PolarButton.ENOUGH)) or bool(enough and enough(found))
 
 
