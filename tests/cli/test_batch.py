@@ -56,14 +56,11 @@ def test_a_process_that_dies_is_told(tmp_path, capsys) -> None:
     assert mark.exists()
 
 
-def test_a_worker_s_fault_is_in_the_journal_with_its_traceback(tmp_path, capsys) -> None:
-    journal, root = logging.FileHandler(tmp_path / "journal.log"), logging.getLogger("kochab")
-    root.addHandler(journal)
-    try:
-        assert run_batch(work, [Item("fault"), Item("a")], as_json=True, workers=2) == 2
-    finally:
-        root.removeHandler(journal)
-        journal.close()
+def test_a_worker_s_fault_is_in_the_journal_with_its_traceback(tmp_path, capsys, monkeypatch) -> None:
+    journal = logging.FileHandler(tmp_path / "journal.log")
+    monkeypatch.setattr(logging.getLogger("kochab"), "handlers", [journal])  # whatever journal is open already
+    assert run_batch(work, [Item("fault"), Item("a")], as_json=True, workers=2) == 2
+    journal.close()
     assert str(tmp_path / "journal.log") in json.loads(capsys.readouterr().out.splitlines()[0])["error"]
     text = (tmp_path / "journal.log").read_text()
     assert "batch_work.py" in text  # the line in the worker, not the parent's
