@@ -14,6 +14,8 @@ SMOKE = {
     "attitude": ("attitude/test_wahba.py", "attitude/test_projection.py"),
     "cli": ("cli/test_conventions.py", "cli/test_identify.py"),
     "core": ("core",),
+    "parsing": ("parsing",),
+    "text": ("text",),
     "detection": ("detection/test_parts.py",),
     "frames": ("frames/test_fits_write.py", "frames/test_stretch.py", "frames/test_hints.py"),
     "gear": ("gear/mounts/test_guard.py", "gear/mounts/test_protocols.py", "gear/cameras/test_address.py"),

@@ -54,7 +54,7 @@ def test_windows_has_one_folder_for_all_that_a_person_keeps(tmp_path, monkeypatc
     import platformdirs
     from platformdirs.windows import Windows
 
-    from kochab.core import cache_folder, config_folder
+    from kochab.folders import cache_folder, config_folder
     from kochab.gear.journal import journal_folder
     from kochab.sky.catalogue_import import user_folder
 

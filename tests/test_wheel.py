@@ -88,7 +88,7 @@ def test_no_file_and_nothing_beside_the_package_is_left_in_the_way(scripts, else
         "import kochab, kochab.core, pathlib\n"
         "home = pathlib.Path(kochab.__file__).parent\n"
         "print(sorted(p.name for p in home.parent.iterdir() if p.suffix != '.dist-info'))\n"
-        "print(all(kochab.core.data_folder(n).parent == home for n in ('catalogs', 'resources')))\n"
+        "print(all(kochab.folders.data_folder(n).parent == home for n in ('catalogs', 'resources')))\n"
     )
     assert run([scripts / "python", "-c", code], elsewhere).splitlines() == ["['borrowed.pth', 'kochab']", "True"]
     listed = run([scripts / "kochab", "solve", "--methods"], elsewhere)

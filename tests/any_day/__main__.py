@@ -49,7 +49,7 @@ MORE = [
     "tests/window/test_damaged_settings.py",
     "tests/window/test_entry.py",
     "tests/window/frame/test_exports.py",
-    "tests/window/test_formats.py",
+    "tests/text/test_angle_text.py",
     "tests/window/live/test_parts.py",
     "tests/window/mount/test_frames.py",
     "tests/window/mount/test_parts.py",

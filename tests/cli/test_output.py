@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from kochab.cli.main import main
 from kochab.cli.output import body_lines, card, radec
-from kochab.core import data_folder
 from kochab.core.attitude import Attitude, apart_deg, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.solution import NamedStar, NoSolution, Reason, Solution
+from kochab.folders import data_folder
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.frame_bodies import BodyInFrame, FrameBodies, UnknownSource
 from kochab.sky.orbits import OBLIQUITY

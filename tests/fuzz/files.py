@@ -419,8 +419,8 @@ def check_typed(data: bytes, folder: Path) -> None:
     import argparse
 
     from kochab.cli import options
-    from kochab.core.angle_text import parse_dec_deg, parse_positive, parse_ra_deg, parse_site
     from kochab.gear.servers.address import net_address
+    from kochab.parsing.angles import parse_dec_deg, parse_positive, parse_ra_deg, parse_site
 
     text = data.decode("utf-8", "surrogateescape")
     for parse in (parse_ra_deg, parse_dec_deg, parse_site, partial(parse_positive, what="scale", most=1e4)):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from catalogs.making.objects import SkyObject, plain, read_names, read_stellarium
-from kochab.core import cache_folder
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
+from kochab.folders import cache_folder
 from kochab.sky.finder import finder
 from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, position_name, printed, read_objects
 

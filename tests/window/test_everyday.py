@@ -3,8 +3,8 @@
 import numpy as np
 from PySide6.QtGui import QImage
 
-from kochab.core.angle_text import breakable, short_name, unbroken
 from kochab.sky.layer import MARKS
+from kochab.text.angle_text import breakable, short_name, unbroken
 from kochab.window.image.thumbnails import HEIGHT, WIDTH
 from kochab.window.panels.hints_panel import LIMIT_S
 from kochab.window.shell.actions import COMMANDS

@@ -8,8 +8,8 @@ import pytest
 from PySide6.QtCore import QLocale, Qt
 from PySide6.QtTest import QTest
 
-from kochab.core.angle_text import parse_site
 from kochab.core.errors import UsageError
+from kochab.parsing.angles import parse_site
 from kochab.window.panels.method_options import MethodGroup
 from kochab.window.widgets import number_field, use_plain_numerals
 

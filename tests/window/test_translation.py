@@ -33,17 +33,18 @@ from PySide6.QtWidgets import (
 )
 
 from kochab.attitude import ESTIMATORS
-from kochab.core import data_folder, in_english, number, speak, tr, tr_n
-from kochab.core.angle_text import AngleStyle
 from kochab.core.errors import KochabError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction
 from kochab.detection import DETECTORS
+from kochab.folders import data_folder
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.protocols import lx200, require
 from kochab.identification import IDENTIFIERS
 from kochab.polar.report import History, report_html
 from kochab.server.phone_page import PhonePage
+from kochab.text.angle_text import AngleStyle
+from kochab.text.translation import in_english, number, speak, tr, tr_n
 from kochab.window.application import build, use_language
 from kochab.window.dialogs import tell
 from kochab.window.frame.session import WorkflowEngine

@@ -5,9 +5,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel
 
 from kochab.__main__ import main
-from kochab.core.angle_text import AngleStyle
 from kochab.gear.profiles import current_profile, load_profile, saved_profiles
 from kochab.sky.layer import AMOUNTS
+from kochab.text.angle_text import AngleStyle
 from kochab.window.devices.equipment import LOCKED
 from kochab.window.settings import languages
 from kochab.window.shell import preferences

@@ -9,8 +9,8 @@ from typing import Any
 
 from kochab.cli.options import add_options, between, number, valued, whole
 from kochab.cli.output import tell, tell_failure, with_progress
-from kochab.core import cache_folder
 from kochab.core.errors import CatalogueError, KochabError
+from kochab.folders import cache_folder
 from kochab.sky import shipped_folder
 
 

@@ -21,10 +21,10 @@ from kochab.cli.options import (
 )
 from kochab.cli.output import radec, reporting_failures, tell
 from kochab.cli.process import say
-from kochab.core.angle_text import age_text
 from kochab.core.errors import DeviceError, KochabError, NoAnswerError, UsageError, printable
 from kochab.core.frame import Frame
 from kochab.core.solution import Solution
+from kochab.text.angle_text import age_text
 from kochab.workflows.live.session import SESSION, Recorder, Replayed, options_json, recorded
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve
 from kochab.workflows.live.update import Drift, GoodPointing, LiveUpdate

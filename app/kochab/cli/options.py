@@ -74,7 +74,7 @@ def number(text: str) -> float:
 
 def site(text: str) -> "Site":
     """An argument that must be a place on the Earth."""
-    from kochab.core.angle_text import parse_site
+    from kochab.parsing.angles import parse_site
 
     try:
         return parse_site(text)

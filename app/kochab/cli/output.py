@@ -96,7 +96,7 @@ def _unsolved_lines(o: Json) -> list[str]:
 
 def radec(ra_deg: float, dec_deg: float) -> str:
     """Both as 05h35m17.30s -05d23'28.0", in ASCII: not every terminal's encoding has ° and ′."""
-    from kochab.core.angle_text import AngleStyle, dec_text, ra_text
+    from kochab.text.angle_text import AngleStyle, dec_text, ra_text
 
     style = AngleStyle.SEXAGESIMAL
     parts = (text(value, style).replace(" ", "") for text, value in ((ra_text, ra_deg), (dec_text, dec_deg)))

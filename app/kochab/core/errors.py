@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from kochab.core import tr, tr_noop
+from kochab.text.translation import tr, tr_noop
 
 # Controls, line ends, turns of the writing's direction, and bytes of a name that are no letters.
 _UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -17,7 +17,8 @@ def printable(text: str) -> str:
 class KochabError(Exception):
     """Anything a person can act on; its text is one clear sentence, shown in their language.
 
-    Translators read ``text`` as it stands in the call; ``values`` come into its places, see :func:`kochab.core.tr`.
+    Translators read ``text`` as it stands in the call; ``values`` come into its places, as in
+    :func:`kochab.text.translation.tr`.
     """
 
     def __init__(self, text: str = "", /, **values: object) -> None:

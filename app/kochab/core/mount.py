@@ -7,8 +7,8 @@ from enum import StrEnum
 from math import radians
 from typing import Protocol
 
-from kochab.core import tr_noop
 from kochab.core.frame import Site
+from kochab.text.translation import tr_noop
 
 
 class Epoch(StrEnum):

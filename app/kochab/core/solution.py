@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats, Ints, Table
 from kochab.core.attitude import Attitude, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
+from kochab.text.translation import tr, tr_noop
 
 if TYPE_CHECKING:
     from astropy.wcs import WCS
@@ -160,7 +160,7 @@ class Solution:
 
     def _repr_html_(self) -> str:
         """For a notebook: pointing, field, uncertainty, chance match and the brightest stars."""
-        from kochab.core import angle_text as text
+        from kochab.text import angle_text as text
 
         ra, dec = self.ra_dec_deg
         width, height = map(text.angle_text, self.camera.fov_deg)

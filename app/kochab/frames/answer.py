@@ -19,7 +19,7 @@ import numpy as np
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame, Hint, Site
-from kochab.core.text_input import LARGEST_BYTES, parse_json
+from kochab.parsing.text_input import LARGEST_BYTES, parse_json
 
 MOST_PARTS = 3
 _TYPES = frozenset("|b1 |u1 |i1 <u2 >u2 <i2 >i2 <u4 >u4 <i4 >i4 <u8 >u8 <i8 >i8 <f2 >f2 <f4 >f4 <f8 >f8".split())  # noqa: SIM905

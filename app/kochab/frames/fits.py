@@ -19,13 +19,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import MAX_BYTES, check_size, native
 from kochab.frames.sandbox import leave_to_sandbox
+from kochab.text.translation import tr
 
 BLOCK = 2880
 CARD = 80

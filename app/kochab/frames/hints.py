@@ -8,10 +8,10 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame, Hint, Site
 from kochab.frames.samples import bayer_pattern, clipping_level, finite, number_or_none, split
+from kochab.text.translation import tr, tr_noop
 
 # Every hint passes these limits; what no camera, clock or site can have becomes None.
 

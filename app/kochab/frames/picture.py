@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from kochab.core import tr
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.hints import exif_of, frame_with_exif
 from kochab.frames.samples import check_size
 from kochab.frames.sandbox import decoding, leave_to_sandbox
+from kochab.text.translation import tr
 
 Image.MAX_IMAGE_PIXELS = None  # check_size refuses first, with a sentence
 

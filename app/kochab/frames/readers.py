@@ -9,12 +9,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Task, run
 from kochab.core.registry import Registry
 from kochab.frames.sandbox import Outside, in_sandbox, leave_to_sandbox, memory_text
+from kochab.text.translation import tr, tr_noop
 
 Reader = Callable[[Path], Frame]
 

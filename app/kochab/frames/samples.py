@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import tr_n
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError
+from kochab.text.translation import tr_n
 
 MAX_PIXELS = 300_000_000
 MAX_SIDE_PX = 100_000

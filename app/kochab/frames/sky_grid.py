@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors, wrapped
 from kochab.core.solution import Solution
+from kochab.text.translation import tr, tr_noop
 
 DEC_STEPS_DEG = (30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 360)
 _PARTS_OF_AN_HOUR = (1, 2, 3, 6, 12, 30, 60, 120, 180, 360, 720, 1800, 3600)

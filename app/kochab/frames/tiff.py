@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import tr
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.hints import Exif, exif_of, frame_with_exif, hint_from_exif
 from kochab.frames.samples import check_size, split
 from kochab.frames.sandbox import decoding, leave_to_sandbox
+from kochab.text.translation import tr
 
 _CFA = 32803
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.errors import FrameError
 from kochab.core.frame import Frame
 from kochab.frames.fits import parse_value
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import PATTERNS, check_size
 from kochab.frames.sandbox import decoding, leave_to_sandbox
+from kochab.text.translation import tr
 
 
 def read_xisf(path: Path) -> Frame:

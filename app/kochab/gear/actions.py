@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from kochab.core import tr, tr_noop
 from kochab.core.mount import Ability, MountState, TrackingRate
+from kochab.text.translation import tr, tr_noop
 
 CONNECT = tr_noop("Connect a mount first, or practise with a simulated telescope.")
 CONNECTING = tr_noop("Wait until the mount has answered.")

@@ -13,10 +13,10 @@ import time
 from contextlib import suppress
 from enum import StrEnum
 
-from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, NoAnswerError, RefusedError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts.serial_line import SerialLink
+from kochab.text.translation import tr_noop
 
 log = logging.getLogger(__name__)
 BAUD, FEED = 115200, 1000

@@ -12,13 +12,13 @@ from queue import Empty, SimpleQueue
 from time import monotonic, sleep
 from typing import Any
 
-from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.progress import Progress, Task, run
 from kochab.gear import mount_events as events
 from kochab.gear.actions import action
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
+from kochab.text.translation import tr_noop
 
 # -- What is asked of the thread of a mount's line ---------------------------------------------
 

@@ -13,18 +13,18 @@ from dataclasses import asdict, astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from kochab.core import tr_noop
-from kochab.core.angle_text import parse_site, site_text
 from kochab.core.attitude import ARCSEC
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.mount import Epoch
-from kochab.core.text_input import parse_json, read_text
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.motion_plan import Horizon, Limits
 from kochab.gear.quick_stop import profile_folder, profile_path
 from kochab.gear.session import BAUDS, EXPOSURE_S, CameraSelection, Meridian, MountSelection, limits_at
+from kochab.parsing.angles import parse_site, site_text
+from kochab.parsing.text_input import parse_json, read_text
+from kochab.text.translation import tr_noop
 
 FORMAT = 1
 BOUNDS: dict[str, tuple[float, float, str]] = {

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from kochab.core import config_folder
 from kochab.core.errors import KochabError, UsageError
+from kochab.folders import config_folder
 
 STOPS = {
     "lx200": (9600, b"#:Q#"),
@@ -62,7 +62,7 @@ def send_first_stop(arguments: Sequence[str]) -> None:
             given[name] = value if equals else after
     with suppress(OSError, ValueError, TypeError, AttributeError, UsageError):  # the command says what is wrong
         if given["profile"]:
-            from kochab.core.text_input import read_json
+            from kochab.parsing.text_input import read_json
 
             kept = read_json(profile_path(given["profile"]))
             given |= {name: value or str(kept.get(name) or "") for name, value in given.items()}
@@ -131,7 +131,7 @@ def last_used_path() -> Path:
 
 def last_used() -> dict[str, str]:
     """Its port, driver and baud rate, each empty where it is not known."""
-    from kochab.core.text_input import read_json
+    from kochab.parsing.text_input import read_json
 
     kept = None
     with suppress(OSError, ValueError, KochabError):

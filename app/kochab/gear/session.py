@@ -10,12 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from kochab.core import config_folder, tr, tr_noop
 from kochab.core.capture import CameraSource, CaptureSettings
 from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
+from kochab.folders import config_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
@@ -27,6 +27,7 @@ from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_po
 from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.mounts.sync_needed import SyncNeeded
 from kochab.gear.quick_stop import last_used_path
+from kochab.text.translation import tr, tr_noop
 
 DRIVER_DEFAULT = tr_noop("default")
 EPOCHS = {DRIVER_DEFAULT: None, str(Epoch.DATE): Epoch.DATE, str(Epoch.J2000): Epoch.J2000}

@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import cache_folder
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import CatalogueError, DamagedPatternsError
-from kochab.core.text_input import read_json
+from kochab.folders import cache_folder
+from kochab.parsing.text_input import read_json
 
 RA_STEPS = 1 << 20  # right ascension in units of about 1.2 arcsec; zones above it in the key
 

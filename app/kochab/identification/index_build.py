@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats, Ints, Ints32
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
-from kochab.core.text_input import read_json
 from kochab.identification.index import (
     LEVEL_FIELDS_DEG,
     PER_FIELD,
@@ -43,6 +42,7 @@ from kochab.identification.index import (
 )
 from kochab.identification.index_sort import QuadSort
 from kochab.identification.quads import canonical, planar
+from kochab.parsing.text_input import read_json
 
 PARTS = 16  # of the 2^64 marks, evenly: a power of two
 STARS_AT_ONCE = 1 << 15  # a cancelled build ends within about a second

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import tr, tr_n
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
@@ -28,6 +27,7 @@ from kochab.identification import with_places
 from kochab.identification.index import LEVEL_FIELDS_DEG, PER_FIELD, Volume, drop_fine, fine, shipped
 from kochab.identification.quads import SUPPOSED, FieldStars, Hypotheses, QuadQuery, image_quads, propose, quad_marks
 from kochab.identification.verification import ACCEPT_LOG10, FEWEST, CandidatePointing, Verdict, support, verify
+from kochab.text.translation import tr, tr_n
 
 if TYPE_CHECKING:
     from kochab.identification.triangles import KnownSearch

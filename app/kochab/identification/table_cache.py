@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import cache_folder
 from kochab.core.arrays import Array
-from kochab.core.text_input import read_json
+from kochab.folders import cache_folder
+from kochab.parsing.text_input import read_json
 
 Arrays = dict[str, Array]
 CRC_BYTES = 4

@@ -16,13 +16,13 @@ from math import cos, exp, log, pi, radians, sin
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
 from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.sky.horizon import sidereal_deg
+from kochab.text.translation import tr, tr_noop
 
 AGREE_ARCSEC = 120.0  # a mount's own rounding, and what mechanics leave
 NAMED = 0.8

@@ -10,7 +10,6 @@ from math import cos, hypot, radians, sqrt
 
 import numpy as np
 
-from kochab.core import tr, tr_n, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
@@ -33,6 +32,7 @@ from kochab.pointing.disagreement import (
     turned,
 )
 from kochab.sky.horizon import sidereal_deg
+from kochab.text.translation import tr, tr_n, tr_noop
 
 FEWEST = 4  # sightings: eight numbers for five terms
 FARTHEST_DEG = 5.0  # beyond, a mount is to be aligned or synced

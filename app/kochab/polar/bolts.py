@@ -9,9 +9,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.core import tr_noop
 from kochab.polar.bolt_filter import BoltFilter
 from kochab.polar.error import Knob
+from kochab.text.translation import tr_noop
 
 
 class Base(StrEnum):

@@ -14,7 +14,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, angle_between, rotation_vectors
 from kochab.core.mount import SIDEREAL_RAD_S
@@ -24,6 +23,7 @@ from kochab.polar.measure import FAR_DEG, MeasureSettings, NoAxis, PolarFinding,
 from kochab.polar.pole import pole_direction
 from kochab.polar.rotations import about, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
+from kochab.text.translation import tr, tr_noop
 
 FAR_RAD = np.radians(2.0)  # one sigma, each way, of how far an axis stands from its pole before anything is known
 ROUNDS, STANDS_ARCSEC = 12, 0.1  # of seeking the axis about where it was found

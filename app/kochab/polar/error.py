@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kochab.core import number, tr, tr_n, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, angle_between
 from kochab.core.errors import UsageError
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.rotations import alt_az, wrapped_rad
+from kochab.text.translation import number, tr, tr_n, tr_noop
 
 CHI2_68, CHI2_95 = 2.2957, 5.9915  # two degrees of freedom, probabilities 0.6827 and 0.95
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, rotation_vector, small_rotation
 from kochab.core.mount import SIDEREAL_RAD_S
@@ -24,6 +23,7 @@ from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
 from kochab.polar.pole import tracking_rad_s
 from kochab.polar.rotations import about, alt_az, cross_matrix, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, seen_by
+from kochab.text.translation import tr
 
 # -- What moved between two live frames: a bolt, the RA axis, or the declination axis ----------
 # Any small rotation can be made of two bolts and a turn about RA, so one movement of the

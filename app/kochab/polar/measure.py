@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, angle_between, rotation_vector
 from kochab.core.camera import Camera
@@ -31,6 +30,7 @@ from kochab.polar.rotations import about
 from kochab.polar.seen_axis import Cause
 from kochab.polar.sighting import LocalAttitude, Sighting, cropped, same_optics, to_local, with_one_camera
 from kochab.sky.horizon import STANDARD_REFRACTION, Refraction
+from kochab.text.translation import tr, tr_noop
 
 
 class PolarFindingKind(StrEnum):

@@ -4,12 +4,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.rotations import alt_az, direction
 from kochab.sky.horizon import STANDARD_REFRACTION, Refraction, observed_at
+from kochab.text.translation import tr, tr_noop
 
 
 class Pole(StrEnum):

@@ -9,8 +9,6 @@ from math import degrees, log10
 from pathlib import Path
 from typing import Any
 
-from kochab.core import number, tr
-from kochab.core.angle_text import round_angle_text
 from kochab.core.errors import KochabError
 from kochab.core.frame import Site
 from kochab.frames.atomic_file import write_atomically
@@ -18,6 +16,8 @@ from kochab.polar.drift import Drift
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.measure import Measurement
 from kochab.polar.pole import Pole
+from kochab.text.angle_text import round_angle_text
+from kochab.text.translation import number, tr
 
 SPARSE_S = 2.0  # live errors are kept this far apart
 

@@ -11,7 +11,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, SAME_THREAD_FACTOR, SEEN, Base, Bolt
 from kochab.polar.error import (
     FINER,
@@ -23,6 +22,7 @@ from kochab.polar.error import (
     sayable,
     turns_in_words,
 )
+from kochab.text.translation import tr, tr_noop
 
 TEXTS: dict[tuple[Base, Knob], tuple[str, ...]] = {
     (Base.BOLTS, Knob.ALTITUDE): (

@@ -17,9 +17,10 @@ from html import escape
 from http import HTTPStatus
 from typing import Any
 
-from kochab.core import data_folder, tr
 from kochab.core.errors import PortError
+from kochab.folders import data_folder
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
+from kochab.text.translation import tr
 from kochab.workflows.session.alignment_state import AlignmentState
 
 TOKEN_BYTES = 16  # 128 bits: nobody in the network guesses the address

@@ -4,11 +4,11 @@ import time
 from datetime import datetime
 from weakref import WeakValueDictionary
 
-from kochab.core import tr
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import LineLostError, PortError
 from kochab.core.frame import Frame
 from kochab.simulate.rig import PracticeRig
+from kochab.text.translation import tr
 
 EXPOSURE_S = (0.001, 60.0)
 GAIN = (0.1, 100.0)

@@ -6,8 +6,6 @@ import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kochab.core import tr
-from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
 from kochab.core.capture import CaptureSettings
 from kochab.core.errors import UsageError
@@ -16,6 +14,8 @@ from kochab.simulate.camera_source import SimulatedCamera, announce, withdraw
 from kochab.simulate.responders import RESPONDERS, open_responder
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, practice_night, through, tonight
 from kochab.simulate.serial_line import Fault, Faults, Line, pty_line, socket_line
+from kochab.text.angle_text import angle_text
+from kochab.text.translation import tr
 
 # -- What a person does at the mount on a practice night, as typed lines ------------------------
 

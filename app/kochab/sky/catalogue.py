@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kochab.core import data_folder
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import CatalogueError, UsageError
+from kochab.folders import data_folder
 from kochab.sky.catalogue_file import (
     BV_LOWEST,
     BV_STEP,

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Bytes, Floats, Ints, Table
 from kochab.core.errors import CatalogueError
-from kochab.core.text_input import parse_json, read_json
+from kochab.parsing.text_input import parse_json, read_json
 
 MAGIC = b"KOCHAB1\n"
 ALIGN = 64

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kochab.core import config_folder
 from kochab.core.errors import CatalogueError
-from kochab.core.text_input import TextError, parse_json, read_text
+from kochab.folders import config_folder
+from kochab.parsing.text_input import TextError, parse_json, read_text
 from kochab.sky.catalogue_file import write_whole
 from kochab.sky.ephemeris import GM
 from kochab.sky.orbits import state_at_perihelion, two_body

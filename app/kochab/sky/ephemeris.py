@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import data_folder
 from kochab.core.arrays import Array, Floats
 from kochab.core.errors import CatalogueError
+from kochab.folders import data_folder
 from kochab.sky.catalogue_file import Container
 
 EARTH_MOON_RATIO = 81.3005690699153

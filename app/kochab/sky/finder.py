@@ -19,18 +19,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit, unit_vectors
-from kochab.core.coordinates import parse_place
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Task
+from kochab.parsing.places import parse_place
 from kochab.sky.apparent import JD_UNIX, from_apparent, julian_date_tt, julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue, shipped_folder
 from kochab.sky.landmarks import constellation_at, constellation_names
 from kochab.sky.names import GENITIVES, GREEK, SkyObjects, StarNames, read_objects
 from kochab.sky.solar_system import Body, Moving
+from kochab.text.translation import tr
 
 SUGGESTIONS = 5
 ALTERNATIVES = 4

@@ -10,7 +10,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
-from kochab.core.text_input import read_json
+from kochab.parsing.text_input import read_json
 from kochab.sky import catalogue_file
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.catalogue_file import Container, read_manifest, sha256

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.solution import Solution
 from kochab.sky.catalogue import shipped_folder
+from kochab.text.translation import tr
 
 LEAST_SHARE = 0.01  # of the frame's shorter side: a smaller object does not name a frame
 MARGIN = 0.1  # of the frame's sides, where an object is not what the frame is of

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import data_folder
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.folders import data_folder
 from kochab.sky.catalogue_file import Container
 
 _TABLES = json.loads((data_folder("resources") / "star_names.json").read_text(encoding="utf-8"))

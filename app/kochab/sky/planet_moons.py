@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import data_folder
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, angle_between, radec_deg
+from kochab.folders import data_folder
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.solar_system import AU_KM, Body, BodyKind, Observer, lit_share, phase_angle_deg
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import tr, tr_n
 from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import radec_deg, unit
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
-from kochab.core.text_input import parse_json
+from kochab.parsing.text_input import parse_json
 from kochab.sky.apparent import JD_UNIX, of_date_matrix, without_aberration
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.solar_system import AU_KM, Body, BodyKind, Observer
+from kochab.text.translation import tr, tr_n
 
 STEP_S, SLACK_RAD, MANY, TRAIL = 2.0, 0.005, 200, 200
 """Seconds from one place to the next when passes are looked for, what a path bends meanwhile, satellites at a time, and

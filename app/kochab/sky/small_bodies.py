@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import data_folder
 from kochab.core.arrays import Bools, Floats, Indices
 from kochab.core.attitude import radec_deg, unit
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Task
+from kochab.folders import data_folder
 from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.orbits import carried, days_since_perihelion, period_years, two_body

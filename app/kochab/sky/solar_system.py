@@ -14,13 +14,13 @@ from typing import Protocol
 
 import numpy as np
 
-from kochab.core import tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, radec_deg, unit, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.progress import Task
 from kochab.sky.apparent import JD_UNIX, LIGHT_AU_DAY, julian_date_tt, of_date_matrix
 from kochab.sky.ephemeris import shipped_ephemeris
+from kochab.text.translation import tr_noop
 
 AU_KM = 149597870.7
 PARALLAX_ARCSEC = 8.794143

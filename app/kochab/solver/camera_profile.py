@@ -19,16 +19,17 @@ from numpy.linalg import LinAlgError
 
 from kochab.attitude import FLOOR_PX, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
-from kochab.core import config_folder, tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
-from kochab.core.text_input import read_json
+from kochab.folders import config_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.identification.predictional_estimate import differential
+from kochab.parsing.text_input import read_json
+from kochab.text.translation import tr
 
 TERMS = PARAMETERS[3:]
 MEMORY_FRAMES = 400  # older frames fade, as the lens cools and errors are not all random

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import tr, tr_n
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
@@ -22,6 +21,7 @@ from kochab.solver.frame_quality import (
     measure_light,
     measure_trails,
 )
+from kochab.text.translation import tr, tr_n
 
 FEWEST_CATALOGUE_STARS = 10
 CLEAR_SNR = 8.0

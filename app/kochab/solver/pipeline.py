@@ -12,7 +12,6 @@ import numpy as np
 
 from kochab.attitude import ESTIMATORS
 from kochab.attitude.fit import Fit, FocalPrior, refine
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Frame, Hint
@@ -21,6 +20,7 @@ from kochab.core.solution import Identification, Matches, NoSolution, Reason, So
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
 from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, StarCatalogue, named_stars
+from kochab.text.translation import tr
 
 if TYPE_CHECKING:
     from kochab.sky import Catalogue

@@ -10,10 +10,11 @@ from time import monotonic
 from PySide6.QtCore import QLibraryInfo, QLocale, QObject, QTimer, QTranslator
 from PySide6.QtWidgets import QApplication
 
-from kochab.core import data_folder, speak, tr, tr_noop
 from kochab.core.progress import PREPARING, Progress
 from kochab.detection import DETECTORS
+from kochab.folders import data_folder
 from kochab.identification import IDENTIFIERS
+from kochab.text.translation import speak, tr, tr_noop
 from kochab.window.devices.cameras import Cameras
 from kochab.window.devices.equipment import Equipment
 from kochab.window.devices.mount_control import MountControl

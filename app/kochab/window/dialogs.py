@@ -7,9 +7,9 @@ from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QColor, QDropEvent, QGuiApplication, QIcon, QPainter, QPalette
 from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QMessageBox, QWidget
 
-from kochab.core import tr
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
+from kochab.text.translation import tr
 
 
 def is_red() -> bool:

@@ -7,9 +7,9 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal, SignalInstance
 
-from kochab.core import tr
 from kochab.core.errors import KochabError
 from kochab.core.progress import Task
+from kochab.text.translation import tr
 
 log = logging.getLogger("kochab")
 REPORT_EVERY_S = 0.03  # more often than this nobody can read it

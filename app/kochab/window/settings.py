@@ -6,10 +6,10 @@ from typing import Any
 
 from PySide6.QtCore import QByteArray, QSettings
 
-from kochab.core import config_folder, data_folder
-from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Site
-from kochab.core.text_input import TextError, parse_json
+from kochab.folders import config_folder, data_folder
+from kochab.parsing.text_input import TextError, parse_json
+from kochab.text.angle_text import AngleStyle
 
 MOST_RECENT = 10
 LARGEST = 2**31 - 1  # what Qt counts with; neither infinity nor NaN is below it

@@ -14,7 +14,8 @@ from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPalette, QPixmap
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QApplication
 
-from kochab.core import data_folder, tr_noop
+from kochab.folders import data_folder
+from kochab.text.translation import tr_noop
 
 
 def _shades(dark: str, light: str, night: str) -> Any:

@@ -6,7 +6,7 @@ from typing import TypeVar
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QUndoCommand, QUndoStack
 
-from kochab.core import tr
+from kochab.text.translation import tr
 
 T = TypeVar("T")
 MOST_STEPS = 30

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kochab.core import data_folder
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.errors import KochabError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
+from kochab.folders import data_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import avm_packet, compass
 from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces

@@ -4,8 +4,6 @@ import time
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import angle_text
 from kochab.core.attitude import Degrees, apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
 from kochab.core.mount import Ability, Direction, Pointing
@@ -14,6 +12,8 @@ from kochab.core.solution import NoSolution, Solution, SolveNow, no_solution_tex
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.gear.mounts.motion_policy import ACROSS
+from kochab.text.angle_text import angle_text
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.centring_corrections import Correction, Course, MountAndSky
 from kochab.workflows.goto_target import Target, Wait, apart, parse_target, settled, with_retries
 from kochab.workflows.nudge import nudge

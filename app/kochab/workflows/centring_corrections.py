@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import cos, radians
 
-from kochab.core import tr_noop
 from kochab.core.attitude import Degrees, apart_deg, wrapped
+from kochab.text.translation import tr_noop
 from kochab.workflows.sync_mount import shifted
 
 LEARN_FROM_DEG = 0.1

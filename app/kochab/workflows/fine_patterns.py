@@ -11,9 +11,9 @@ from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
-from kochab.core import tr
 from kochab.core.errors import CatalogueError, KochabError
 from kochab.core.progress import Progress, Task
+from kochab.text.translation import tr
 
 LOOK_EVERY_S = 0.2
 ENDING_S = 0.5  # a long sort hears nothing for seconds

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.capture import CameraSource
 from kochab.core.errors import NoAnswerError, UsageError
 from kochab.core.frame import Detections, Frame, Site
@@ -18,6 +17,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import merged_hint, solve_detections, solve_frame
+from kochab.text.translation import tr
 
 SLICE_S = 0.2
 PATIENCE_S = 90.0

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TypeVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
-from kochab.core.coordinates import parse_place
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
 from kochab.core.mount import Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_policy import due_side
+from kochab.parsing.places import parse_place
+from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
 Wait = Callable[[float], None]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
@@ -16,6 +15,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.slew_supervisor import FOLLOWED_DEG
 from kochab.polar.rotations import about
 from kochab.sky.apparent import of_date_matrix
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.goto_target import Wait, settled, with_retries
 from kochab.workflows.sync_mount import shifted
 

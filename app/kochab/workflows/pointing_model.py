@@ -10,9 +10,9 @@ from typing import Any
 from kochab.core.errors import RefusedError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide, Pointing
-from kochab.core.text_input import read_json
 from kochab.frames.atomic_file import atomic_file
 from kochab.gear.mounts.guard import Guard
+from kochab.parsing.text_input import read_json
 from kochab.pointing.disagreement import MountSighting
 from kochab.pointing.pointing_model import PointingModel
 

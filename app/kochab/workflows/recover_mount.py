@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, SiteReport
@@ -15,6 +14,7 @@ from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
 from kochab.pointing.disagreement import Disagreement, MountSighting, investigate
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.fresh_frame import NoMoreFramesError
 from kochab.workflows.goto_target import with_retries
 from kochab.workflows.sync_mount import require_allowed, solves_apart_arcsec

@@ -5,8 +5,8 @@ import io
 import math
 from collections.abc import Iterable, Mapping
 
-from kochab.core import in_english, number, tr, tr_noop
-from kochab.core.angle_text import (
+from kochab.core.solution import NoSolution, Solution
+from kochab.text.angle_text import (
     AngleStyle,
     angle_text,
     arcsec_text,
@@ -16,7 +16,7 @@ from kochab.core.angle_text import (
     ra_text,
     radec_plain,
 )
-from kochab.core.solution import NoSolution, Solution
+from kochab.text.translation import in_english, number, tr, tr_noop
 
 STAGES = {
     "read": tr_noop("read"),

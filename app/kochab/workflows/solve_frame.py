@@ -8,14 +8,14 @@ from time import perf_counter
 
 import numpy as np
 
-from kochab.core import tr, tr_n
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
-from kochab.core.text_input import read_text
+from kochab.parsing.text_input import read_text
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import examine_frame, solve_detections
+from kochab.text.translation import tr, tr_n
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,8 +7,6 @@ and is sent as far beside the target as that error is.
 import time
 from dataclasses import dataclass, replace
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Ability, Pointing
@@ -17,6 +15,8 @@ from kochab.core.solution import NoSolution, Solution, SolveNow
 from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
+from kochab.text.angle_text import angle_text
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.goto_target import Wait, apart, settled, with_retries
 
 MOVED_ARCSEC = 60.0  # since the offer: less may be drift and rounding

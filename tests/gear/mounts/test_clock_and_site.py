@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from kochab.core import speak
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, SiteReport
@@ -17,6 +16,7 @@ from kochab.gear.mounts.clock_and_site import wall_clock
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.text.translation import speak
 from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, Night, alpaca, moved, opened, place
 from tests.gear.mounts.imaginary import NIGHT, at, guarded
 from tests.gear.mounts.scripted import transcript

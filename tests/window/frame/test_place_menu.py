@@ -9,9 +9,9 @@ from PySide6.QtCore import QPoint
 from PySide6.QtGui import QContextMenuEvent, QDesktopServices
 from PySide6.QtWidgets import QApplication, QMenu
 
-from kochab.core import tr
 from kochab.core.attitude import apart_deg
 from kochab.gear.actions import CONNECT, Need
+from kochab.text.translation import tr
 from kochab.window.frame.place_menu import links
 from kochab.window.frame.search import sought
 from tests.window.image.test_frame_view import jupiter_at

@@ -6,10 +6,11 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from kochab.core.angle_text import AngleStyle, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
+from kochab.parsing.angles import parse_site, site_text
 from kochab.sky.horizon import horizon_of
+from kochab.text.angle_text import AngleStyle
 from kochab.window.frame.readout import readout
 from tests.window.fakes import fake_solution, star_field
 

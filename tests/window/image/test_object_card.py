@@ -6,13 +6,13 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from kochab.core.angle_text import AngleStyle
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Site
 from kochab.sky.horizon import Horizon, Refraction
 from kochab.sky.layer import in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import BodyKind
+from kochab.text.angle_text import AngleStyle
 from kochab.window.image.object_card import facts, heights
 from kochab.window.image.overlay import Overlay
 from tests.window.fakes import fake_solution

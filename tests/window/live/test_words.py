@@ -6,12 +6,12 @@ from time import monotonic
 import numpy as np
 import pytest
 
-from kochab.core.angle_text import AngleStyle, age_text
 from kochab.core.attitude import Attitude
 from kochab.core.capture import CaptureLimits
 from kochab.core.frame import Frame, Hint
 from kochab.solver.camera_profile import new_profile
 from kochab.solver.tracker import TrackUpdate
+from kochab.text.angle_text import AngleStyle, age_text
 from kochab.window.live import status_text
 from kochab.window.live.rendering import levels_of
 from kochab.workflows.live.capture import Shot

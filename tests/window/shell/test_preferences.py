@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QSettings, Qt
 
-from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Hint, Site
 from kochab.gear.profiles import current_profile, load_profile
 from kochab.sky.horizon import Horizon
 from kochab.sky.layer import AMOUNTS
+from kochab.text.angle_text import AngleStyle
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.preferences import OFFLINE, Preferences
 from kochab.window.themes import HUES
@@ -184,7 +184,7 @@ def test_the_data_is_told_to_be_offline(qtbot, shown):
 
 def test_on_windows_the_windows_settings_lie_beside_the_rest(tmp_path, monkeypatch) -> None:
     """Qt's own folder there is the roaming one, where an uninstaller and a person would not look."""
-    from kochab.core import config_folder
+    from kochab.folders import config_folder
     from kochab.window.settings import own_store
 
     monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.cli.options import CAMERA, MOUNT, SEARCH, add_options, capture_settings, options_of
 from kochab.cli.output import reporting_failures, with_progress
-from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.mount import Home
 from kochab.gear.actions import ACTIONS, TRACK
+from kochab.text.translation import tr, tr_noop
 
 if TYPE_CHECKING:
     from kochab.gear.mounts.guard import Guard

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.arrays import Array
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
@@ -18,6 +17,7 @@ from kochab.core.frame import Frame, Hint
 from kochab.gear.cameras.server_camera import DOWNLOAD_S, ExposingCamera, Exposure
 from kochab.gear.servers.address import NetAddress, chosen, making_sense, net_address, told_name
 from kochab.gear.servers.alpaca_link import PORT, AlpacaLink, NotOfferedError, discover, raise_refusal
+from kochab.text.translation import tr
 
 # -- A picture as Alpaca sends it: ImageBytes, or JSON from servers that know no better --------
 # ASCOM's arrays are [x][y] or [x][y][colour]; here they become rows.

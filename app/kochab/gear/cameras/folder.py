@@ -13,11 +13,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic, sleep
 
-from kochab.core import tr
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import FrameError, LineLostError, PortError
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
+from kochab.text.translation import tr
 
 # -- Which files of a folder are new and finished; pure bookkeeping, the clock is given --------
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
-from kochab.core import tr
 from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from kochab.core.errors import FrameError, PortError, RefusedError
 from kochab.core.frame import Frame
 from kochab.gear.cameras.server_camera import ExposingCamera, Exposure
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.indi_link import CCD_INTERFACE, PORT, SET_S, IndiDevice, IndiLink, missing
+from kochab.text.translation import tr
 
 # -- Bytes that came over a line to a frame ----------------------------------------------------
 

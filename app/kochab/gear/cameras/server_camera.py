@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import monotonic
 
-from kochab.core import tr
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, RefusedError
 from kochab.gear.servers.address import making_sense
+from kochab.text.translation import tr
 
 # An exposure under way on a camera that begins the next one when its picture has arrived.
 

@@ -14,11 +14,11 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import Any
 
-from kochab.core import tr
 from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import LineLostError, PortError, RefusedError
 from kochab.core.frame import Frame, Hint
 from kochab.gear.cameras.server_camera import check_within
+from kochab.text.translation import tr
 
 # Exposure and gain of a video camera, where its driver offers them: V4L2 through linuxpy.
 

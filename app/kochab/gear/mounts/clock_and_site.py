@@ -4,13 +4,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
-from kochab.core import tr, tr_n, tr_noop
-from kochab.core.angle_text import site_text
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Mount, Pointing, SiteReport
 from kochab.gear.mounts.motion_policy import MotionPolicy
+from kochab.parsing.angles import site_text
+from kochab.text.translation import tr, tr_n, tr_noop
 
 CLOCK_S, SITE_DEG = 120.0, 0.5  # in two minutes the sky turns by half a degree, too
 SHIFTED_DEG = 0.5  # a new clock or site that shifts the position by more calls for a sync

@@ -9,11 +9,11 @@ from math import inf
 from threading import Lock, Timer
 from time import monotonic
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.mount import Mount
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.standing import Reading, seen_to_stand
+from kochab.text.translation import tr, tr_noop
 
 CANNOT_STOP = tr_noop("Kochab can't stop the mount: cut its power.")
 MAY_STILL_MOVE = tr_noop("THE MOUNT MAY STILL MOVE: CUT ITS POWER.")

@@ -15,7 +15,6 @@ from time import monotonic, sleep
 from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
 from kochab.core.frame import Site
@@ -31,6 +30,7 @@ from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.slew_supervisor import SlewSupervisor, SupervisedMotion, allowed_region, anywhere, slew_limit_s
 from kochab.gear.mounts.standing import LOOKS, Reading, seen_to_stand
 from kochab.gear.mounts.sync_needed import SyncNeeded
+from kochab.text.translation import tr, tr_noop
 
 UNSTOPPED = tr_noop("KOCHAB CAN'T STOP THIS MOUNT'S TRACKING: stop it by hand.")
 DOUBTFUL_SYNC = tr_noop(

@@ -8,13 +8,13 @@ from math import cos, radians
 
 import numpy as np
 
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, angle_between, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import MountState
 from kochab.core.solution import Solution
 from kochab.sky.horizon import hour_angle_deg, sidereal_deg
+from kochab.text.translation import tr
 
 # -- What a guarded mount may do, and the evidence a sync must bring ---------------------------
 
@@ -166,7 +166,7 @@ class Plan:
 
 
 def refuse(text: str, /, **values: object) -> RuleFinding:
-    """A motion is forbidden; ``text`` and ``values`` as for :func:`kochab.core.tr`."""
+    """A motion is forbidden; ``text`` and ``values`` as for :func:`kochab.text.translation.tr`."""
     return RuleFinding(Severity.REFUSE, tr(text, **values))
 
 

@@ -8,7 +8,6 @@ from math import copysign
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
@@ -31,6 +30,7 @@ from kochab.gear.mounts.motion_plan import (
 )
 from kochab.gear.mounts.sync_needed import SyncNeeded
 from kochab.sky.horizon import altitude_deg, horizon_frame, sidereal_deg, sun_vector
+from kochab.text.translation import tr, tr_noop
 
 Findings = Iterator[RuleFinding]
 AHEAD_S = 60.0  # tracking ends so long before its limit

@@ -8,8 +8,8 @@ from math import isfinite
 from pathlib import Path
 
 from kochab.core.attitude import Degrees, wrapped
-from kochab.core.text_input import read_json
 from kochab.gear.mounts.kept_by_line import kept_file
+from kochab.parsing.text_input import read_json
 
 OVER_S = 12 * 3600.0  # after its last sync by hand a night is over
 

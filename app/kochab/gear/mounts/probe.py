@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Any, TypeVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis
@@ -20,6 +19,7 @@ from kochab.gear.mounts.drivers.lx200_dialects import DIALECTS, named
 from kochab.gear.mounts.drivers.nexstar import MAKER_SINCE, STARSENSE, VARIANTS
 from kochab.gear.mounts.protocols import ioptron, lx200, nexstar, skywatcher
 from kochab.gear.mounts.serial_line import QUIET_S, UDP, Conversation, Reader, SerialLink, exactly, until
+from kochab.text.translation import tr, tr_noop
 
 PROBE_S = 20.0  # for all questions on one port
 PATIENCE_S = 0.8  # an Autostar took 0.63 s to answer after its port was opened

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, Mount, MountState, Pointing
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import of_date
 from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy
+from kochab.text.translation import tr, tr_noop
 
 UNORDERED_DEG = 2.0  # how far a mount that nobody ordered to move may be found from where it was, beside tracking
 CURE = tr_noop(

@@ -15,8 +15,8 @@ from time import monotonic, sleep
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, StoppedError
+from kochab.text.translation import tr, tr_noop
 
 PORTS = tr_noop("a device, COM3, tcp://HOST:PORT, udp://HOST:11880 or SERVER:PORT/DEVICE")
 UDP, TCP = "udp://", ("tcp://", "socket://")

@@ -9,7 +9,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.errors import NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
@@ -23,6 +22,7 @@ from kochab.gear.mounts.motion_policy import MotionPolicy, crosses, horizon, sun
 from kochab.gear.mounts.restart_watch import RestartWatch
 from kochab.gear.mounts.standing import Reading
 from kochab.sky.horizon import horizon_frame, sidereal_deg
+from kochab.text.translation import tr, tr_noop
 
 RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side

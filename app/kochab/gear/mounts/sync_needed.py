@@ -6,8 +6,8 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
-from kochab.core.text_input import read_json
 from kochab.gear.mounts.kept_by_line import kept_file
+from kochab.parsing.text_input import read_json
 
 OVER_S = 12 * 3600.0  # by then the mount has been put away, or somebody has aligned it
 

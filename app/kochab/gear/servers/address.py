@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from socket import gaierror
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import short_name
 from kochab.core.errors import NoAnswerError, PortError, printable
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr, tr_noop
 
 # -- What a person types to name a device on another computer: ``host:port/device`` ------------
 

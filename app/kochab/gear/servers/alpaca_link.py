@@ -14,9 +14,9 @@ from time import monotonic
 from typing import Any
 from urllib.parse import urlencode
 
-from kochab.core import tr_noop
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.gear.servers.address import WORDS, NetAddress, making_sense, told_name, unreachable
+from kochab.text.translation import tr_noop
 
 PORT = 11111
 ANSWER_S = 4.5

@@ -14,9 +14,9 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import Any, TypeVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.gear.servers.address import WORDS, NetAddress, told_name, unreachable
+from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
 CONNECT_S = 5.0

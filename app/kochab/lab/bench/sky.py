@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core import cache_folder
 from kochab.core.arrays import Floats
 from kochab.core.attitude import attitude_from, separation_deg, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
+from kochab.folders import cache_folder
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.bench.stellarium_objects import plain, read_names, read_stellarium
 from kochab.sky.elements import bodies_of, perihelion_jd

@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from kochab.attitude import ESTIMATORS
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera
@@ -28,6 +27,7 @@ from kochab.identification import IDENTIFIERS
 from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import examine_frame
+from kochab.text.translation import tr
 
 FIT = "fit"
 """The default attitude: least squares of rotation and camera together, not an estimator's."""

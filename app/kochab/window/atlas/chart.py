@@ -21,7 +21,6 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QWidget
 
-from kochab.core import tr
 from kochab.core.arrays import Floats
 from kochab.core.attitude import unit
 from kochab.core.camera import ChartCamera
@@ -32,6 +31,7 @@ from kochab.sky.frame_bodies import body_mark
 from kochab.sky.layer import MARKS, Layers, Mark, inside
 from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body, BodyKind
+from kochab.text.translation import tr
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
 from kochab.window.image.overlay import Overlay

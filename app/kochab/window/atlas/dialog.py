@@ -12,8 +12,6 @@ import numpy as np
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QDialog, QMenu, QWidget
 
-from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, angle_text, dec_text, ra_text, radec_plain
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import Progress, Task
@@ -27,6 +25,8 @@ from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
+from kochab.text.angle_text import AngleStyle, angle_text, dec_text, ra_text, radec_plain
+from kochab.text.translation import number, tr, tr_noop
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.mosaic import Mosaic
 from kochab.window.frame.place_menu import links, place_menu

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from kochab.core.angle_text import AngleStyle, radec_plain
 from kochab.core.arrays import Floats
 from kochab.core.attitude import attitude_from, radec_deg, unit
 from kochab.core.camera import Camera
 from kochab.core.solution import Solution
+from kochab.text.angle_text import AngleStyle, radec_plain
 
 SIDE_POINTS = 17  # of a side of a frame: straight in the frame, it bends on the chart
 

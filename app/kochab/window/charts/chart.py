@@ -8,10 +8,10 @@ from PySide6.QtCore import QByteArray, QPoint, QSize, Qt
 from PySide6.QtGui import QImage, QImageWriter, QResizeEvent
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
-from kochab.core import tr
 from kochab.core.progress import Task
 from kochab.frames.atomic_file import atomic_file, write_atomically
 from kochab.frames.export import csv_text
+from kochab.text.translation import tr
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.dialogs import ask_save, save_task, tell

@@ -9,8 +9,8 @@ from PySide6.QtCore import QPoint, Qt, Signal
 from PySide6.QtGui import QColor, QContextMenuEvent, QFont, QFontMetrics, QKeyEvent
 from PySide6.QtWidgets import QApplication
 
-from kochab.core import number
 from kochab.core.arrays import Floats
+from kochab.text.translation import number
 from kochab.window.charts.series import MARKER_PX, WIDTH_PX, ChartAxis, Series, line_style
 from kochab.window.themes import Colours, theme_colours
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from PySide6.QtGui import QColor
 
-from kochab.core import number, tr
+from kochab.text.translation import number, tr
 from kochab.window.themes import THEMES, Colours
 
 ON_DARK = ("#56b4f9", "#f0b440", "#5fd39a", "#ff8a7a", "#c79bf2", "#9aa7b8", "#e7e36a", "#ff7ab0")

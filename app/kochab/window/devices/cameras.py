@@ -6,12 +6,12 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSignalBlocker, Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.capture import CameraDevice, CaptureSettings
 from kochab.core.progress import Progress, Task
 from kochab.gear.cameras import SOURCES
 from kochab.gear.cameras.shared_cameras import Share, SharedCameras
 from kochab.gear.session import CameraSelection
+from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import ask_folder
 from kochab.window.job import Job, Jobs
 from kochab.window.widgets import (

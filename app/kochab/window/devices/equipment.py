@@ -6,8 +6,6 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QAction, QActionGroup
 from PySide6.QtWidgets import QMenu, QToolButton
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import short_name
 from kochab.core.errors import KochabError
 from kochab.gear.profiles import (
     EquipmentProfile,
@@ -18,6 +16,8 @@ from kochab.gear.profiles import (
     save_profile,
     saved_profiles,
 )
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.settings import WindowSettings
 from kochab.window.undo import Undo

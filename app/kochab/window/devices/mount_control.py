@@ -7,7 +7,6 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
@@ -34,6 +33,7 @@ from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.profiles import current_profile, keep_profile
 from kochab.gear.session import CameraSelection, MountSelection, Opening, Practice, PracticeOpening, port_opening
 from kochab.pointing.disagreement import MountSighting
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import Cameras
 from kochab.window.frame.session import Session
 from kochab.window.job import Job, Jobs

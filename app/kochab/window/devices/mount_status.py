@@ -8,10 +8,10 @@ from PySide6.QtCore import QEvent, QObject, Qt, SignalInstance
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QApplication, QMainWindow, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.mount import MountState
 from kochab.gear.actions import action
 from kochab.gear.mount_events import MountSnapshot
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.widgets import ElidedLabel, button, row, set_role
 

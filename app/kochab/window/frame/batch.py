@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames import suffixes
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr
 from kochab.window.frame.session import Session, WorkflowEngine
 from kochab.window.image.thumbnails import small_picture
 from kochab.window.job import Job

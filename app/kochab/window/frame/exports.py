@@ -9,7 +9,6 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QMenu, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
@@ -18,6 +17,7 @@ from kochab.frames.export import stars_csv
 from kochab.frames.outputs import refuse_input
 from kochab.frames.wcs import write_solved_copy, write_wcs
 from kochab.sky.elements import kept_elements
+from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import ask_save, save_task, tell
 from kochab.window.frame.session import Session
 from kochab.window.image.overlay import Overlay

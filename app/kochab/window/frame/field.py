@@ -4,8 +4,6 @@ from functools import partial
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr
-from kochab.core.angle_text import altaz_text
 from kochab.core.frame import Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
@@ -13,6 +11,8 @@ from kochab.sky.finder import finder
 from kochab.sky.horizon import Horizon, horizon_of
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, sky_tables
+from kochab.text.angle_text import altaz_text
+from kochab.text.translation import tr
 from kochab.window.frame.session import Known, Session
 from kochab.window.image.overlay import Overlay
 from kochab.window.settings import WindowSettings

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr, tr_n
-from kochab.core.angle_text import short_name
 from kochab.core.solution import Solution
 from kochab.frames import file_pattern
 from kochab.frames.atomic_file import write_atomically
 from kochab.sky.elements import ENDINGS, keep_elements
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr, tr_n
 from kochab.window.dialogs import ask_folder, ask_frames, ask_save, save_task, tell
 from kochab.window.frame.batch import Batch, FileState, images_in
 from kochab.window.frame.film_strip import Blink, FilmStrip, results_table

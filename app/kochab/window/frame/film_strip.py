@@ -19,9 +19,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from kochab.core import tr, tr_n, tr_noop
-from kochab.core.angle_text import AngleStyle
 from kochab.core.solution import Solution
+from kochab.text.angle_text import AngleStyle
+from kochab.text.translation import tr, tr_n, tr_noop
 from kochab.window.frame.batch import Batch, FileState
 from kochab.window.frame.workspace import Workspace
 from kochab.window.image.frame_image import FrameImage

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr
 from kochab.sky.layer import AMOUNTS, MARKS, SHOWN
+from kochab.text.translation import tr
 from kochab.window.frame.field import SkyField
 from kochab.window.frame.workspace import Workspace
 from kochab.window.settings import WindowSettings

@@ -6,8 +6,8 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
-from kochab.core import tr
-from kochab.core.angle_text import age_text
+from kochab.text.angle_text import age_text
+from kochab.text.translation import tr
 from kochab.window.frame.session import Session
 from kochab.window.widgets import label, show_text
 

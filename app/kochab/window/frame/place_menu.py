@@ -9,13 +9,13 @@ from PySide6.QtCore import QObject, QPoint, QUrl
 from PySide6.QtGui import QAction, QDesktopServices
 from PySide6.QtWidgets import QMenu, QWidget
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import AngleStyle, radec_plain, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.gear.actions import MountSituation, reasons_against
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables
+from kochab.text.angle_text import AngleStyle, radec_plain, radec_text
+from kochab.text.translation import tr, tr_noop
 from kochab.window.frame.picker import Picker
 from kochab.window.frame.session import Session
 from kochab.window.image.object_card import vector_of

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr
-from kochab.core.angle_text import AngleStyle
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
 from kochab.sky.apparent import julian_years
 from kochab.solver import UNKNOWN_YEAR
+from kochab.text.angle_text import AngleStyle
+from kochab.text.translation import tr
 from kochab.window.frame.field import SkyField
 from kochab.window.frame.session import Session
 from kochab.window.frame.workspace import Workspace

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from kochab.core import number, tr
-from kochab.core.angle_text import AngleStyle, altaz_text, radec_text
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame, Site
 from kochab.core.solution import Solution
 from kochab.sky.horizon import horizon_of
+from kochab.text.angle_text import AngleStyle, altaz_text, radec_text
+from kochab.text.translation import number, tr
 
 
 def readout(

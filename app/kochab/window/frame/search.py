@@ -6,7 +6,6 @@ from datetime import datetime
 import numpy as np
 from PySide6.QtWidgets import QDialog, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, east_north
 from kochab.core.frame import Hint, Site
@@ -14,6 +13,7 @@ from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.sky.finder import Found, NotFound, find
 from kochab.sky.horizon import horizon_of
+from kochab.text.translation import tr, tr_noop
 from kochab.window.frame.picker import Picker
 from kochab.window.frame.session import Session
 from kochab.window.settings import WindowSettings

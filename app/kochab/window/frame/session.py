@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.gear.mounts import DRIVERS
 from kochab.identification import IDENTIFIERS
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr
 from kochab.window.image.frame_image import FrameImage, prepare
 from kochab.window.image.screen_image import RenderedFrame
 from kochab.window.job import Job, Jobs

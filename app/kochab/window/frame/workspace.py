@@ -3,7 +3,7 @@
 from PySide6.QtCore import QEvent, QObject, QPoint, QRect, QSize
 from PySide6.QtWidgets import QBoxLayout, QToolButton, QWidget
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.window.image.frame_view import FrameView
 from kochab.window.image.stretch_strip import StretchStrip
 from kochab.window.panels.card import Card

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core import tr
 from kochab.core.arrays import Array, Floats
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.frames.stretch import debayer_preview, midtones, stretch_parameters
+from kochab.text.translation import tr
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame, ScreenImage, Viewport
 from kochab.window.themes import theme_colours

@@ -8,8 +8,6 @@ import numpy as np
 from PySide6.QtCore import QPoint, Signal
 from PySide6.QtWidgets import QWidget
 
-from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, arcsec_text, radec_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
@@ -17,6 +15,8 @@ from kochab.sky.landmarks import constellation_at
 from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, Variable
 from kochab.sky.solar_system import AU_KM, BodyKind
+from kochab.text.angle_text import AngleStyle, arcsec_text, radec_text
+from kochab.text.translation import number, tr, tr_noop
 from kochab.window.widgets import button, column, copy_text, label, row, styled_frame
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QSlider
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 from kochab.window.image.screen_image import RenderedFrame

@@ -10,10 +10,10 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QGridLayout, QHeaderView, QTableWidget, QTableWidgetItem
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_text
 from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart, Trial
 from kochab.lab.laboratory.curves import SWEEPS, Point, sweeps_of
+from kochab.text.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_text
+from kochab.text.translation import tr, tr_noop
 from kochab.window.charts.chart import Chart, Legend
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.widgets import Page, column

@@ -7,10 +7,10 @@ from typing import Any
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import QDoubleSpinBox, QListWidget, QListWidgetItem
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.registry import checked, options_of
 from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, paper_for
+from kochab.text.translation import tr, tr_noop
 from kochab.window.panels.method_options import OptionsForm
 from kochab.window.widgets import (
     Page,

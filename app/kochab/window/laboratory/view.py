@@ -6,12 +6,12 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QSplitter, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.progress import PREPARING, Progress, Task
 from kochab.lab.laboratory.comparison import Choice, ComparedPart, field_plan
 from kochab.lab.laboratory.curves import curves, points_csv, trials_csv
 from kochab.lab.laboratory.scene import Scene, comparison, scene_of_frame, simulated_scene
+from kochab.text.translation import tr, tr_noop
 from kochab.window.charts.chart import image_of, write_image, write_text
 from kochab.window.dialogs import ask_save, tell
 from kochab.window.job import Job

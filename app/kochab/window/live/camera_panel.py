@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QSignalBlocker, QTimer, Signal
 from PySide6.QtWidgets import QAbstractSpinBox
 
-from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureLimits, CaptureSettings
 from kochab.gear.session import CameraSelection
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import CameraBox
 from kochab.window.image.stretch_strip import AXIS_POWER, Histogram
 from kochab.window.live.rendering import Levels

@@ -7,10 +7,10 @@ import numpy as np
 from PySide6.QtCore import QSize
 from PySide6.QtWidgets import QSizePolicy
 
-from kochab.core import number, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, age_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, wrapped
+from kochab.text.angle_text import AngleStyle, age_text
+from kochab.text.translation import number, tr, tr_noop
 from kochab.window.charts.plot_area import PlotArea
 from kochab.window.live import status_text
 from kochab.window.live.sky_points import SkyPoints, Trail

@@ -3,12 +3,12 @@
 import math
 from dataclasses import dataclass
 
-from kochab.core import number, tr, tr_n, tr_noop
-from kochab.core.angle_text import AngleStyle, age_text, arcsec_text, dec_text, milliseconds_text, ra_text
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.capture import CaptureLimits
 from kochab.core.solution import NoSolution
+from kochab.text.angle_text import AngleStyle, age_text, arcsec_text, dec_text, milliseconds_text, ra_text
+from kochab.text.translation import number, tr, tr_n, tr_noop
 from kochab.window.live.rendering import Levels
 from kochab.workflows.live.session import Recorder
 from kochab.workflows.live.update import Drift, LiveUpdate

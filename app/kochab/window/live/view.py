@@ -11,10 +11,10 @@ from typing import Any
 from PySide6.QtCore import QTimer, Signal
 from PySide6.QtGui import QShowEvent
 
-from kochab.core import tr, tr_noop
 from kochab.core.capture import CaptureSettings
 from kochab.gear.profiles import current_profile
 from kochab.sky import open_catalogue
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import TITLES
 from kochab.window.dialogs import ask_folder
 from kochab.window.job import Job

@@ -5,8 +5,6 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import QObject, Qt, Signal
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import angle_text
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import Direction, TrackingRate
 from kochab.core.progress import Progress, Task
@@ -16,6 +14,8 @@ from kochab.gear.mount_events import OrderDone, OrderFailed, SolvedPosition
 from kochab.gear.mounts.guard import Guard
 from kochab.pointing.disagreement import Disagreement
 from kochab.pointing.pointing_model import fit_model
+from kochab.text.angle_text import angle_text
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.services import Services
 from kochab.workflows.centre_target import Centring, CentringEnd, centre_typed

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
-from kochab.core import tr, tr_noop
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.controls import ExplainedButton, Explanation, GoBox

@@ -4,8 +4,6 @@ from PySide6.QtCore import QRectF, Signal
 from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Home
@@ -15,6 +13,8 @@ from kochab.gear.mounts import COUNT_STEPS, DRIVERS, Diagnosis
 from kochab.gear.mounts.probe import PortInfo
 from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
+from kochab.parsing.angles import parse_site, site_text
+from kochab.text.translation import tr, tr_noop
 from kochab.window.job import Job, Jobs
 from kochab.window.themes import draw_glyph, theme_colours
 from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field

@@ -7,8 +7,8 @@ from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QStandardItemModel
 from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
+from kochab.text.translation import tr, tr_noop
 from kochab.window.widgets import (
     ChoiceBox,
     choice_box,

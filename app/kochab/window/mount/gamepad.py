@@ -5,9 +5,9 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QTimer
 
-from kochab.core import tr, tr_noop
 from kochab.core.mount import Direction
 from kochab.gear.mount_events import OrderDone, OrderFailed
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.mount.actions import MountActions
 from kochab.window.mount.controls import HINT, NudgePad

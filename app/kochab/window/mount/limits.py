@@ -7,10 +7,10 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.gear.mounts.motion_plan import Horizon, Limits
 from kochab.gear.profiles import BOUNDS, read_horizon
+from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import ask_frames
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import button, column, draw_text, label, number_field, row

@@ -7,10 +7,10 @@ from PySide6.QtCore import QPointF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import AngleStyle, angle_text, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.gear.mount_events import MountSnapshot
+from kochab.text.angle_text import AngleStyle, angle_text, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_status import words_of
 from kochab.window.themes import Colours, theme_colours
 from kochab.window.widgets import (

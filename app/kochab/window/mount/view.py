@@ -6,12 +6,12 @@ from typing import Any
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QPushButton, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.mount import MountState
 from kochab.core.progress import Progress
 from kochab.gear.actions import POLAR, reasons_against
 from kochab.gear.profiles import current_profile, save_selection, saved_profiles
 from kochab.gear.session import Meridian, MountSelection
+from kochab.text.translation import tr, tr_noop
 from kochab.window.frame.picture_age import PictureAge
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.buttons import OrderButtons

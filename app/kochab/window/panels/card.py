@@ -3,10 +3,11 @@
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFrame
 
-from kochab.core import angle_text, tr, tr_n
-from kochab.core.angle_text import AngleStyle, breakable, short_name, unbroken
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
+from kochab.text import angle_text
+from kochab.text.angle_text import AngleStyle, breakable, short_name, unbroken
+from kochab.text.translation import tr, tr_n
 from kochab.window.widgets import (
     button,
     clear_layout,

@@ -6,11 +6,11 @@ import numpy as np
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFormLayout, QLineEdit
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import parse_dec_deg, parse_positive, parse_ra_deg, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
+from kochab.parsing.angles import parse_dec_deg, parse_positive, parse_ra_deg, parse_site, site_text
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr, tr_noop
 from kochab.window.panels.method_options import MethodGroup
 from kochab.window.widgets import (
     Page,

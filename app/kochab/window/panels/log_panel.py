@@ -5,8 +5,8 @@ import logging
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDockWidget, QPlainTextEdit, QWidget
 
-from kochab.core import tr
 from kochab.gear.journal import versions
+from kochab.text.translation import tr
 from kochab.window.job import fault_text
 from kochab.window.widgets import button, column, copy_text, fixed_font_family, page, row, switch
 

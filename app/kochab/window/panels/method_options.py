@@ -8,10 +8,10 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QGroupBox, QLineEdit, QWidget
 
 from kochab.attitude import ESTIMATORS
-from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.registry import Option, options_of
 from kochab.identification import IDENTIFIERS
+from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import redden_caret
 from kochab.window.widgets import (
     Page,

@@ -3,9 +3,10 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
-from kochab.core import angle_text, tr, tr_noop
-from kochab.core.angle_text import AngleStyle, unbroken
 from kochab.core.solution import Solution
+from kochab.text import angle_text
+from kochab.text.angle_text import AngleStyle, unbroken
+from kochab.text.translation import tr, tr_noop
 from kochab.window.widgets import (
     button,
     column,

@@ -7,9 +7,9 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
-from kochab.core import number, tr, tr_n, tr_noop
-from kochab.core.angle_text import AngleStyle, dec_text, ra_text
 from kochab.core.solution import NamedStar
+from kochab.text.angle_text import AngleStyle, dec_text, ra_text
+from kochab.text.translation import number, tr, tr_n, tr_noop
 from kochab.window.widgets import Page, column, copy_text, label, text_field
 
 Index = QModelIndex | QPersistentModelIndex

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
 from kochab.gear.session import Practice
 from kochab.polar.report import History
+from kochab.text.translation import tr
 from kochab.window.devices.mount_control import MountTask
 from kochab.window.job import Job
 from kochab.window.polar.alignment_run import AlignmentRun, PracticeAdjuster

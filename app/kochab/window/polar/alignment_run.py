@@ -4,7 +4,6 @@ import random
 
 from PySide6.QtCore import QObject, Signal
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import UsageError
 from kochab.core.mount import Direction, PierSide
 from kochab.core.progress import Progress, Task
@@ -15,6 +14,7 @@ from kochab.polar.bolts import WHOLE_TURN_ARCSEC
 from kochab.polar.error import Knob
 from kochab.polar.report import History
 from kochab.polar.tutor import Instruction
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import PRACTISE_LATER, MountTask
 from kochab.window.job import Job
 from kochab.window.services import Services

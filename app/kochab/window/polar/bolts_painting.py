@@ -7,7 +7,7 @@ from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.window.themes import Colours, draw_glyph, theme_colours
 
 STEP_MS, STEP_DEG = 80, 30

@@ -8,8 +8,8 @@ from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.polar.error import Knob, angle_in_words, cure, total_in_words
+from kochab.text.translation import tr, tr_noop
 from kochab.window.polar.bolts_painting import Face, Wheel, paint_face
 from kochab.window.themes import theme_colours
 from kochab.workflows.session.alignment_state import AlignmentState

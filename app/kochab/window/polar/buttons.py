@@ -5,7 +5,7 @@ from functools import partial
 
 from PySide6.QtWidgets import QHBoxLayout
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.window.polar.alignment import RunningAlignment
 from kochab.window.polar.setup import SECOND_TIP
 from kochab.window.widgets import ProgressBar, button, row

@@ -6,8 +6,6 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import round_angle_text
 from kochab.polar.error import (
     Imaging,
     Knob,
@@ -21,6 +19,8 @@ from kochab.polar.error import (
 )
 from kochab.polar.pole import Pole, name_of
 from kochab.polar.report import RINGS_ARCSEC
+from kochab.text.angle_text import round_angle_text
+from kochab.text.translation import tr, tr_noop
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.polar.frame_fields import zone_box
 from kochab.window.themes import Colours, theme_colours

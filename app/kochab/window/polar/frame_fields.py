@@ -5,10 +5,10 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QFormLayout, QListWidget, QListWidgetItem, QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.frames import file_pattern
 from kochab.gear.cameras import SOURCES
 from kochab.gear.session import CameraSelection
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import CameraBox
 from kochab.window.dialogs import ask_frames
 from kochab.window.services import Services

@@ -8,12 +8,12 @@ from PySide6.QtGui import QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, 
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QPlainTextEdit
 
-from kochab.core import tr, tr_n, tr_noop
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
 from kochab.frames.atomic_file import write_atomically
 from kochab.polar.error import angle_in_words
 from kochab.polar.report import Entry, History, report_html, write_report
+from kochab.text.translation import tr, tr_n, tr_noop
 from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.dialogs import ask_save, save_task, tell

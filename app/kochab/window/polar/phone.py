@@ -6,8 +6,8 @@ from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QWidget
 
-from kochab.core import tr, tr_noop
 from kochab.core.progress import Progress, Task
+from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import is_red
 from kochab.window.job import Job
 from kochab.window.services import Services

@@ -7,16 +7,16 @@ from datetime import UTC, datetime
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFormLayout, QWidget
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection
+from kochab.parsing.angles import parse_positive, parse_site, site_text
 from kochab.polar.bolts import Base
 from kochab.polar.error import Imaging
 from kochab.polar.pole import Pole, name_of
+from kochab.text.translation import tr, tr_noop
 from kochab.window.polar.alignment_run import NO_MOUNT
 from kochab.window.polar.frame_fields import FrameFields
 from kochab.window.services import Services

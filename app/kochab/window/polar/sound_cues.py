@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.workflows.session.alignment_state import AlignmentState
 
 RATE_HZ = 22050

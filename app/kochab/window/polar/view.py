@@ -6,8 +6,8 @@ from PySide6.QtCore import QTimer
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QApplication
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import KochabError
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_status import StopKey
 from kochab.window.dialogs import dropped_files
 from kochab.window.frame.picture_age import PictureAge

@@ -8,8 +8,8 @@ from operator import attrgetter
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QMainWindow
 
-from kochab.core import tr, tr_noop
 from kochab.sky.layer import MARKS
+from kochab.text.translation import tr, tr_noop
 from kochab.window.themes import Colours, glyphs, icon
 
 

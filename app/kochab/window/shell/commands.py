@@ -5,10 +5,10 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from kochab.core import tr
 from kochab.core.solution import Solution
 from kochab.frames import suffixes
 from kochab.sky.layer import MARKS
+from kochab.text.translation import tr
 from kochab.window.devices.equipment import Equipment
 from kochab.window.frame.batch import Batch
 from kochab.window.frame.exports import FrameExporter

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from kochab.core import number, tr
-from kochab.core.angle_text import milliseconds_text, short_name
 from kochab.core.errors import printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
+from kochab.text.angle_text import milliseconds_text, short_name
+from kochab.text.translation import number, tr
 from kochab.window.frame.session import Session
 from kochab.window.shell.main_window import MainWindow
 

@@ -12,8 +12,10 @@ from PySide6.QtCore import QLocale, QObject, Qt, QUrl
 from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QTextBrowser, QWidget
 
-from kochab.core import __version__, data_folder, tr, tr_noop
+from kochab.core import __version__
+from kochab.folders import data_folder
 from kochab.gear.journal import save_report
+from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import ask_save, is_red, save_task, tell, without_icons
 from kochab.window.job import Jobs
 from kochab.window.settings import WindowSettings

@@ -4,7 +4,7 @@ import time
 
 from PySide6.QtCore import QObject, Qt
 
-from kochab.core import tr
+from kochab.text.translation import tr
 from kochab.window.frame.session import Session
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.main_window import MainWindow

@@ -7,9 +7,9 @@ from PySide6.QtCore import QEvent, QSize, Qt
 from PySide6.QtGui import QAction, QActionGroup
 from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QSizePolicy, QToolBar, QToolButton, QWidget
 
-from kochab.core import tr
-from kochab.core.angle_text import short_name
 from kochab.sky.layer import MARKS
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr
 from kochab.window.shell.actions import Actions
 from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES
 

@@ -10,14 +10,15 @@ from PySide6.QtGui import QAction, QColor, QDesktopServices, QIcon, QPixmap
 from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLabel, QSlider, QWidget
 from shiboken6 import isValid
 
-from kochab.core import cache_folder, number, tr, tr_noop
-from kochab.core.angle_text import parse_positive, parse_site, site_text
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
+from kochab.folders import cache_folder
 from kochab.gear.journal import journal_folder
 from kochab.gear.profiles import current_profile, saved_profiles
 from kochab.gear.quick_stop import profile_folder
+from kochab.parsing.angles import parse_positive, parse_site, site_text
 from kochab.sky.layer import AMOUNTS, MARKS
+from kochab.text.translation import number, tr, tr_noop
 from kochab.window.devices.equipment import Equipment
 from kochab.window.dialogs import ask_folder, without_icons
 from kochab.window.panels.solution_panel import STYLES

@@ -3,9 +3,9 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
 
-from kochab.core import tr, tr_noop
-from kochab.core.angle_text import short_name
 from kochab.core.progress import Progress
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr, tr_noop
 from kochab.window.widgets import ElidedLabel, ProgressBar, button, label, row
 
 STAGE_TEXT = {

@@ -4,7 +4,7 @@ from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QFrame, QWidget
 
-from kochab.core import tr, tr_noop
+from kochab.text.translation import tr, tr_noop
 from kochab.window.widgets import button, column, label, row
 
 CARDS = (

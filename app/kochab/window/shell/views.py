@@ -8,7 +8,7 @@ from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QKeySequence, QShowEvent
 from PySide6.QtWidgets import QDockWidget, QWidget
 
-from kochab.core import tr, tr_noop
+from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_status import MountStatus
 from kochab.window.services import Services
 from kochab.window.shell.actions import colour_icons

@@ -12,9 +12,10 @@ from PySide6.QtCore import QEvent, QSize, Qt, Signal
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
-from kochab.core import data_folder, tr, tr_noop
-from kochab.core.angle_text import short_name
+from kochab.folders import data_folder
 from kochab.frames import format_names, suffixes
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr, tr_noop
 from kochab.window.image.thumbnails import GAP, HEIGHT, WIDTH, as_pixmap, thumbnails
 from kochab.window.job import Jobs
 from kochab.window.themes import BASE_POINT

@@ -9,10 +9,10 @@ from threading import Condition, Event, Lock, Thread
 from time import monotonic
 from typing import Generic, TypeVar
 
-from kochab.core import tr
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Frame
+from kochab.text.translation import tr
 
 T = TypeVar("T")
 

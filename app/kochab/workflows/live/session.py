@@ -16,17 +16,18 @@ from time import monotonic
 from types import UnionType
 from typing import IO, Any, get_args, get_origin, get_type_hints
 
-from kochab.core import __version__, tr
-from kochab.core.angle_text import short_name
+from kochab.core import __version__
 from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
-from kochab.core.text_input import TextError, parse_json, read_json, read_text
 from kochab.frames.atomic_file import write_atomically
+from kochab.parsing.text_input import TextError, parse_json, read_json, read_text
 from kochab.solver import SolveOptions
 from kochab.solver.tracker import TrackUpdate
+from kochab.text.angle_text import short_name
+from kochab.text.translation import tr
 from kochab.workflows.live.capture import Shot
 from kochab.workflows.live.solve import WARNING, Live, ProfiledTracker
 from kochab.workflows.live.update import GoodPointing, LiveUpdate

@@ -12,12 +12,12 @@ from datetime import datetime
 from pathlib import Path
 from time import monotonic
 
-from kochab.core import tr
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, load_profile, save_profile
 from kochab.solver.tracker import Tracker, TrackUpdate
+from kochab.text.translation import tr
 from kochab.workflows.live.capture import Capture, Shot
 from kochab.workflows.live.update import DriftMeter, GoodPointing, LiveUpdate
 

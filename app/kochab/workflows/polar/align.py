@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import ARCSEC
 from kochab.core.errors import RefusedError
 from kochab.core.progress import Task
@@ -21,6 +20,7 @@ from kochab.polar.report import History
 from kochab.polar.rotations import tangents
 from kochab.polar.sighting import to_local
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.polar.measure import Measured, Sweep, Turner, back_at_start, measure_axis, second_sweep
 from kochab.workflows.polar.sources import SightingSource
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate

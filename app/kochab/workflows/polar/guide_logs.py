@@ -19,7 +19,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.core.text_input import TextError, read_text
+from kochab.parsing.text_input import TextError, read_text
 from kochab.polar.drift import PULSES, Stretch, upright
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.pole import northern, pole_direction

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from kochab.core import tr, tr_n, tr_noop
 from kochab.core.attitude import ARCSEC, angle_between, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import RefusedError
@@ -41,6 +40,7 @@ from kochab.polar.plan import (
 )
 from kochab.polar.pole import pole_direction
 from kochab.polar.sighting import LocalAttitude, Sighting
+from kochab.text.translation import tr, tr_n, tr_noop
 from kochab.workflows.polar.sources import NotMeasuredError, RestWatch, SightingSource, turned_deg
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate, TurnInstruction
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core import number, tr, tr_noop
 from kochab.core.attitude import ARCSEC, angle_between, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S
@@ -21,6 +20,7 @@ from kochab.polar.error import CHI2_68, PolarError, angle_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind, axis_shift_arcsec
 from kochab.polar.rotations import alt_az, direction
 from kochab.sky.horizon import Horizon, sun_altitude_deg
+from kochab.text.translation import number, tr, tr_noop
 from kochab.workflows.polar.sources import SAME_SITE_DEG, SolvedFile
 
 CLOCK_S, DAYS_S = 120.0, 130_000.0  # clocks that differ by less agree; frames older than that are played again

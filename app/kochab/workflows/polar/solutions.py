@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 
 from kochab.attitude.fit import refine
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import ARCSEC, Attitude, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Matches, NamedStar, NoSolution, Reason, Solution
-from kochab.core.text_input import TextError, decoded, parse_json, read_bytes
 from kochab.frames.fits import parse_cards
 from kochab.frames.hints import NO_ZONE, aware_utc, hint_from_keywords
 from kochab.frames.samples import MAX_SIDE_PX
 from kochab.frames.wcs import wcs_of
+from kochab.parsing.text_input import TextError, decoded, parse_json, read_bytes
 from kochab.polar.bolts import Pitches
 from kochab.polar.drift import Drift, Stretch, either, measure_drift, stretches_of, tracked
 from kochab.polar.measure import Measurement, MeasureSettings, NoAxis, measure
@@ -30,6 +29,7 @@ from kochab.polar.pole import Pole
 from kochab.polar.rotations import best_rotation
 from kochab.sky.horizon import STANDARD_REFRACTION, Refraction
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.polar.guide_logs import guide_log, is_guide_log
 from kochab.workflows.polar.site_and_clock import doubts_of, given_doubts
 from kochab.workflows.polar.sources import (

@@ -12,7 +12,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kochab.core import config_folder, tr, tr_noop
 from kochab.core.attitude import ARCSEC, rotation_vector, wrapped
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
@@ -20,14 +19,16 @@ from kochab.core.frame import Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
-from kochab.core.text_input import TextError, read_json, read_text
+from kochab.folders import config_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.hints import NO_ZONE, Aim, aim_from_keywords, aware_utc, zone_from_keywords
+from kochab.parsing.text_input import TextError, read_json, read_text
 from kochab.polar.bolts import Pitches
 from kochab.polar.error import PolarError, angle_in_words
 from kochab.polar.measure import NIGHT_HOURS, MeasureSettings
 from kochab.polar.sighting import LocalAttitude, Sighting, to_local
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr, tr_noop
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate
 from kochab.workflows.solve_frame import solve_file, solve_open_frame
 

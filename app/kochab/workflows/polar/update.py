@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from kochab.core import tr_noop
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
 from kochab.polar.drift import Drift
 from kochab.polar.live import LiveError, SteadyError
 from kochab.polar.measure import Measurement, PolarFinding
 from kochab.polar.tutor import Instruction
+from kochab.text.translation import tr_noop
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from kochab.core import tr, tr_n, tr_noop
 from kochab.core.capture import CameraSource
 from kochab.core.errors import FrameError, KochabError, RefusedError, UsageError
 from kochab.core.frame import Frame, Hint, Site
@@ -41,6 +40,7 @@ from kochab.polar.pole import Pole
 from kochab.polar.report import History
 from kochab.polar.tutor import BoltTutor
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr, tr_n, tr_noop
 from kochab.workflows.polar.align import AlignOptions, Motors, align
 from kochab.workflows.polar.measure import (
     RATE_DEG_S,

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 
-from kochab.core import number, tr, tr_noop
 from kochab.core.progress import Progress
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob, PolarError, total_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.plan import creep_to_show_arcsec
 from kochab.polar.tutor import Instruction, TutorStep
+from kochab.text.translation import number, tr, tr_noop
 from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
 
 OLD_S = 6.0

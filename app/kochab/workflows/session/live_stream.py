@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
-from kochab.core import tr
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Progress, Task
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile
+from kochab.text.translation import tr
 from kochab.workflows.live.capture import Capture
 from kochab.workflows.live.session import Recorder, options_json, session_folder
 from kochab.workflows.live.solve import WARNING, ProfiledTracker, live_solve

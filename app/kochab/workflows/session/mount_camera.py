@@ -4,7 +4,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 
-from kochab.core import tr
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError
 from kochab.core.frame import Frame
@@ -14,6 +13,7 @@ from kochab.gear.mount_events import FrameTaken, SolvedPosition
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.session import CameraSelection, OpenCamera
 from kochab.solver import SolveOptions
+from kochab.text.translation import tr
 from kochab.workflows.fresh_frame import fresh_frame, lost_in_space
 from kochab.workflows.goto_target import with_retries
 from kochab.workflows.solve_frame import solve_open_frame

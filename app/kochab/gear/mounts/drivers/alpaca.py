@@ -5,7 +5,6 @@ from contextlib import closing, suppress
 from datetime import UTC, datetime
 from typing import Any, ClassVar, TypeVar, Unpack
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
@@ -13,6 +12,7 @@ from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.servers.address import chosen, making_sense, net_address, told_name
 from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
+from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
 

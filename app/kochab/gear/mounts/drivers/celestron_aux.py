@@ -12,7 +12,6 @@ from math import copysign
 from time import monotonic, sleep
 from typing import TypeVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import Degrees, wrapped
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Home, MountState, PierSide, TrackingRate
@@ -20,6 +19,7 @@ from kochab.gear.mounts.drivers.motor_mount import AT_HOME_DEG, MotorMount
 from kochab.gear.mounts.drivers.nexstar import EQUATORIAL
 from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, Conversation
+from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
 TRIES = 2

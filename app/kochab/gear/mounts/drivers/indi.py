@@ -6,7 +6,6 @@ from math import asin, copysign, cos, degrees, inf, radians, sin
 from time import monotonic
 from typing import ClassVar, Unpack
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
@@ -26,6 +25,7 @@ from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.mounts.standing import STILL_DEG
 from kochab.gear.servers.address import chosen, making_sense, net_address
 from kochab.gear.servers.indi_link import CALL_S, PORT, POWER_UP_S, SET_S, TELESCOPE_INTERFACE, IndiDevice, IndiLink
+from kochab.text.translation import tr, tr_noop
 
 STOP_S = 1.0  # how long a driver may take to acknowledge a Stop before it is sent again
 SETTLES_S = 3.0  # after a motion its position is not trusted before the driver has asked the mount again

@@ -3,13 +3,13 @@
 from dataclasses import replace
 from datetime import datetime
 
-from kochab.core import tr_noop
 from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.protocols import ioptron as protocol
 from kochab.gear.mounts.serial_line import Command
+from kochab.text.translation import tr_noop
 
 
 class Ioptron(SerialMount):

@@ -6,7 +6,6 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import ClassVar, TypeVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
@@ -16,6 +15,7 @@ from kochab.gear.mounts.drivers.lx200_dialects import AUTOSTAR, CLASSIC, CLONE, 
 from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, SerialMount
 from kochab.gear.mounts.protocols import lx200 as protocol
 from kochab.gear.mounts.serial_line import Command, ProtocolError, SerialLink, until
+from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
 PRODUCT_S = 1.0  # a classic doesn't know the question and stays silent

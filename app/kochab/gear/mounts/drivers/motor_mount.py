@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar, NoReturn, Protocol
 
-from kochab.core import tr_noop
 from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.errors import DeviceError, RefusedError, StoppedError
 from kochab.core.mount import (
@@ -24,11 +23,12 @@ from kochab.core.mount import (
     Pointing,
     TrackingRate,
 )
-from kochab.core.text_input import read_json
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.gear.mounts.serial_line import Command
+from kochab.parsing.text_input import read_json
 from kochab.sky.horizon import sidereal_deg
+from kochab.text.translation import tr_noop
 
 # -- From encoder angles to hour angle and declination, and back -------------------------------
 # Both angles are zero at home. The first grows as the sky turns in the north, and shrinks in the

@@ -5,7 +5,6 @@ from datetime import datetime
 from math import inf
 from typing import ClassVar
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
@@ -13,6 +12,7 @@ from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, STOP_S, Se
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
 from kochab.gear.mounts.serial_line import Command, SerialLink, exactly
+from kochab.text.translation import tr, tr_noop
 
 PRECISE_SINCE, MAKER_SINCE = (1, 6), (5, 28)  # the versions that introduced e, r and z; and v
 VARIANT_S = 1.0

@@ -6,7 +6,6 @@ from datetime import datetime
 from types import MappingProxyType
 from typing import ClassVar, TypeVar, Unpack
 
-from kochab.core import tr, tr_noop
 from kochab.core.errors import DeviceError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, SiteReport, TrackingRate
@@ -15,6 +14,7 @@ from kochab.gear.mounts import MountSettings
 from kochab.gear.mounts.emergency_stop import Watchdog
 from kochab.gear.mounts.protocols import parse_accepted
 from kochab.gear.mounts.serial_line import Command, Conversation, Reader, SerialLink, exactly, until
+from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
 RESTING = (Ability.PARK, Ability.UNPARK, Ability.HOME)

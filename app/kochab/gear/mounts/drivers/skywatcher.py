@@ -8,13 +8,13 @@ from contextlib import suppress
 from time import monotonic
 from typing import ClassVar, NoReturn, TypeVar
 
-from kochab.core import tr
 from kochab.core.attitude import Degrees
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import Home, MountState, TrackingRate
 from kochab.gear.mounts.drivers.motor_mount import MotorMount
 from kochab.gear.mounts.protocols import skywatcher as protocol
 from kochab.gear.mounts.serial_line import LOSSY_TRIES, Command, Conversation, ProtocolError
+from kochab.text.translation import tr
 
 T = TypeVar("T")
 TRIES = 5  # as INDI's driver

@@ -6,8 +6,8 @@ Every parser takes any bytes at all and either returns a value or raises
 
 import re
 
-from kochab.core import tr
 from kochab.gear.mounts.serial_line import ProtocolError
+from kochab.text.translation import tr
 
 
 def match(pattern: bytes, reply: bytes, what: str) -> re.Match[bytes]:

@@ -15,10 +15,10 @@ from itertools import groupby
 from operator import itemgetter
 from typing import Any, Literal
 
-from kochab.core import data_folder
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
+from kochab.folders import data_folder
 from kochab.identification import IDENTIFIERS
 from kochab.lab.bench import BenchResult, Goal, Report, Row, as_cell, machine, timed
 from kochab.sky import open_catalogue

@@ -2,8 +2,8 @@
 
 import re
 
-from kochab.core.angle_text import parse_dec_deg, parse_ra_deg
 from kochab.core.errors import UsageError
+from kochab.parsing.angles import parse_dec_deg, parse_ra_deg
 
 _LABELS = re.compile(r"\b(?:ra|dec|de|decl|j2000|icrs|alpha|delta)\b[=:\s]*|[αδ]\s*[=:]\s*", re.IGNORECASE)
 _PACKED = re.compile(r"j?(\d{4,8}(?:\.\d+)?)([+-])(\d{4,8}(?:\.\d+)?)", re.IGNORECASE)

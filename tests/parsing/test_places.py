@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import unit_vectors
-from kochab.core.coordinates import parse_place
+from kochab.parsing.places import parse_place
 from kochab.sky.names import position_name
 
 M42 = (83.822, -5.391)

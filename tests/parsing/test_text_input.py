@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import kochab
 from kochab.core.errors import UsageError
-from kochab.core.text_input import DEEPEST, TextError, decoded, parse_json, read_bytes, read_json, read_text
+from kochab.parsing.text_input import DEEPEST, TextError, decoded, parse_json, read_bytes, read_json, read_text
 
 plain = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
@@ -113,14 +113,14 @@ def test_a_device_that_never_ends_and_a_pipe_are_bounded_too() -> None:
 # -- And no other ---------------------------------------------------------------------------------
 
 OWN = {  # what the package itself brought, and what servers say (bounded by their links)
-    "core/registry.py", "core/text_input.py", "sky/planet_moons.py", "sky/sky_tables.py", "sky/names.py",
+    "core/registry.py", "parsing/text_input.py", "sky/planet_moons.py", "sky/sky_tables.py", "sky/names.py",
     "sky/landmarks.py", "window/shell/help_book.py", "window/shell/welcome.py", "window/live/sky_points.py",
     "gear/journal.py", "gear/cameras/uvc.py", "gear/cameras/alpaca.py", "gear/servers/alpaca_link.py", "cli/live.py",
 }  # fmt: skip
 
 
 def test_nothing_else_reads_text() -> None:
-    """Text of others has to be bounded, decoded and checked: ``core.text_input`` does. What we ship needs none of it."""
+    """Text of others has to be bounded, decoded and checked: ``parsing.text_input`` does. What we ship needs none of it."""
     top = Path(kochab.__file__).parent
     found = set()
     for path in top.rglob("*.py"):

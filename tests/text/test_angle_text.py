@@ -4,21 +4,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.core.angle_text import (
+from kochab.core.errors import UsageError
+from kochab.core.solution import NoSolution, Reason
+from kochab.parsing.angles import parse_dec_deg, parse_positive, parse_ra_deg
+from kochab.text.angle_text import (
     AngleStyle,
     angle_text,
     arcsec_text,
     dec_text,
     false_alarm_text,
     milliseconds_text,
-    parse_dec_deg,
-    parse_positive,
-    parse_ra_deg,
     ra_text,
     radec_plain,
 )
-from kochab.core.errors import UsageError
-from kochab.core.solution import NoSolution, Reason
 from kochab.workflows.solution_text import measured_rows
 
 HMS, DMS, DECIMAL = AngleStyle

@@ -1,0 +1,28 @@
+"""Where data, caches and settings lie."""
+
+import os
+from pathlib import Path
+
+
+def data_folder(name: str) -> Path:
+    """Folder ``catalogs`` or ``resources``: in the installed package, or at the top of the checkout."""
+    package = Path(__file__).resolve().parent
+    installed = package / name
+    return installed if installed.is_dir() else package.parents[1] / name
+
+
+def cache_folder() -> Path:
+    """Where all that is made once lies: ``KOCHAB_CACHE`` or the user's cache."""
+    # Imported here: this module loads at every start, and most commands need no folder.
+    from platformdirs import user_cache_path
+
+    base = os.environ.get("KOCHAB_CACHE")
+    return Path(base) if base else user_cache_path("kochab", appauthor=False)
+
+
+def config_folder() -> Path:
+    """Where what the user has set up lies: ``KOCHAB_CONFIG`` or the user's own configuration."""
+    from platformdirs import user_config_path
+
+    base = os.environ.get("KOCHAB_CONFIG")
+    return Path(base) if base else user_config_path("kochab", appauthor=False)

@@ -1,0 +1,1 @@
+"""What people type and files hold, read with care: angles, sites, places, text and JSON of others."""
