@@ -104,6 +104,35 @@ def array_types_elsewhere() -> Iterator[str]:
                 yield f"{module}:{ast.unparse(node.targets[0])}"
 
 
+MANY = 4
+"""A public function with so many parameters says in its docstring what each of them is."""
+
+
+def _public_functions(body: list[ast.stmt], prefix: str) -> Iterator[tuple[str, ast.FunctionDef]]:
+    for node in body:
+        name = getattr(node, "name", "_")
+        if not name.startswith("_") and isinstance(node, ast.ClassDef):
+            yield from _public_functions(node.body, f"{prefix}{name}.")
+        elif not name.startswith("_") and isinstance(node, ast.FunctionDef):
+            yield f"{prefix}{name}", node
+
+
+def parameters_without_a_word(text: str) -> Iterator[str]:
+    """``function: parameters`` of a module's text that no line of a NumPy "Parameters" section begins with."""
+    for name, node in _public_functions(ast.parse(text).body, ""):
+        given = node.args
+        named = (*given.posonlyargs, *given.args, given.vararg, *given.kwonlyargs, given.kwarg)
+        names = [arg.arg for arg in named if arg is not None and arg.arg not in ("self", "cls")]
+        if len(names) >= MANY:
+            section = re.search(
+                r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+$|\Z)", ast.get_docstring(node) or "", re.M | re.S
+            )
+            heads = re.findall(r"^(?=\S)([^:\n]+)", section[1] if section else "", re.M)
+            told = {one.strip(" *") for head in heads for one in head.split(",")}
+            if silent := [one for one in names if one not in told]:
+                yield f"{name}: {', '.join(silent)}"
+
+
 def executed(code: str, *arguments: str) -> list[str]:
     """The package's files that were executed when a fresh interpreter has run ``code``."""
     tail = (

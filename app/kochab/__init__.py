@@ -162,8 +162,8 @@ def identify(
         Size of the frame, px.
     flux : (N,), optional
         In any linear unit. Without it the stars must come brightest first.
-
-    Other parameters, the result and the errors are those of :func:`solve`.
+    fov, scale, near, method, timeout, **options
+        As in :func:`solve`, whose results and errors these are.
 
     Examples
     --------

@@ -80,8 +80,18 @@ FLOOR_PX = 0.02
 def directions(xy_px: Floats, vectors: Floats, camera: Camera, fewest: int) -> tuple[Floats, Floats]:
     """Unit vectors (M, 3) of M stars in camera axes and in ICRS.
 
-    Raises ValueError when the lists differ in length, hold what is not finite, or hold fewer than
-    ``fewest`` stars.
+    Raises ValueError when the lists differ in length, hold what is not finite, or hold fewer than ``fewest`` stars.
+
+    Parameters
+    ----------
+    xy_px : Floats
+        Where the stars are on the frame, (M, 2) px.
+    vectors : Floats
+        Their ICRS unit vectors (M, 3), in the same order.
+    camera : Camera
+        Turns pixels into directions.
+    fewest : int
+        How many stars the estimate needs.
     """
     xy = np.asarray(xy_px, dtype=np.float64).reshape(-1, 2)
     icrs = np.asarray(vectors, dtype=np.float64).reshape(-1, 3)
@@ -97,8 +107,20 @@ def directions(xy_px: Floats, vectors: Floats, camera: Camera, fewest: int) -> t
 def sigma_rad(seen: Floats, icrs: Floats, matrix: Floats, camera: Camera, given_px: float | None) -> float:
     """One-sigma error of a measured direction along one axis, radians.
 
-    It is ``given_px`` when given, else what the residuals of ``seen`` (M, 3) against ``matrix`` (3,
-    3) say: M stars are 2 M measurements, of which a rotation takes three.
+    Without ``given_px`` the residuals say it: M stars are 2 M measurements, of which a rotation takes three.
+
+    Parameters
+    ----------
+    seen : Floats
+        Unit vectors (M, 3) of the stars as measured, camera axes.
+    icrs : Floats
+        The same stars' ICRS unit vectors (M, 3).
+    matrix : Floats
+        Rotation (3, 3) from ICRS to camera axes.
+    camera : Camera
+        Its focal length turns pixels into radians.
+    given_px : float or None
+        Centroid error of a coordinate, px; None to take it from the residuals.
     """
     if given_px is not None:
         return given_px / camera.focal_px

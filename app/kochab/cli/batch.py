@@ -44,8 +44,18 @@ NO_MEMORY = "Out of memory: use fewer --workers, or lower the limits of the meth
 def run_batch(work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json: bool, workers: int = 1) -> int:
     """Print the outcome of ``work(item)`` for every item, in order, and return the exit code.
 
-    ``work`` is a task that returns the outcome; with several ``workers`` it and the items must
-    be picklable. An outcome's ``failures`` are sentences about files that could not be written.
+    An outcome's ``failures`` are sentences about files that could not be written.
+
+    Parameters
+    ----------
+    work : Callable[[Item], Task[Json]]
+        A task that returns the outcome of one item; picklable where there are several workers.
+    items : Sequence[Item]
+        What to work on; picklable where there are several workers.
+    as_json : bool
+        Whether one JSON object a line is printed in place of text.
+    workers : int
+        Processes at most; with 1 the work is done in this one.
     """
     many = workers > 1 and len(items) > 1
     outcomes = _in_processes(work, items, workers) if many else _one_by_one(work, items)
@@ -200,7 +210,23 @@ def write_picture(
     layers: "Layers | None" = None,
     detected: "Floats | None" = None,
 ) -> list[str]:
-    """Write the picture with the sky drawn over it."""
+    """Write the picture with the sky drawn over it; the sentences of what failed.
+
+    Parameters
+    ----------
+    target : str
+        The file to write; its ending is its format.
+    frame : Frame
+        The frame whose pixels are drawn.
+    solution : Solution
+        Where it points.
+    more : Sequence[Moving]
+        Tables of moving bodies beside the shipped ones.
+    layers : Layers or None
+        What is drawn; None for the usual.
+    detected : Floats or None
+        Places (N, 2) px of the stars detected; None when they are not drawn.
+    """
     from kochab.workflows.annotated_image import NOTHING, USUAL, annotate
 
     found = NOTHING if detected is None else detected
@@ -208,7 +234,19 @@ def write_picture(
 
 
 def write_objects(target: str, frame: "Frame", solution: "Solution", found: "Sequence[FrameObject]") -> list[str]:
-    """Write the objects of the frame: a table, DS9's regions, or Stellarium's script, by the ending."""
+    """Write the objects of the frame: a table, DS9's regions, or Stellarium's script, by the ending.
+
+    Parameters
+    ----------
+    target : str
+        The file to write: ``.csv``, ``.ssc`` (Stellarium's script), else DS9's regions.
+    frame : Frame
+        The frame they lie in.
+    solution : Solution
+        Where it points.
+    found : Sequence[FrameObject]
+        The objects to write.
+    """
     from kochab.frames.atomic_file import write_atomically
     from kochab.workflows.annotated_image import write_stellarium
     from kochab.workflows.frame_objects import objects_csv, sky_regions

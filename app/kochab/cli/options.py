@@ -101,7 +101,19 @@ class _ListSettings(argparse.Action):
 
 
 def valued(metavar: str, text: str, kind: Callable[[str], Any] = str, **more: Any) -> dict[str, Any]:
-    """What ``add_argument`` needs for an option with a value that ``kind`` reads."""
+    """What ``add_argument`` needs for an option with a value that ``kind`` reads.
+
+    Parameters
+    ----------
+    metavar : str
+        How the help names the value.
+    text : str
+        What the help says of the option.
+    kind : Callable[[str], Any]
+        Reads the value; what it raises is the option's error.
+    **more : Any
+        Further arguments of ``add_argument``.
+    """
     return {"metavar": metavar, "help": text, "type": kind, **more}
 
 
@@ -181,6 +193,17 @@ def settings_of(
     """What ``--set`` says of the method, of the detector and of the attitude.
 
     Raises UsageError when there is no such option, or it cannot have that value.
+
+    Parameters
+    ----------
+    settings : Sequence[str]
+        Every ``NAME=VALUE`` given, with or without ``method.``, ``detector.`` or ``attitude.`` before the name.
+    method : str
+        Name of the identification method.
+    detector : str
+        Name of the detector.
+    attitude : str or None
+        Name of the estimator; None when none was chosen, and then no option of one may be set.
     """
     given: dict[str, dict[str, str]] = {kind: {} for kind in KINDS}
     for text in settings:

@@ -122,7 +122,23 @@ def solve_one(
     site: "Site | None" = None,
     layers: "Layers | None" = None,
 ) -> Task[Json]:
-    """The outcome of one file, and what was asked to be written from it."""
+    """The outcome of one file, and what was asked to be written from it.
+
+    Parameters
+    ----------
+    request : SolveRequest
+        The file, and what to write from it.
+    options : SolveOptions
+        How the frame is solved.
+    bound : Place or None
+        RA, Dec and radius, degrees, beyond which a solution is refused; None for the whole sky.
+    elements : tuple[Path, ...]
+        Files of orbital elements whose bodies are looked for beside the shipped ones.
+    site : Site or None
+        Where the frame was taken; None to take it from the header.
+    layers : Layers or None
+        What ``--annotate`` draws; None for the usual.
+    """
     from kochab.core.solution import Solution
     from kochab.solver.pipeline import with_doubts, within_radius
     from kochab.workflows.solve_frame import solve_file, solve_star_list

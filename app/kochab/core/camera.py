@@ -37,7 +37,17 @@ class Camera:
 
     @classmethod
     def centred(cls, width: int, height: int, focal_px: float, mirrored: bool = False) -> "Camera":
-        """A camera without distortion whose principal point is the frame's centre."""
+        """A camera without distortion whose principal point is the frame's centre.
+
+        Parameters
+        ----------
+        width, height : int
+            Size of the frame, px.
+        focal_px : float
+            Focal length, px.
+        mirrored : bool
+            Whether the frame shows the sky mirrored.
+        """
         return cls(width, height, focal_px, (width - 1) / 2, (height - 1) / 2, mirrored=mirrored)
 
     @property

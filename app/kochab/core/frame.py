@@ -120,7 +120,17 @@ class Detections(Table):
 
     @classmethod
     def from_list(cls, xy: Floats, width: int, height: int, flux: Floats | None = None) -> "Detections":
-        """Detections from bare positions (N, 2) px; brightest first unless ``flux`` says."""
+        """Detections from bare positions.
+
+        Parameters
+        ----------
+        xy : Floats
+            Positions (N, 2), px; (0, 0) is the centre of the first pixel.
+        width, height : int
+            Size of the frame, px.
+        flux : Floats or None
+            Flux (N,) in any linear unit; None: the list is brightest first.
+        """
         xy = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
         n = len(xy)
         # Falling numbers keep the order of the list through the sort.

@@ -110,12 +110,38 @@ def _is_number(value: object, whole: bool) -> bool:
 
 
 def number(value: float | None, unit: str, low: float, high: float, text: str, none: str = "") -> Any:
-    """A field that holds a number."""
+    """A field that holds a number.
+
+    Parameters
+    ----------
+    value : float or None
+        The default; None where the method chooses by itself.
+    unit : str
+        Shown after the value, as ``px``; empty for none.
+    low, high : float
+        Least and largest value allowed.
+    text : str
+        What the option does, in a few words.
+    none : str
+        What None means, in words; empty where None is not allowed.
+    """
     return _field(value, "number", unit, low, high, text, none=none)
 
 
 def integer(value: int, unit: str, low: int, high: int, text: str) -> Any:
-    """A field that holds a whole number."""
+    """A field that holds a whole number.
+
+    Parameters
+    ----------
+    value : int
+        The default.
+    unit : str
+        Shown after the value; empty for none.
+    low, high : int
+        Least and largest value allowed.
+    text : str
+        What the option does, in a few words.
+    """
     return _field(value, "integer", unit, low, high, text)
 
 
@@ -130,7 +156,21 @@ def choice(value: str, choices: Sequence[str], text: str) -> Any:
 
 
 def pair(value: tuple[float, float] | None, unit: str, low: float, high: float, text: str, none: str = "") -> Any:
-    """A field that holds two numbers."""
+    """A field that holds two numbers.
+
+    Parameters
+    ----------
+    value : tuple[float, float] or None
+        The default; None where the method chooses by itself.
+    unit : str
+        Shown after the values; empty for none.
+    low, high : float
+        Least and largest value allowed of each.
+    text : str
+        What the option does, in a few words.
+    none : str
+        What None means, in words; empty where None is not allowed.
+    """
     return _field(value, "pair", unit, low, high, text, none=none)
 
 

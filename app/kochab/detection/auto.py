@@ -139,7 +139,21 @@ class AutoDetector:
 
 
 def measure(view: PreparedFrame, xy: Floats, covariance: Floats, clip: float, snr: float) -> MeasuredStars:
-    """Stars among the peaks at ``xy`` (N, 2) px, brightest first, hot pixels refused."""
+    """Stars among the peaks at ``xy`` (N, 2) px, brightest first, hot pixels refused.
+
+    Parameters
+    ----------
+    view : PreparedFrame
+        The frame with its background measured.
+    xy : Floats
+        Places (N, 2) px of peaks, highest first; of many the highest are measured.
+    covariance : Floats
+        Second moments (2, 2) px^2 of a star's image on this frame.
+    clip : float
+        The value from which a pixel is saturated.
+    snr : float
+        Least signal to noise of a star.
+    """
     major = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     half = int(np.clip(np.ceil(2.5 * major) + 1, 4, 16))  # 2.5 sigma hold 96 % of the light
     xy = xy[: MOST_LOOKED_AT // (2 * half + 1) ** 2]  # the highest; large stars need more pixels

@@ -15,6 +15,19 @@ def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: in
     """Positions (N, 2) px of maxima higher than ``sigmas`` in noise, highest first.
 
     At most ``limit`` are returned; a position is the middle of 2 x 2 pixels.
+
+    Parameters
+    ----------
+    pixels : Array
+        The frame (H, W), as read.
+    how : Halving
+        How pixels are halved and smoothed before peaks are looked for.
+    mesh : Mesh
+        Background and noise over the frame.
+    sigmas : float
+        Least height above the background, in noise of the halved pixels.
+    limit : int
+        How many peaks are returned at most.
     """
     pixels = pixels[: pixels.shape[0] // 2 * 2]
     tops = np.arange(0, len(pixels), STRIP)
@@ -131,11 +144,23 @@ def apart(xy: Floats, reach: Floats) -> Bools:
 
 
 def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach: Floats) -> Bools:
-    """Which of positions (N, 2), brightest first, have a valley between them and brighter ones.
+    """Which of positions, brightest first, have a valley between them and brighter ones.
 
-    ``height`` (N,) is the peak above background, ``noise`` (N,) that of a pixel, ``reach`` (N,)
-    how far the brighter star's light may go. Between two stars the light sinks below the fainter
-    peak by a quarter of it or more; on a plateau, a halo or a trail it does not.
+    Between two stars the light sinks below the fainter peak by a quarter of it or more; on a plateau, a halo or a trail
+    it does not.
+
+    Parameters
+    ----------
+    pixels : Array
+        The frame (H, W).
+    xy : Floats
+        Positions (N, 2), px, brightest first.
+    height : Floats
+        Peak (N,) above the background.
+    noise : Floats
+        Noise (N,) of a pixel there.
+    reach : Floats
+        How far (N,) the brighter star's light may go, px.
     """
     i, j = _close_pairs(xy, reach)
     if not len(i):
@@ -210,9 +235,22 @@ class Stamps(Table):
 
 
 def cut(pixels: Array, how: Halving, xy: Floats, level: Floats, half: int) -> Stamps:
-    """Stamps of ``2 half + 1`` pixels a side around positions (N, 2) px, ``level`` (N,) removed.
+    """Square stamps around positions, the background removed.
 
     Pixels outside the frame, not finite, and the red and blue of a mosaic get weight 0 and value 0.
+
+    Parameters
+    ----------
+    pixels : Array
+        The frame (H, W).
+    how : Halving
+        Says which pixels of a mosaic are green.
+    xy : Floats
+        Positions (N, 2), px; the stamp is centred on the nearest pixel.
+    level : Floats
+        Background (N,) to take away.
+    half : int
+        A stamp has ``2 half + 1`` pixels a side.
     """
     height, width = pixels.shape
     x = np.clip(np.rint(xy[:, 0]).astype(np.intp), 0, width - 1)

@@ -42,9 +42,19 @@ def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 3) -> Fits:
 def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) -> None:
     """Fit bright stars again, in place, giving each pixel the weight its own light leaves it.
 
-    ``light`` (N,) is the background above zero, whose noise is that of the stamps: a pixel with
-    as much star light as that is half as certain. A fit with equal weights would lose up to a
-    third of the precision where the star's own photons make the noise.
+    A fit with equal weights would lose up to a third of the precision where the star's own photons make the noise.
+
+    Parameters
+    ----------
+    stamps : Stamps
+        The pixels (N, size, size) around each star.
+    fits : Fits
+        The plain fits of all; those of bright stars are replaced.
+    covariance : Floats
+        Second moments (2, 2) px^2 of a star's image.
+    light : Floats
+        Background (N,) above zero, whose noise is that of the stamps: a pixel with as much star light as that is
+        half as certain.
     """
     # Peak of a unit-flux star image.
     top = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
@@ -218,7 +228,19 @@ def principal_axes(xx: Floats, yy: Floats, xy: Floats) -> tuple[Floats, Floats, 
 
 
 def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px: float = 0.2) -> Shapes:
-    """Moments of every stamp, from a round weight of ``sigma_px``, never below ``least_px``."""
+    """Moments of every stamp through a Gaussian weight that takes the star's own shape.
+
+    Parameters
+    ----------
+    stamps : Stamps
+        The pixels (N, size, size) around each star.
+    sigma_px : float
+        The round weight that it begins with, one sigma.
+    steps : int
+        How often the weight is fitted at most.
+    least_px : float
+        The weight's sigma never falls below it.
+    """
     n, size, _ = stamps.value.shape
     u = stamps.offsets.astype(np.float64)
     x, y = np.zeros(n), np.zeros(n)

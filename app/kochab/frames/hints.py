@@ -487,7 +487,25 @@ def frame_with_keywords(
     saturation: float | None = None,
     pattern: str | None = None,
 ) -> Frame:
-    """The frame of samples beside a FITS header; what is None is taken from the header and the samples' type."""
+    """The frame of samples beside a FITS header; what is None is taken from the header and the samples' type.
+
+    Parameters
+    ----------
+    samples : Array
+        The image as decoded, (H, W) or (H, W, 3).
+    path : Path
+        The file it came from.
+    values : Keywords
+        The header's keywords.
+    comments : Mapping[str, str]
+        The header's comments by keyword: some give a value's unit.
+    notes : tuple[str, ...]
+        What the reader has to say already.
+    saturation : float or None
+        Value from which a pixel is saturated; None: the most its type holds.
+    pattern : str or None
+        Bayer pattern of a mosaic; None: as the header says.
+    """
     pixels, colour, _ = split(samples)
     pixels, gaps = finite(pixels)
     hint, doubts = hint_from_keywords(values, comments, pixels.shape)
@@ -499,7 +517,21 @@ def frame_with_keywords(
 def frame_with_exif(
     samples: Array, path: Path, exif: Exif, size: tuple[int, int], notes: tuple[str, ...] = ()
 ) -> Frame:
-    """The frame of a decoded image and what its camera wrote beside it."""
+    """The frame of a decoded image and what its camera wrote beside it.
+
+    Parameters
+    ----------
+    samples : Array
+        The image as decoded, (H, W) or (H, W, 3).
+    path : Path
+        The file it came from.
+    exif : Exif
+        What the camera wrote beside it.
+    size : tuple[int, int]
+        Width and height of the sensor's image, px, which the hint is for.
+    notes : tuple[str, ...]
+        What the reader has to say already.
+    """
     pixels, colour, saturation = split(samples)
     pixels, gaps = finite(pixels)
     hint, header, doubts = hint_from_exif(exif, size)

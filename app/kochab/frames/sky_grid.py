@@ -49,7 +49,17 @@ class GridLine:
         return tr("az {angle}", angle=value) if self.kind == "az" else tr("alt {angle}", angle=value)
 
     def spot(self, xy: Floats, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float] | None:
-        """Where its text belongs in a box: low for meridians, far left for the others; ``xy`` (N, 2) is the line."""
+        """Where its text belongs in a box: low for meridians, far left for the others; None when the line is not in it.
+
+        Parameters
+        ----------
+        xy : Floats
+            The line (N, 2), in the box's coordinates, px.
+        x0, y0 : float
+            The box's corner with the smallest coordinates.
+        x1, y1 : float
+            The box's corner with the largest.
+        """
         x, y = xy[:, 0], xy[:, 1]
         with np.errstate(invalid="ignore"):
             inside = (x > x0) & (x < x1) & (y > y0) & (y < y1)
@@ -78,7 +88,19 @@ class SiteSky(Protocol):
 def grid_lines(
     solution: Solution, x0: float, y0: float, x1: float, y1: float, horizon: SiteSky | None = None
 ) -> list[GridLine]:
-    """The lines that cross the part (x0, y0)..(x1, y1) of the frame, image px: RA and Dec, or those of a horizon."""
+    """The lines that cross a part of the frame.
+
+    Parameters
+    ----------
+    solution : Solution
+        Where the frame points.
+    x0, y0 : float
+        The part's corner with the smallest coordinates, image px.
+    x1, y1 : float
+        The part's corner with the largest.
+    horizon : SiteSky or None
+        Sky above a site, for lines of altitude and azimuth; None for RA and Dec.
+    """
     camera = solution.camera
     x0, y0 = max(x0, -0.5), max(y0, -0.5)
     x1, y1 = min(x1, camera.width - 0.5), min(y1, camera.height - 0.5)

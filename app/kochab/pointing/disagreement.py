@@ -254,8 +254,16 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
 def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats) -> tuple[Floats, Floats]:
     """What the mount says too much (N, 2) east and north on the sky, degrees, and its slopes (N, 2, 5) by the terms.
 
-    ``there`` and ``reported`` (N, 3) are in the mount's axes. The terms: both axes' offsets, the turn about x and y,
-    and the cone, which adds to the first axis on one ``side`` and takes away on the other.
+    Parameters
+    ----------
+    terms : Floats
+        Offsets of both axes, turn about x and y, and the cone (5,), degrees.
+    there : Floats
+        Where the tube pointed, unit vectors (N, 3) in the mount's axes.
+    reported : Floats
+        Where the mount said it pointed, likewise (N, 3).
+    side : Floats
+        1 or -1 (N,): the cone adds to the first axis on one side of the pier and takes away on the other.
     """
     there = turned(there, terms)
     (lon, lat), (at, high) = (

@@ -40,7 +40,19 @@ def tr(text: str, note: str = "", /, **values: object) -> str:
 
 
 def tr_n(one: str, many: str, n: int, /, **values: object) -> str:
-    """The same for a text that counts ``n`` things, which stands in it as ``{n}``: one of them, or any other number."""
+    """The same for a text that counts ``n`` things, which stands in it as ``{n}``.
+
+    Parameters
+    ----------
+    one : str
+        The English text for one thing.
+    many : str
+        The English text for any other number.
+    n : int
+        How many.
+    **values : object
+        What comes into the other named places, as :func:`tr` has it.
+    """
     return _filled(_said(one, many, n), one if n == 1 else many, {"n": n, **values})
 
 
