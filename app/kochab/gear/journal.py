@@ -153,7 +153,21 @@ class MotionLog:
         detail: Mapping[str, float | str] | None = None,
         journal: bool = True,
     ) -> None:
-        """Add an entry; without ``journal`` no disk can delay what comes next."""
+        """Add an entry.
+
+        Parameters
+        ----------
+        action : str
+            What was asked of the mount.
+        outcome : str
+            How it ended; "failed" adds the traceback to the journal.
+        sentence : str
+            What the person was told.
+        detail : Mapping[str, float or str] or None
+            Numbers and words of the motion by name.
+        journal : bool
+            Whether it goes to the journal too; without it no disk can delay what comes next.
+        """
         entry = LogEntry(self._clock().isoformat(), action, outcome, dict(detail or {}), sentence)
         with self._lock:
             self.entries.append(entry)

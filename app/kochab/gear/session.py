@@ -70,7 +70,17 @@ class MountSelection:
     def typed(
         cls, port: str, driver: str, baud: str, epoch: str, home: Home | None = None, equatorial: bool = False
     ) -> "MountSelection":
-        """From what stands in the fields; UsageError says what is wrong."""
+        """From what stands in the fields; UsageError says what is wrong.
+
+        Parameters
+        ----------
+        port, driver, baud, epoch : str
+            As they stand in the fields.
+        home : Home or None
+            When a mount that only counts steps was at its home; None: not said.
+        equatorial : bool
+            Whether a mount that may be alt-azimuth is on a wedge.
+        """
         port, baud = port.strip(), baud.strip()
         if not port and driver not in SERVERS:
             raise UsageError(
@@ -113,10 +123,23 @@ def guarded(
 ) -> Guard:
     """Open a mount behind its guard; the line can be opened again when it was lost.
 
-    ``stop_first`` sends the bytes of Stop before anything is asked. What is known of the mount is kept for the next
-    program with ``keep``, unless told otherwise not on a practice night, which has a ``clock`` of its own.
-
     Raises `DeviceError` with one sentence and what to do.
+
+    Parameters
+    ----------
+    selection : MountSelection
+        Driver, port and what was said of the mount.
+    site : Site or None
+        Where it stands; None: not known.
+    clock : Callable[[], datetime] or None
+        Gives the time, UTC; None for the computer's. A practice night has its own.
+    limits : Limits or None
+        Horizon and meridian; None for the usual.
+    stop_first : bool
+        Send the bytes of Stop before anything is asked.
+    keep : bool or None
+        Whether what is known of the mount is kept for the next program; None: unless the clock is a practice
+        night's.
     """
     kept, now = config_folder() / "mounts", clock or utc_now
     settings = MountSettings(epoch=selection.epoch, site=site, clock=now, equatorial=selection.equatorial, kept=kept)

@@ -47,9 +47,20 @@ def zone_keys(vectors: NDArray[np.floating], zones: int) -> NDArray[np.uint32]:
 
 
 def cone_rows(keys: NDArray[np.uint32], zones: int, centre: Floats, radius: float) -> Ints:
-    """Rows of a sorted key list that may lie within ``radius`` rad of ``centre`` (3,).
+    """Rows of a sorted key list that may lie in a cone.
 
     Whole zones cut to a range of right ascension: a superset of the cone, never less.
+
+    Parameters
+    ----------
+    keys : NDArray[np.uint32]
+        Zone and right ascension of each star (N,), ascending.
+    zones : int
+        Into how many zones of declination the sphere is cut.
+    centre : Floats
+        Axis of the cone, ICRS unit vector (3,).
+    radius : float
+        Its half angle, radians.
     """
     dec = math.asin(min(max(float(centre[2]), -1.0), 1.0))
     height = np.pi / zones

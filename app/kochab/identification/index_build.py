@@ -60,10 +60,17 @@ WAITING = "waiting for another program to build the small-field index"
 
 
 def select(ra: Floats, dec: Floats, candidates: Ints, field_deg: float) -> Ints:
-    """The rows of ``candidates`` (brightest first) that are in the level of ``field_deg``.
+    """The rows of ``candidates`` that are in the level of one size of field.
 
-    ``ra``, ``dec`` (N,) radians of all stars; ``candidates`` are rows of the next finer level, of
-    which every level is a subset: a bigger box holds no fewer brighter stars.
+    Parameters
+    ----------
+    ra, dec : Floats
+        Places of all stars (N,), radians.
+    candidates : Ints
+        Rows of the next finer level, brightest first; every level is a subset of it, as a bigger box holds no fewer
+        brighter stars.
+    field_deg : float
+        Side of the square field that the level is for, degrees.
     """
     a, d = ra[candidates], dec[candidates]
     # cells of a third of the field's side: the nine about a star are its box
@@ -141,11 +148,19 @@ class LevelQuads:
 
 
 def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Task[LevelQuads]:
-    """Each star of a level (N, 3) with three of its nearest, each set once.
+    """Each star of a level with three of its nearest, each set once.
 
-    ``neighbours`` nearest are used where the level is as rich as a level should be, up to
-    ``poorest`` where it holds a quarter of that: frames there show few stars, and a few
-    missing ones must not break every quad.
+    Parameters
+    ----------
+    vectors : Floats
+        The level's stars, ICRS unit vectors (N, 3).
+    field_deg : float
+        Side of the field that the level is for, degrees.
+    neighbours : int
+        How many nearest stars are used where the level is as rich as it should be.
+    poorest : int
+        How many where it holds a quarter of that: frames there show few stars, and a few missing ones must not
+        break every quad.
     """
     from scipy.spatial import cKDTree
 
@@ -245,11 +260,25 @@ def build_volume(
 ) -> Task[None]:
     """Write the volume of the chosen ``levels`` of a sky into ``folder``.
 
-    ``vectors`` (N, 3) ICRS unit vectors, brightest first, with their catalogue ``rows`` (N,).
-    ``neighbours`` per chosen level: how many nearest stars each star forms quads with,
-    where the sky is rich and where it is poor (see :func:`level_quads`).
-    ``mark`` is kept in the index so that a later catalogue is noticed. A build of the same plan that was cancelled
-    goes on after its last whole level.
+    A build of the same plan that was cancelled goes on after its last whole level.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the volume is written.
+    vectors : Floats
+        ICRS unit vectors (N, 3), brightest first.
+    rows : Ints
+        The stars' catalogue rows (N,).
+    levels : Sequence[int]
+        Numbers of the levels, each for one size of field.
+    neighbours : Sequence[tuple[int, int]]
+        For each chosen level how many nearest stars each star forms quads with, where the sky is rich and where it
+        is poor (see :func:`level_quads`).
+    steps : int
+        Cells of the grid along each coordinate of a quad's shape.
+    mark : str
+        Kept in the index so that a later catalogue is noticed.
     """
     yield Progress("patterns", 0.0, "sorting the stars by field size")
     ra = np.arctan2(vectors[:, 1], vectors[:, 0]) % (2 * np.pi)

@@ -65,7 +65,19 @@ class QuadSort:
         return [file.tell() for file in self._files]
 
     def add(self, cell: Ints, codes: NDArray[np.uint32], sizes: NDArray[np.uint8], quads: NDArray[np.uint8]) -> None:
-        """Take quads: cells, codes and sizes (Q,) and members (Q, 12), as a volume stores them."""
+        """Take quads, as a volume stores them.
+
+        Parameters
+        ----------
+        cell : Ints
+            Grid cells (Q,).
+        codes : NDArray[np.uint32]
+            The shapes within their cells (Q,).
+        sizes : NDArray[np.uint8]
+            The sizes (Q,), stored as a byte.
+        quads : NDArray[np.uint8]
+            The members (Q, 12): four star numbers of three bytes.
+        """
         high = (cell >> LOW_BITS).astype(np.uint16)
         order = np.argsort(high, kind="stable")
         record = np.empty(len(cell), dtype=RECORD)

@@ -82,7 +82,17 @@ class PairTable:
         return 4.0 * RINGS * angle * wide < self.reach_rad * self.reach_rad
 
     def rings_each(self, star: Ints32, low_rad: float, high_rad: float, more_rad: Floats) -> tuple[Ints32, Ints32]:
-        """The same with ``more_rad`` (K,) added to the limits."""
+        """The same with limits of each star's own.
+
+        Parameters
+        ----------
+        star : Ints32
+            Stars (K,) whose neighbours are wanted.
+        low_rad, high_rad : float
+            Least and largest distance, radians.
+        more_rad : Floats
+            What is added (K,) to both, radians.
+        """
         stars, scale = len(self.rows), RINGS / self.reach_rad**2
         low, high = np.maximum(more_rad + low_rad, 0.0), more_rad + high_rad
         first = np.minimum(low * low * scale, RINGS).astype(np.int64)
@@ -91,7 +101,17 @@ class PairTable:
         return flat.take(first * stars + star), flat.take(last * stars + star)
 
     def neighbours(self, entry: Ints32, end: Ints32, wanted_rad: Floats | float, error_rad: float) -> tuple[Ints, Ints]:
-        """Of the entries (K,) up to ``end`` (K,) those as far away as wanted: rows, and entries."""
+        """Of runs of entries those as far away as wanted: rows, and entries.
+
+        Parameters
+        ----------
+        entry, end : Ints32
+            First entry (K,) of each run, and the one after its last (K,).
+        wanted_rad : Floats or float
+            Distance, one or (K, 1), radians.
+        error_rad : float
+            Largest difference from it, radians.
+        """
         width = int((end - entry).max())
         entries = entry[:, None] + STEPS[:width]
         # every row is as wide as the longest: what it reads beyond its own end is masked
@@ -102,9 +122,18 @@ class PairTable:
 
 
 def table_for(volumes: tuple[Volume, ...], field_deg: float, year: float, density: float = DENSE) -> PairTable | None:
-    """The table for frames of ``field_deg`` (the root of their area), or None: none fits.
+    """The pair table for frames of one size, or None: none fits.
 
-    ``density`` is the fewest stars a frame.
+    Parameters
+    ----------
+    volumes : tuple[Volume, ...]
+        The volumes of the index.
+    field_deg : float
+        Root of the frame's area, degrees.
+    year : float
+        Epoch of the stars' places, Julian year.
+    density : float
+        The fewest stars a frame shows on average.
     """
     for volume in volumes:
         for level, size in enumerate(volume.fields_deg.tolist()):

@@ -232,10 +232,22 @@ def identification_of(
     log10_false_alarm: float,
     tried: int,
 ) -> Identification:
-    """The default method's answer: a verdict on stars of which ``rows`` and ``vectors`` are all.
+    """The default method's answer from a verdict.
 
-    ``rows`` (N,) are the catalogue's, ``vectors`` (N, 3) ICRS unit vectors; ``tried`` pointings
-    were looked at.
+    Parameters
+    ----------
+    verdict : Verdict
+        The pointing that was accepted and its matches.
+    detections : Detections
+        The frame's detections.
+    rows : NDArray[np.integer]
+        Catalogue rows (N,) of the stars that the verdict numbers.
+    vectors : NDArray[np.floating]
+        Their ICRS unit vectors (N, 3).
+    log10_false_alarm : float
+        Chance of a match by accident, log10.
+    tried : int
+        How many pointings were looked at.
     """
     p, w, h = verdict.pointing, detections.width, detections.height
     camera = Camera(w, h, p.focal, (w - 1) / 2, (h - 1) / 2, k1=p.k1, mirrored=p.mirrored)

@@ -49,11 +49,24 @@ def predictional_estimate(
     closest_px: float = 0.5,
     worst_px: float | None = None,
 ) -> Estimate | None:
-    """Match stars recorded at ``xy`` (N, 2) px to ``vectors`` (S, 3) ICRS and refine ``matrix``.
+    """Match recorded stars to a catalogue's and refine a rotation; None when fewer than two find each other.
 
-    ``reach_px`` is how far off the expected places may be at first, ``closest_px`` the smallest
-    reach it comes down to; ``worst_px``, where it is known, is the largest error a star's place can
-    have, beyond which none counts in the end. None when fewer than two stars find each other.
+    Parameters
+    ----------
+    camera : Camera
+        The camera, whose model is kept.
+    matrix : Floats
+        First rotation (3, 3), ICRS to camera axes.
+    xy : Floats
+        Recorded places (N, 2), px.
+    vectors : Floats
+        The catalogue's stars (S, 3), ICRS unit vectors.
+    reach_px : float
+        How far off the expected places may be at first.
+    closest_px : float
+        The smallest reach it comes down to.
+    worst_px : float or None
+        The largest error a star's place can have, beyond which none counts in the end; None where it is not known.
     """
     last = np.zeros((2, 0), dtype=np.int64)
     for _ in range(ROUNDS):
@@ -75,10 +88,25 @@ def predictional_estimate(
 def concluded(
     camera: Camera, matrix: Floats, xy: Floats, vectors: Floats, i: Ints, j: Ints, sigma_px: Floats | None = None
 ) -> Estimate:
-    """The final estimate from matches ``i`` (M,) of ``xy`` and ``j`` (M,) of ``vectors``.
+    """The final estimate from matches.
 
-    ``sigma_px`` (M,) are errors a coordinate; their level comes from the residuals and from what
-    was said, which counts as :data:`BELIEF` residuals more. When not given, residuals alone tell.
+    Without ``sigma_px`` the residuals alone tell the errors' level.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera, whose model is kept.
+    matrix : Floats
+        First rotation (3, 3), ICRS to camera axes.
+    xy : Floats
+        Recorded places (N, 2), px.
+    vectors : Floats
+        The catalogue's stars (S, 3), ICRS unit vectors.
+    i, j : Ints
+        The matches (M,): numbers of recorded places and of stars.
+    sigma_px : Floats or None
+        Errors a coordinate (M,); their level comes from the residuals and from what was said, which counts as
+        :data:`BELIEF` residuals more.
     """
     weight = np.ones(len(i)) if sigma_px is None else 1.0 / sigma_px
     matrix, inverse = differential(camera, matrix, xy[i], vectors[j], weight)
@@ -94,9 +122,22 @@ def concluded(
 def differential(
     camera: Camera, matrix: Floats, xy: Floats, vectors: Floats, weight: Floats, steps: int = 2
 ) -> tuple[Floats, Floats]:
-    """Gauss-Newton steps of the rotation alone; the new matrix and the inverse normal matrix.
+    """Gauss-Newton steps of the rotation alone; the new matrix and the inverse normal matrix (3, 3).
 
-    ``xy`` (M, 2) px, ``vectors`` (M, 3) ICRS, ``weight`` (M,) one over the error in px.
+    Parameters
+    ----------
+    camera : Camera
+        The camera, whose model is kept.
+    matrix : Floats
+        First rotation (3, 3), ICRS to camera axes.
+    xy : Floats
+        Recorded places (M, 2), px.
+    vectors : Floats
+        The same stars' ICRS unit vectors (M, 3).
+    weight : Floats
+        One over each place's error (M,), 1/px.
+    steps : int
+        How many steps are taken.
     """
     inverse: Floats = np.eye(3)
     for _ in range(steps):

@@ -228,7 +228,21 @@ def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
 
 
 def pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored: Bools) -> Floats:
-    """Attitudes (H, 3, 3) that put the two base stars of each quad where they are seen."""
+    """Attitudes (H, 3, 3) that put the two base stars of each quad where they are seen.
+
+    Parameters
+    ----------
+    xy : Floats
+        Places of the detections (D, 2), px from the frame's middle.
+    detections : Ints
+        Numbers of each quad's detections (H, 4), the two base stars first.
+    sky : Floats
+        ICRS unit vectors (H, 4, 3) of the stars they would be.
+    focal : Floats
+        Focal length (H,) that each match means, px.
+    mirrored : Bools
+        Whether each match is mirrored (H,).
+    """
     p = xy[detections[:, :2]]
     p[mirrored, :, 0] *= -1.0
     seen = directions(np.broadcast_to(focal[:, None], p.shape[:2]), p)

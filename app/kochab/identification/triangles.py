@@ -83,9 +83,18 @@ def shortest_side_first(corners: Corners, angle: list[list[float]]) -> Corners:
 
 
 def matching_triangles(table: PairTable, angles: DetectionAngles, corners: Corners, error_rad: float) -> list[Corners]:
-    """Every triangle of stars with the sides of ``corners``, which `shortest_side_first` gave.
+    """Every triangle of stars with the sides of one of detections.
 
-    ``error_rad`` is allowed in each side, at the scale that the longest side means.
+    Parameters
+    ----------
+    table : PairTable
+        The pairs of stars by their separation.
+    angles : DetectionAngles
+        Separations of the detections, and how they grow with the scale.
+    corners : Corners
+        Numbers of three detections as `shortest_side_first` gave them.
+    error_rad : float
+        Allowed in each side, radians, at the scale that the longest side means.
     """
     a, b, c = corners
     base, room = angles.angle[a][b], angles.growth[a][b]
@@ -155,8 +164,14 @@ Vector = tuple[float, float, float]
 def attitude_of_two(p: Vector, q: Vector, star_p: list[float], star_q: list[float]) -> tuple[Vector, Vector, Vector]:
     """Rotation, three rows, ICRS to camera, for two directions and the stars that they are.
 
-    ``p`` and ``q`` point where the two are seen, in camera axes, of any length; the stars are ICRS
-    unit vectors. What the separations differ by is shared: the middles agree, and the planes.
+    What the separations differ by is shared: the middles agree, and the planes.
+
+    Parameters
+    ----------
+    p, q : Vector
+        Where the two are seen, camera axes, of any length.
+    star_p, star_q : list[float]
+        The stars' ICRS unit vectors.
     """
     (m, n, o), (k, l, r) = _axes(_unit(*p), _unit(*q)), _axes(star_p, star_q)  # noqa: E741
     x, y, z = [

@@ -20,10 +20,22 @@ T = TypeVar("T")
 
 
 def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float, first: int = 0) -> Ints:
-    """How many of the detections ``xy`` (D, 2), proposers apart, have a star of the level nearby.
+    """How many of the detections, proposers apart, have a star of the level nearby.
 
-    They are numbered from ``first`` on. Nearby is a box of half-width ``reach_px``. Stars across RA 0h
-    are missed: it is a quick look.
+    Stars across RA 0h are missed: it is a quick look.
+
+    Parameters
+    ----------
+    volume : Volume
+        The index that holds the level's stars.
+    xy : Floats
+        The detections (D, 2), px from the frame's middle.
+    found : Hypotheses
+        The pointings to try, H of them.
+    reach_px : float
+        Half-width of the box that is nearby.
+    first : int
+        The number of the first detection in ``xy``, by which the proposers are known.
     """
     h, d = len(found), len(xy)
     p = np.broadcast_to(xy, (h, d, 2)).copy()
@@ -108,12 +120,20 @@ NEAR = len(NEAR_RADII) * NUDGE_DIRECTIONS  # the first so many
 def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float:
     """How much denser the stars are where the detections stand than ``density``, at least 1.
 
-    ``seen`` (n, 2) are the detections that are evidence and ``stars`` (N, 2) where the catalogue's
-    stars should be, px from the frame's middle; ``half`` (2,) is half the frame,
-    ``density`` in stars a square px. All stars are nudged together in 48 ways, by 3 to 8 radii of a
-    hundredth of the frame's larger side, and those within a radius of a detection are counted and
-    compared with stars spread evenly. A cluster laid on a dense blob thins out within so many
-    radii: where stars are clearly denser at 1.5 and 2 radii, that is what counts.
+    All stars are nudged together in 48 ways, by 3 to 8 radii of a hundredth of the frame's larger side, and those
+    within a radius of a detection are counted and compared with stars spread evenly. A cluster laid on a dense blob
+    thins out within so many radii: where stars are clearly denser at 1.5 and 2 radii, that is what counts.
+
+    Parameters
+    ----------
+    seen : Floats
+        The detections (n, 2) that are evidence, px from the frame's middle.
+    stars : Floats
+        Where the catalogue's stars should be (N, 2), likewise.
+    half : Floats
+        Half the frame's width and height (2,), px.
+    density : float
+        Stars a square px.
     """
     radius_px = 2.0 * NUDGE_RADIUS * float(half.max())
     # beyond the frame nobody knows the stars
@@ -139,8 +159,20 @@ def with_crowding(
 ) -> tuple[float, T]:
     """What ``bound`` says, log10 first, after the stars' :func:`crowding`: every verdict ends here.
 
-    ``bound`` takes the number by which to multiply the density. What is likely even without any
-    crowding is left as it is.
+    What is likely even without any crowding is left as it is.
+
+    Parameters
+    ----------
+    bound : Callable[[float], tuple[float, T]]
+        Takes the number by which to multiply the density.
+    seen : Floats
+        The detections (n, 2) that are evidence, px from the frame's middle.
+    stars : Floats
+        Where the catalogue's stars should be (N, 2), likewise.
+    half : Floats
+        Half the frame's width and height (2,), px.
+    density : float
+        Stars a square px.
     """
     even = bound(1.0)
     return even if even[0] > WORTH_COUNTING_LOG10 else bound(crowding(seen, stars, half, density))
@@ -155,10 +187,22 @@ def log10_ball(dimensions: int, radius: float) -> float:
 def log10_agreement(
     matched: int, square_px: float, n_evidence: int, density: float, reach_px: float, free: int
 ) -> float:
-    """Bound for one agreement, as above; ``matched`` of ``n_evidence`` exclude the proposers.
+    """Bound for one agreement, as above.
 
-    ``square_px`` is the sum of the squares of their distances, ``density`` the stars in a square px, times their
-    crowding where it was measured; ``free`` numbers of the pointing were fitted, each within ``reach_px``.
+    Parameters
+    ----------
+    matched : int
+        How many detections matched, the proposers apart.
+    square_px : float
+        Sum of the squares of their distances, px^2.
+    n_evidence : int
+        How many could have matched, the proposers apart.
+    density : float
+        Stars in a square px, times their crowding where it was measured.
+    reach_px : float
+        Within which each fitted number of the pointing lies.
+    free : int
+        How many numbers of the pointing were fitted.
     """
     # as many numbers as there are distances can be fitted to any stars
     if 2 * matched <= free:
@@ -174,11 +218,19 @@ def log10_by_distance(
 ) -> tuple[float, int]:
     """Bound for the agreement of few detections that no fit was made to, and how many it counts.
 
-    ``distances`` are those (px), ascending, of the detections that have a star near, of
-    ``n_evidence`` in all; ``density`` is in stars a square px. ``tried`` is the number of
-    pointings whose proposers agree within r px, as ``a + b r``. That m of n lie within r by chance
-    has at most the probability C(n, m) p^m; the distance of the m-th nearest is taken for r, which
-    is as likely to be small as this says, so that only the choice of m is to be counted.
+    That m of n lie within r px by chance has at most the probability C(n, m) p^m; the distance of the m-th nearest is
+    taken for r, which is as likely to be small as this says, so that only the choice of m is to be counted.
+
+    Parameters
+    ----------
+    distances : list[float]
+        Of the detections that have a star near, px, ascending.
+    n_evidence : int
+        How many detections there are in all.
+    density : float
+        Stars a square px.
+    tried : tuple[float, float]
+        The number of pointings whose proposers agree within r px, as a and b of ``a + b r``.
     """
     best, agree, ways = 0.0, 0, 1.0
     for m, distance in enumerate(distances, 1):
@@ -233,7 +285,18 @@ class Verdict:
 def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) -> CandidatePointing:
     """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion.
 
-    ``seen`` (N, 2) px; ``xy`` and ``uv`` (N, 2) are what the pointing makes of the same stars.
+    Parameters
+    ----------
+    pointing : CandidatePointing
+        Where it begins.
+    seen : Floats
+        The detections (N, 2), px from the frame's middle.
+    xy : Floats
+        Where the pointing puts the same stars (N, 2), likewise.
+    uv : Floats
+        The same without focal length and distortion (N, 2), on the tangent plane.
+    bend : bool
+        Whether radial distortion is fitted too.
     """
     u, v = uv[:, 0], uv[:, 1]
     off = ((seen - xy) / pointing.focal).T.copy()
@@ -276,13 +339,31 @@ def verify(
     use: int,
     accept_log10: float,
 ) -> Verdict | None:
-    """Check one pointing against the brightest ``use`` detections; None when too few match.
+    """Check one pointing against the brightest detections; None when too few match.
 
-    ``proposers`` (4,) are the detections that suggested it and ``proposing_stars`` (4,) the stars
-    they would be: they are matched and refitted like the others, but neither they count as
-    evidence nor the detections beside them, one of which their stars would find in any clump.
-    ``reach_px`` is the first, widest radius; evidence below ``accept_log10`` (log10) needs no second way
-    of judging.
+    Proposers are matched and refitted like the others, but neither they count as evidence nor the detections beside
+    them, one of which their stars would find in any clump.
+
+    Parameters
+    ----------
+    volume : Volume
+        The index that holds the stars.
+    level : int
+        Its level for fields of this size.
+    view : FieldStars
+        The frame's detections, brightest first.
+    start : CandidatePointing
+        The pointing to check.
+    proposers : Ints
+        The detections (4,) that suggested it.
+    proposing_stars : Ints
+        The stars (4,) they would be.
+    reach_px : float
+        The first, widest radius of a match.
+    use : int
+        How many of the brightest detections are used.
+    accept_log10 : float
+        Evidence below it needs no second way of judging, log10.
     """
     seen = view.xy[:use]
     corner = float(np.hypot(*view.half)) + reach_px
@@ -321,7 +402,21 @@ def verify(
 def improve(
     pointing: CandidatePointing, seen: Floats, sky: Floats, radius: float, steps: int
 ) -> CandidatePointing | None:
-    """Pair and refit ``steps`` times, the radius shrinking with the residuals; None: it failed."""
+    """Pair and refit, the radius shrinking with the residuals; None: it failed.
+
+    Parameters
+    ----------
+    pointing : CandidatePointing
+        Where it begins.
+    seen : Floats
+        The detections (n, 2), px from the frame's middle.
+    sky : Floats
+        Stars near the pointing, ICRS unit vectors (N, 3).
+    radius : float
+        The first radius of a match, px.
+    steps : int
+        How often at most.
+    """
     last = 0
     for step in range(steps):
         xy, uv = pointing.project(sky)
@@ -359,8 +454,24 @@ def chance_of(
 ) -> tuple[float, float]:
     """log10 of a bound for the chance of so good an agreement with one of ``candidates`` pointings, and its radius.
 
-    ``distance2_px`` (M,) are those of the matches of ``seen`` (n, 2) with ``expected`` (N, 2); the rest is as in
-    :func:`_agreement`. Stars count where they crowd as often as they are denser there.
+    Stars count where they crowd as often as they are denser there.
+
+    Parameters
+    ----------
+    distance2_px : Floats
+        Squared distances (M,) of the matches, px^2.
+    seen : Floats
+        The detections (n, 2) that are evidence, px from the frame's middle.
+    expected : Floats
+        Where the stars should be (N, 2), likewise.
+    half : Floats
+        Half the frame's width and height (2,), px.
+    reach_px : float
+        Largest distance of a match.
+    free : int
+        How many numbers of the pointing were fitted.
+    candidates : int
+        How many pointings were compared.
     """
     inside, area = max(1.0, float((np.abs(expected) < half).all(axis=1).sum())), float(4.0 * half[0] * half[1])
     return with_crowding(
@@ -377,8 +488,22 @@ def least_likely(
 ) -> tuple[float, float]:
     """The least likely agreement over all radii, log10, and its radius in px.
 
-    ``distance2_px`` (M,) are the squared distances of matched stars, of ``stars`` in ``area_px``; the rest is as
-    in :func:`log10_agreement`.
+    Parameters
+    ----------
+    distance2_px : Floats
+        Squared distances (M,) of the matches, px^2.
+    n_evidence : int
+        How many detections could have matched.
+    stars : float
+        How many stars the area holds.
+    area_px : float
+        The frame's area, px^2.
+    reach_px : float
+        Largest distance of a match.
+    free : int
+        How many numbers of the pointing were fitted.
+    candidates : int
+        How many pointings were compared.
     """
     square = np.sort(distance2_px)
     radii = reach_px / np.sqrt(2.0) ** np.arange(RADII)

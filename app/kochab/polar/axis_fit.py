@@ -151,7 +151,19 @@ def fit_axis(attitudes: Sequence[LocalAttitude], towards: Floats) -> AxisFit:
 
 
 def foreseen_covariance(axis: Floats, turns_rad: Floats, reference: Floats, covariance: Floats) -> Floats:
-    """Covariance (2, 2) that frames yet to be taken would give, all with the same errors."""
+    """Covariance (2, 2) that frames yet to be taken would give, all with the same errors.
+
+    Parameters
+    ----------
+    axis : Floats
+        The mount's axis, unit vector (3,).
+    turns_rad : Floats
+        Turns about it (N,) at which frames would be taken, radians.
+    reference : Floats
+        Attitude (3, 3) at turn 0, in the axes of ``axis``.
+    covariance : Floats
+        That of each frame's rotation (3, 3), rad^2.
+    """
     measured = about_each(axis, turns_rad) @ reference
     whiten = np.repeat(np.linalg.inv(np.linalg.cholesky(covariance))[None], len(turns_rad), axis=0)
     return _conclude(axis, np.asarray(turns_rad), reference, measured, whiten).covariance

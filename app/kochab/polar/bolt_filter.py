@@ -92,7 +92,19 @@ class BoltFilter:
         return self.backlash_turns - self.engaged_turns if direction > 0 else self.engaged_turns
 
     def turned(self, turns: float, change_arcsec: float, sigma_arcsec: float, seen: bool) -> "BoltFilter":
-        """After ``turns`` were asked for and the error changed by so much (one sigma); ``seen``: more than by noise."""
+        """The filter after a bolt was turned.
+
+        Parameters
+        ----------
+        turns : float
+            How many turns were asked for, signed by their sense.
+        change_arcsec : float
+            By how much the error changed, arcseconds.
+        sigma_arcsec : float
+            One sigma of that change.
+        seen : bool
+            Whether it changed by more than noise does.
+        """
         random = np.random.default_rng([SEED, self.n_turns + 1])
         asked = turns * (1.0 + random.normal(0.0, HAND, PARTICLES)) + random.normal(0.0, HAND_TURNS, PARTICLES)
         free = self.engaged_turns + np.stack(

@@ -105,7 +105,23 @@ def findings_of(
     movement: Movement | None,
     settings: "MeasureSettings",
 ) -> list[PolarFinding]:
-    """Everything a person should know about a measurement, most important first."""
+    """Everything a person should know about a measurement, most important first.
+
+    Parameters
+    ----------
+    sweeps : Sequence[Sequence[LocalAttitude]]
+        The attitudes of each sweep.
+    fits : Sequence[AxisFit]
+        The axis fitted to each.
+    combined : CombinedSweeps
+        All sweeps together.
+    results : Sequence[SweepResult]
+        What each sweep says of the polar error.
+    movement : Movement or None
+        How Dec or the camera moved between frames; None: not seen.
+    settings : MeasureSettings
+        Site, pole and refraction of the measurement.
+    """
     errors = [result.error for result in results]
     lowest = min((a for sweep in sweeps for a in sweep), key=lambda a: a.altitude_deg)
     return [
@@ -433,7 +449,19 @@ class Measurement:
 
 
 def axis_shift_arcsec(error: PolarError, site: Site, sky_deg: float, within: float = CHI2_95) -> float:
-    """Where the axis would be, from where it is said to be, under a sky turned by so much; 0 ``within`` its ellipse."""
+    """How far the axis would be from where it is said to be, under a turned sky; 0 within its ellipse.
+
+    Parameters
+    ----------
+    error : PolarError
+        The polar error as measured.
+    site : Site
+        Where the mount stands.
+    sky_deg : float
+        By how much the sky is turned about its pole, degrees.
+    within : float
+        The ellipse's size as a squared distance in sigmas.
+    """
     axis = about(pole_direction(site, Pole.TRUE), np.radians(sky_deg)) @ error.axis
     inside = error.with_systematics.distance2(axis) <= within
     return 0.0 if inside else angle_between(axis, error.axis) / ARCSEC

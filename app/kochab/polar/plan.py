@@ -33,18 +33,54 @@ class Optics:
 
 
 def weighted_arcsec(optics: Optics, rho_deg: float, turn_deg: float, frames: int) -> float:
-    """Uncertainty of the weighted fit of ``frames`` attitudes, evenly turned, both directions."""
+    """Uncertainty of the axis, both directions, arcseconds, by a weighted fit of evenly turned attitudes.
+
+    Parameters
+    ----------
+    optics : Optics
+        The errors of a frame's attitude.
+    rho_deg : float
+        Distance of the field from the axis, degrees.
+    turn_deg : float
+        From the first frame to the last, degrees.
+    frames : int
+        How many frames.
+    """
     turns = np.radians(turn_deg) * np.linspace(0.0, 1.0, frames)
     return _uncertainty_arcsec(optics, rho_deg, turns)
 
 
 def turn_needed_deg(optics: Optics, rho_deg: float, goal_arcsec: float, frames: int = 3) -> float | None:
-    """The smallest turn, in steps of 5 deg, that gets the axis that sure; None: not by 120 deg."""
+    """The smallest turn, in steps of 5 deg, that gets the axis that sure; None: not by 120 deg.
+
+    Parameters
+    ----------
+    optics : Optics
+        The errors of a frame's attitude.
+    rho_deg : float
+        Distance of the field from the axis, degrees.
+    goal_arcsec : float
+        Uncertainty wanted.
+    frames : int
+        How many frames.
+    """
     return _least(MOST_DEG, lambda turn: weighted_arcsec(optics, rho_deg, turn, frames) <= goal_arcsec)
 
 
 def more_turn_deg(optics: Optics, rho_deg: float, turns_rad: Floats, goal_arcsec: float) -> float | None:
-    """How much further to turn, with one more frame there; 0 when it is enough, None: hopeless."""
+    """How much further to turn, with one more frame there; 0 when it is enough, None: hopeless.
+
+    Parameters
+    ----------
+    optics : Optics
+        The errors of a frame's attitude.
+    rho_deg : float
+        Distance of the field from the axis, degrees.
+    turns_rad : Floats
+        Turns (N,) at which frames were taken, radians.
+    goal_arcsec : float
+        Uncertainty wanted.
+    """
     if len(turns_rad) >= 2 and _uncertainty_arcsec(optics, rho_deg, turns_rad) <= goal_arcsec:
         return 0.0
     first, last = float(np.min(turns_rad)), float(np.max(turns_rad))
@@ -106,8 +142,18 @@ class SweepPath:
 def sweep_path(boresight: Floats, settings: MeasureSettings, direction: Direction, turn_deg: float) -> SweepPath:
     """Where a turn leads, supposing that the axis is near its pole.
 
-    ``boresight`` (3,) in E, N, U. West is the way the sky goes: about the visible pole clockwise in
-    the north, anticlockwise in the south.
+    West is the way the sky goes: about the visible pole clockwise in the north, anticlockwise in the south.
+
+    Parameters
+    ----------
+    boresight : Floats
+        Where the camera points (3,), in east, north, up.
+    settings : MeasureSettings
+        Site, pole and refraction.
+    direction : Direction
+        East or west.
+    turn_deg : float
+        How far, degrees.
     """
     pole = pole_direction(settings.site, settings.pole, settings.refraction)
     sign = -1.0 if northern(settings.site) == (direction is Direction.WEST) else 1.0
@@ -165,9 +211,20 @@ class SecondSweep:
 def plan_second(
     measurement: Measurement, optics: Optics, frames: int, turn_deg: float | None = None
 ) -> SecondSweep | None:
-    """The declination where a sweep of ``turn_deg``, None as the last, leaves the least in doubt.
+    """The declination where a second sweep leaves the least in doubt.
 
     None when no other declination within reach helps: too low there, or flexure hardly shifts the axis from here.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        What the sweeps so far gave.
+    optics : Optics
+        The errors of a frame's attitude.
+    frames : int
+        How many frames the sweep would have.
+    turn_deg : float or None
+        How far RA would be turned; None: as in the last sweep.
     """
     if measurement.error.flexure_total_arcsec < LEAST_ARCSEC:
         return None

@@ -54,10 +54,20 @@ class _Paths(NamedTuple):
 
 
 def pulse_response(time_s: Floats, star: Floats, pushed: Floats, level: Floats) -> PulseResponse | None:
-    """What the star's path (N,) shows of the pulses' effect; None where it shows too little, or noise of another kind.
+    """What the star's path shows of the pulses' effect; None where it shows too little, or noise of another kind.
 
-    ``pushed`` (N,) is what all pulses before a frame should have moved the star by, in its unit; ``level`` (N,) counts
-    the places that it was given. Drift is a polynomial of the time, cubic in the first hour.
+    Drift is a polynomial of the time, cubic in the first hour.
+
+    Parameters
+    ----------
+    time_s : Floats
+        When each frame was taken (N,), seconds.
+    star : Floats
+        The star's place (N,) along one axis, in any unit.
+    pushed : Floats
+        What all pulses before a frame should have moved the star by (N,), in its unit.
+    level : Floats
+        Counts (N,) the places that the star was given.
     """
     if np.ptp(pushed) == 0.0:
         return None

@@ -46,7 +46,19 @@ class Entry:
 
     @classmethod
     def of(cls, time_utc: datetime, kind: str, error: PolarError, text: str = "") -> "Entry":
-        """What an error says at a moment."""
+        """What an error says at a moment.
+
+        Parameters
+        ----------
+        time_utc : datetime
+            The moment.
+        kind : str
+            What was done: a measurement, an adjustment.
+        error : PolarError
+            The polar error then.
+        text : str
+            What the person is told of it.
+        """
         whole = error.with_systematics
         place = (error.altitude_arcsec, error.azimuth_arcsec, error.azimuth_on_sky_arcsec, error.total_arcsec)
         of_total = (whole.sigma_total_arcsec, error.sigma_total_arcsec, error.flexure_along_arcsec)

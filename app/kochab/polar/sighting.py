@@ -50,6 +50,17 @@ class Sighting:
         The covariance is the solver's own at the middle of the frame. Elsewhere it is approximate:
         it leaves out the errors of the distortion, which grow where a part of the field shows no
         stars (the tilts scatter by 1.6 and the roll by 4 of its sigmas with half of it covered).
+
+        Parameters
+        ----------
+        solution : Solution
+            Of the frame.
+        time_utc : datetime
+            Mid-exposure.
+        label : str
+            What the frame is called, as its file's name.
+        sweep : int
+            Number of the sweep it belongs to.
         """
         field_deg, pixels, _ = _fixed_places(solution.camera)
         number = np.arange(len(solution.stars))

@@ -82,7 +82,19 @@ class SkyCamera:
         return ExposureLight(paths, attitude_at, self.optics, self.config.zero_point_e_s, self.weather)
 
     def frame(self, attitude_at: AttitudeAt, start: float, exposure_s: float, gain_e: float = 0.0) -> Frame:
-        """The frame exposed from unix time ``start`` on; ``gain_e`` overrides the sensor's."""
+        """The frame of an exposure.
+
+        Parameters
+        ----------
+        attitude_at : AttitudeAt
+            Rotation (3, 3) from east, north, up to camera axes at a unix time.
+        start : float
+            When it begins, unix time.
+        exposure_s : float
+            How long.
+        gain_e : float
+            Electrons a unit; 0: the sensor's own.
+        """
         light = self.light(attitude_at, start, exposure_s)
         image_e = background(light)
         image = RenderedStar(self.config.fwhm_px)

@@ -60,7 +60,21 @@ class StarPaths:
         self._mag = np.empty(0)
 
     def over(self, camera: Camera, attitude_at: AttitudeAt, start: float, exposure_s: float, faintest: float) -> Paths:
-        """Paths of all stars down to V ``faintest`` from unix time ``start`` on."""
+        """Paths of all stars over an exposure.
+
+        Parameters
+        ----------
+        camera : Camera
+            Projects them.
+        attitude_at : AttitudeAt
+            Rotation (3, 3) from east, north, up to camera axes at a unix time.
+        start : float
+            When it begins, unix time.
+        exposure_s : float
+            How long.
+        faintest : float
+            Faintest V.
+        """
         samples = int(np.clip(np.ceil(exposure_s * SAMPLES_A_SECOND), 3, MOST_SAMPLES))
         times = start + np.linspace(0.0, exposure_s, samples)
         views = np.stack([attitude_at(float(t)) for t in times])
@@ -184,6 +198,17 @@ def star_list(light: ExposureLight, fwhm_px: float, read_noise_e: float, rng: np
 
     A centroid's error is the image's sigma over the signal-to-noise ratio, with a floor of
     0.03 px. False stars are :data:`FALSE_STARS` of the real ones, rounded by chance.
+
+    Parameters
+    ----------
+    light : ExposureLight
+        The stars' paths and the sky's light.
+    fwhm_px : float
+        Width of a star's image.
+    read_noise_e : float
+        RMS of reading a pixel, electrons.
+    rng : np.random.Generator
+        Draws the errors.
     """
     width, height = light.optics.width, light.optics.height
     xy, flux = _over_time(light.paths.xy), starlight(light)

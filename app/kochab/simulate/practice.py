@@ -266,8 +266,30 @@ def practise(
 ) -> PracticeNight:
     """Start a practice night from plain values, as a window or a command line has them.
 
-    Without ``misalign_arcmin`` the seed hides 20 to 90; ``faults`` brings clouds, wind, a kick, a
-    weak clutch and a bad line. A pseudo-terminal serves the mount unless ``socket`` asks for TCP.
+    Parameters
+    ----------
+    driver : str
+        Name of the mount's driver.
+    seed : int
+        Draws the night.
+    site : Site or None
+        Where it is; None: the seed's.
+    misalign_arcmin : float or None
+        Polar error; None: the seed hides 20 to 90.
+    lost_deg : float
+        How far the mount's sync is off.
+    rate : float
+        How many times faster than real time the night goes.
+    faults : bool
+        Clouds, wind, a kick, a weak clutch and a bad line.
+    folder : str or None
+        Where frames are written; None: nowhere.
+    exposure_s : float
+        Of each frame.
+    socket : bool
+        Serve the mount by TCP in place of a pseudo-terminal.
+    fov_deg : float
+        Width of the camera's field.
     """
     night = practice_night(misaligned(tonight(seed, site), misalign_arcmin, lost_deg), faults)
     where = None if folder is None else Path(folder)

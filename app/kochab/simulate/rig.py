@@ -222,9 +222,20 @@ def random_place(
     lowest_deg: float,
     most_sine: float = 1.0,
 ) -> tuple[float, float]:
-    """Hour angle and declination, degrees, evenly over the sky above ``lowest_deg``.
+    """Hour angle and declination, degrees, evenly over a part of the sky.
 
-    The hour angle is within ``hours_deg``, the sine of the declination within ``most_sine`` of 0.
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Draws them.
+    latitude_deg : float
+        Of the site.
+    hours_deg : tuple[float, float]
+        Least and largest hour angle.
+    lowest_deg : float
+        Least altitude.
+    most_sine : float
+        Largest sine of the declination, either way.
     """
     latitude, lowest = np.radians([latitude_deg, lowest_deg])
     while True:

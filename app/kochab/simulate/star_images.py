@@ -84,9 +84,26 @@ def render(
     sensor: Sensor | None = None,
     seed: int = 0,
 ) -> Frame:
-    """A uint16 frame of stars at ``xy`` (N, 2) px with ``flux_e`` (N,) electrons.
+    """A uint16 frame of stars.
 
     Noise is Poisson in the light (normal where all of it is above 30 e) and normal in reading.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of the frame, px.
+    xy : Floats
+        Places (N, 2), px.
+    flux_e : Floats
+        Electrons of each star (N,).
+    image : RenderedStar or None
+        A star's shape; None for the usual.
+    sky : Sky or None
+        Background and rays; None: dark.
+    sensor : Sensor or None
+        Gain, noise and mosaic; None for the usual.
+    seed : int
+        Draws the noise.
     """
     image, sky, sensor = image or RenderedStar(), sky or Sky(), sensor or Sensor()
     rng = np.random.default_rng(seed)
@@ -96,9 +113,20 @@ def render(
 
 
 def expose(light: Floats32, sky: Sky, sensor: Sensor, rng: np.random.Generator, noise: Floats32 | None = None) -> Frame:
-    """The uint16 frame of ``light`` (H, W) in electrons, which is used up.
+    """The uint16 frame of light.
 
-    ``noise``, at least H x W numbers of a normal distribution, saves making new ones.
+    Parameters
+    ----------
+    light : Floats32
+        Electrons (H, W); used up.
+    sky : Sky
+        Background and rays.
+    sensor : Sensor
+        Gain, noise and mosaic.
+    rng : np.random.Generator
+        Draws the noise.
+    noise : Floats32 or None
+        At least H x W numbers of a normal distribution, which saves making new ones; None: they are made.
     """
     height, width = light.shape
     out = np.empty((height, width), dtype=np.uint16)
@@ -123,7 +151,19 @@ def expose(light: Floats32, sky: Sky, sensor: Sensor, rng: np.random.Generator, 
 
 
 def add_stars(light: Floats32, xy: Floats, flux: Floats, image: RenderedStar) -> None:
-    """Add stars at ``xy`` (N, 2) px with ``flux`` (N,) to ``light`` (H, W), in place."""
+    """Add stars to light, in place.
+
+    Parameters
+    ----------
+    light : Floats32
+        Electrons (H, W).
+    xy : Floats
+        Places (N, 2), px.
+    flux : Floats
+        Electrons of each star (N,).
+    image : RenderedStar
+        A star's shape.
+    """
     at = image.points()
     places = (xy[:, None] + at).reshape(-1, 2)
     shares = np.repeat(flux / len(at), len(at))

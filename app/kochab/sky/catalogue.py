@@ -28,8 +28,18 @@ ZONE_RAD = np.radians(0.5)
 def candidates(ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats, radius: float, tiers: range) -> Ints:
     """Rows of ``tiers`` near the cone, a superset of those in it, ascending.
 
-    ``ra`` (N,) in 1/2**32 turns, ascending within each (tier, zone); ``zones`` the first row of
-    each; ``centre`` (3,) unit vector; ``radius`` in radians.
+    Parameters
+    ----------
+    ra : NDArray[np.uint32]
+        Right ascension (N,) in 1/2**32 turns, ascending within each tier and zone.
+    zones : NDArray[np.uint32]
+        The first row of each tier and zone.
+    centre : Floats
+        Axis of the cone, ICRS unit vector (3,).
+    radius : float
+        Its half angle, radians.
+    tiers : range
+        Tiers of brightness to look in, 0 the brightest.
     """
     dec0 = float(np.arctan2(centre[2], np.hypot(centre[0], centre[1])))
     ra0 = float(np.arctan2(centre[1], centre[0]))
@@ -156,9 +166,18 @@ class Catalogue:
         return np.asarray(self._flag[np.asarray(rows, dtype=np.int64)])
 
     def cone(self, vector: ArrayLike, radius_rad: float, mag_limit: float | None = None, year: float = EPOCH) -> Ints:
-        """Rows within ``radius_rad`` of an ICRS unit vector (3,) at ``year``, brightest first.
+        """Rows within a cone, brightest first.
 
-        ``mag_limit`` keeps V <= limit, and then leaves the tiers of fainter stars unread.
+        Parameters
+        ----------
+        vector : ArrayLike
+            Its axis, ICRS unit vector (3,).
+        radius_rad : float
+            Its half angle, radians.
+        mag_limit : float or None
+            Keeps V <= limit, and leaves the tiers of fainter stars unread; None for all.
+        year : float
+            Epoch of the stars' places, Julian year.
         """
         # one tier more than edges: the last holds everything fainter than V 11
         tiers = range(len(TIER_EDGES_MMAG) + 1)
@@ -168,7 +187,19 @@ class Catalogue:
         return self._sorted(self._inside(centre, radius_rad, tiers, mag_limit, year))
 
     def brightest(self, vector: ArrayLike, radius_rad: float, n: int, year: float = EPOCH) -> Ints:
-        """The ``n`` brightest rows of a cone, brightest first; fewer when it holds fewer."""
+        """The brightest rows of a cone, brightest first; fewer than ``n`` when it holds fewer.
+
+        Parameters
+        ----------
+        vector : ArrayLike
+            Its axis, ICRS unit vector (3,).
+        radius_rad : float
+            Its half angle, radians.
+        n : int
+            How many are wanted.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         centre = np.asarray(vector, dtype=np.float64)
         found: list[Ints] = []
         have = 0

@@ -236,10 +236,21 @@ MOST = 40_000_000  # stars; more would need several GB of memory to sort
 def combine(
     foreign: ForeignStars, folder: Path, epoch: float | None = None, mag_limit: float | None = None
 ) -> Task[dict[str, Any]]:
-    """Write the shipped stars and the foreign ones that it lacks into ``folder``; the manifest.
+    """Write the shipped stars and the foreign ones that it lacks; the manifest.
 
-    The shipped star wins, as it has names, motion and the bright end; foreign stars of V 9 and
-    brighter are left out altogether. ``epoch`` is used when the foreign files state none.
+    The shipped star wins, as it has names, motion and the bright end; foreign stars of V 9 and brighter are left out
+    altogether.
+
+    Parameters
+    ----------
+    foreign : ForeignStars
+        The stars to add.
+    folder : Path
+        Where the catalogue is written.
+    epoch : float or None
+        Julian year of the foreign places, used when their files state none.
+    mag_limit : float or None
+        Faintest V taken; None for all.
     """
     at = foreign.epoch or epoch or UNKNOWN_EPOCH
     mag = foreign.stars.mag

@@ -176,7 +176,19 @@ def julian_date(year: int, month: int, day: float) -> float:
 
 
 def perihelion_jd(epoch_jd: float, mean_anomaly_deg: float, q: float, e: float) -> float:
-    """The perihelion next to the epoch of an ellipse."""
+    """The perihelion next to the epoch of an ellipse, Julian date; ValueError when it is none.
+
+    Parameters
+    ----------
+    epoch_jd : float
+        Epoch of the elements, Julian date.
+    mean_anomaly_deg : float
+        Mean anomaly then, degrees.
+    q : float
+        Perihelion distance, au.
+    e : float
+        Eccentricity, below 1.
+    """
     if not 0.0 <= e < 1.0:
         raise ValueError
     motion = math.degrees(math.sqrt(GM["sun"] / (q / (1.0 - e)) ** 3))

@@ -423,9 +423,18 @@ _ARTICLES = re.compile(r"^(the|comet|asteroid)\s+", re.IGNORECASE)
 def find(
     text: str, time_utc: datetime | None = None, site: Site | None = None, more: Sequence[Moving] = ()
 ) -> Task[Found | NotFound]:
-    """What ``text`` means; bodies of the Solar System where they are at ``time_utc`` (None: they are not looked for).
+    """What ``text`` means: a place of the sky, or what was meant instead.
 
-    ``more`` are tables of bodies besides the shipped ones, such as a person's own files of elements.
+    Parameters
+    ----------
+    text : str
+        A name, number or position as a person types it.
+    time_utc : datetime or None
+        When bodies of the Solar System and the zenith are looked for; None: they are not.
+    site : Site or None
+        Where the observer stands; None: bodies are seen from the Earth's centre.
+    more : Sequence[Moving]
+        Tables of bodies besides the shipped ones, such as a person's own files of elements.
     """
     index = finder()
     clean = " ".join(text.split())
@@ -450,7 +459,19 @@ def zenith(time_utc: datetime, site: Site) -> Found:
 
 
 def body_typed(text: str, time_utc: datetime, site: Site | None, more: Sequence[Moving]) -> Task[Found | None]:
-    """A body by its name, number or nickname: ``(1) Ceres``, ``433``, ``67P``, ``Halley's Comet``, ``the Moon``."""
+    """A body by its name, number or nickname: ``(1) Ceres``, ``433``, ``67P``, ``Halley's Comet``, ``the Moon``.
+
+    Parameters
+    ----------
+    text : str
+        What was typed, single blanks between its words.
+    time_utc : datetime
+        When it is looked for.
+    site : Site or None
+        Where the observer stands; None: the Earth's centre.
+    more : Sequence[Moving]
+        Tables of bodies besides the shipped ones.
+    """
     from kochab.sky.small_bodies import body_called
 
     number = re.fullmatch(r"\(?(\d+)\)?\s*([^\d\s].*)?", text)

@@ -69,7 +69,22 @@ def bodies_in_frame(
 ) -> Task[FrameBodies]:
     """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed.
 
-    Asteroids, comets and satellites of ``more`` tables count beside the shipped ones.
+    Parameters
+    ----------
+    solution : Solution
+        Where the frame points.
+    detections : Detections
+        Its detections; those without a star may be bodies.
+    time_utc : datetime
+        Mid-exposure.
+    site : Site or None
+        Where it was taken; None: the Earth's centre.
+    catalogue : Catalogue
+        The star catalogue.
+    more : Sequence[Moving]
+        Tables of asteroids, comets and satellites that count beside the shipped ones.
+    exposure_s : float
+        How long it was exposed: satellites leave trails.
     """
     camera, radius = solution.camera, solution.radius_rad + np.radians(0.3)
     faintest = max((star.mag for star in solution.stars), default=0.0)
@@ -111,7 +126,19 @@ def _clipped_to_frame(solution: Solution, body: Body) -> Body:
 def body_marks(
     frame: Frame, solution: Solution, site: Site | None = None, more: Sequence[Moving] = ()
 ) -> Task[tuple[Mark, ...]]:
-    """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines."""
+    """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines.
+
+    Parameters
+    ----------
+    frame : Frame
+        Its hint says when and where it was taken.
+    solution : Solution
+        Where it points.
+    site : Site or None
+        Used where the frame does not say its own.
+    more : Sequence[Moving]
+        Tables of bodies besides the shipped ones.
+    """
     hint = frame.hint
     if hint.taken_utc is None:
         return ()
@@ -122,7 +149,19 @@ def body_marks(
 
 
 def body_mark(solution: Solution, body: Body, row: int, xy: Floats) -> Mark:
-    """A body at its pixel (2,), with its disc or its trail."""
+    """A body with its disc or its trail, as a mark of the sky layer.
+
+    Parameters
+    ----------
+    solution : Solution
+        Where the frame points.
+    body : Body
+        What it is and where.
+    row : int
+        Its number among the bodies of the frame.
+    xy : Floats
+        Its pixel (2,).
+    """
     turn = np.linspace(0.0, 2.0 * np.pi, 49)
     radius = body.diameter_arcsec / 2.0 / solution.camera.scale_arcsec_px
     shape = xy + radius * np.column_stack([np.cos(turn), np.sin(turn)])

@@ -125,7 +125,19 @@ class Horizon:
 
 
 def observed_at(site: Site, refraction: Refraction, hour_rad: Floats, declination_rad: Floats) -> Floats:
-    """Directions (N, 3) in E, N, U, refracted, of apparent hour angles and declinations (N,)."""
+    """Directions (N, 3) in east, north, up, refracted.
+
+    Parameters
+    ----------
+    site : Site
+        Where the observer stands.
+    refraction : Refraction
+        The air's pressure and temperature.
+    hour_rad : Floats
+        Apparent hour angles (N,), radians, west positive.
+    declination_rad : Floats
+        Apparent declinations (N,), radians.
+    """
     import erfa
 
     latitude, height = np.radians(site.latitude_deg), site.height_m
@@ -202,7 +214,19 @@ def sun_vector(time_utc: datetime) -> Floats:
 
 
 def from_altaz(altitude: float, azimuth: float, site: Site, time_utc: datetime) -> Degrees:
-    """RA and Dec of date, degrees, of a geometric altitude and azimuth (north over east)."""
+    """RA and Dec of date, degrees.
+
+    Parameters
+    ----------
+    altitude : float
+        Geometric altitude, degrees.
+    azimuth : float
+        Degrees from north over east.
+    site : Site
+        Where the observer stands.
+    time_utc : datetime
+        When.
+    """
     h, a = np.radians([altitude, azimuth])
     # The frame's x is south, its y east, its z up.
     level = np.array([-np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)])

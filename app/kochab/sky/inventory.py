@@ -132,9 +132,18 @@ def even_points(n: int) -> Floats:
 def coverage(
     catalogue: Catalogue, fov_deg: float, mag_limit: float | None = None, fields: int | None = None
 ) -> Task[dict[str, Any]]:
-    """Count the stars of square fields ``fov_deg`` wide, sides along RA and Dec, at places spread evenly over the sky.
+    """Count the stars of square fields, sides along RA and Dec, at places spread evenly over the sky.
 
-    ``fields`` is how many places are tried; by default one each half field, 200,000 at most.
+    Parameters
+    ----------
+    catalogue : Catalogue
+        The star catalogue.
+    fov_deg : float
+        Side of a field, 0.05 to 90 degrees.
+    mag_limit : float or None
+        Faintest V counted; None for all.
+    fields : int or None
+        How many places are tried; None: one each half field, 200 to 200,000.
     """
     if not 0.05 <= fov_deg <= 90.0:
         raise UsageError("The field must be between 0.05 and 90 degrees wide.")

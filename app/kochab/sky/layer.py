@@ -148,7 +148,19 @@ class Label:
 
 
 def in_frame(tables: SkyTables, solution: Solution, year: float = EPOCH, also: Iterable[Mark] = ()) -> SkyInFrame:
-    """The objects, stars and lines of a solved frame; a few ms. ``also`` are marks from elsewhere, as of planets."""
+    """The objects, stars and lines of a solved frame; a few ms.
+
+    Parameters
+    ----------
+    tables : SkyTables
+        Objects, named stars and lines of the sky.
+    solution : Solution
+        Where the frame points.
+    year : float
+        Epoch of the stars' places, Julian year.
+    also : Iterable[Mark]
+        Marks from elsewhere, as of planets.
+    """
     centre, reach = solution.centre_vector, solution.radius_rad
     marks = [*_objects(tables, solution, centre, reach), *_stars(tables, solution, centre, reach, year), *also]
     marks.sort(key=lambda mark: mark.mag)
@@ -267,7 +279,14 @@ def among(xy: Floats, stars: Floats) -> Bools:
 def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: float = 0.5) -> dict[str, float]:
     """The ranks down to which stars and objects are named: fewer in a wide view, more in a narrow one.
 
-    ``stars`` and ``objects`` 0..1 are how much the person wishes to see.
+    Parameters
+    ----------
+    view : View
+        What part of the image is seen, and at which zoom.
+    solution : Solution
+        Gives the scale.
+    stars, objects : float
+        How much the person wishes to see of each, 0 to 1.
     """
     x0, y0, x1, y1 = view.bounds
     across = max(x1 - x0, y1 - y0, 1.0) / view.scale * solution.camera.scale_arcsec_px / 3600.0
@@ -280,7 +299,19 @@ def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: flo
 
 
 def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, float]) -> Mark | None:
-    """The smallest mark, down to the ranks ``shown``, around a place of the image or within ``reach`` px of it."""
+    """The smallest mark shown at a place of the image; None when there is none.
+
+    Parameters
+    ----------
+    sky : SkyInFrame
+        The marks of the frame.
+    x, y : float
+        The place, image px.
+    reach : float
+        How near a mark counts, image px.
+    shown : dict[str, float]
+        The last rank shown of each group.
+    """
     away = np.hypot(*(sky.places - (x, y)).T)
     last = [shown.get(mark.group, -np.inf) for mark in sky.marks]
     held = (
@@ -317,9 +348,22 @@ def labels(
     taken: Iterable[tuple[float, float, float, float]] = (),
     amount: float = 0.5,
 ) -> list[Label]:
-    """Names of the marks in sight, the best first, none over another or over a box (x, y, w, h) of ``taken``.
+    """Names of the marks in sight, the best first, none over another.
 
-    ``faintest`` is the last rank named of "star", "object" and "body"; a kind that is absent has no names.
+    Parameters
+    ----------
+    sky : SkyInFrame
+        The marks of the frame.
+    view : View
+        What part of the image is seen.
+    faintest : dict[str, float]
+        The last rank named of "star", "object" and "body"; a kind that is absent has no names.
+    text_size : TextSize
+        Width and height of a text, screen px.
+    taken : Iterable[tuple[float, float, float, float]]
+        Boxes (x, y, w, h) to leave free, screen px.
+    amount : float
+        How many names the person wishes to see, 0 to 1.
     """
     at = view.to_screen(sky.places)
     x0, y0, x1, y1 = view.bounds

@@ -15,7 +15,17 @@ MASSES = np.array([GM[name] for name in PLANETS])
 
 
 def state_at_perihelion(q_au: Floats, e: Floats, i_deg: Floats, node_deg: Floats, peri_deg: Floats) -> Floats:
-    """Heliocentric states (N, 6), au and au/day on ICRS axes, at perihelion of orbits on the ecliptic of J2000."""
+    """Heliocentric states (N, 6), au and au/day on ICRS axes, at perihelion.
+
+    Parameters
+    ----------
+    q_au : Floats
+        Perihelion distances (N,), au.
+    e : Floats
+        Eccentricities (N,).
+    i_deg, node_deg, peri_deg : Floats
+        Inclination, ascending node and argument of perihelion (N,), degrees, on the ecliptic of J2000.
+    """
     i, node, peri = np.radians([i_deg, node_deg, peri_deg])
     ci, si, cn, sn, cp, sp = np.cos(i), np.sin(i), np.cos(node), np.sin(node), np.cos(peri), np.sin(peri)
     towards = np.stack([cn * cp - sn * sp * ci, sn * cp + cn * sp * ci, sp * si], axis=-1)
@@ -105,10 +115,23 @@ def stumpff(z: Floats) -> tuple[Floats, Floats]:
 def carried(
     state: Floats, from_jd: Floats, to_jd: float, ephemeris: Ephemeris, precision: float = 1e-9
 ) -> Task[Floats]:
-    """States (N, 6) at ``to_jd`` TDB of bodies whose heliocentric states were so at ``from_jd`` (N,).
+    """States (N, 6) at another date.
 
-    The Sun and eight planets pull; relativity, the asteroids' own masses and the jets of comets are left out.
-    Dormand and Prince's method of order 8 over the share of each body's own time, so that all arrive together.
+    The Sun and eight planets pull; relativity, the asteroids' own masses and the jets of comets are left out. Dormand
+    and Prince's method of order 8 over the share of each body's own time, so that all arrive together.
+
+    Parameters
+    ----------
+    state : Floats
+        Heliocentric states (N, 6), au and au/day on ICRS axes.
+    from_jd : Floats
+        When they were so (N,), Julian date TDB.
+    to_jd : float
+        When they are wanted, Julian date TDB.
+    ephemeris : Ephemeris
+        Barycentric places of the Sun and the planets.
+    precision : float
+        Relative error of a step.
     """
     days = to_jd - from_jd
     if not len(state) or not days.any():

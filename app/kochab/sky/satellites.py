@@ -65,7 +65,19 @@ class Satellites:
         return sentence if days > STALE_DAYS else ""
 
     def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
-        """The sunlit ones that pass within ``radius_rad`` of an ICRS direction (3,), of any magnitude."""
+        """The sunlit ones that pass near a direction during the exposure, of any magnitude.
+
+        Parameters
+        ----------
+        observer : Observer
+            Where and when; without a site none is found.
+        centre : Floats
+            ICRS unit vector (3,).
+        radius_rad : float
+            How near, radians.
+        faintest : float
+            Not used: satellites leave a trail of any magnitude.
+        """
         found: list[Body] = []
         if observer.site is None:
             return found

@@ -144,7 +144,19 @@ class SmallBodies:
         return np.array([known[row] for row in rows.tolist()]).reshape(-1, 6), float(night)
 
     def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
-        """The bodies as :func:`bodies_near` has them: only those that may be in the field are carried."""
+        """The bodies as :func:`bodies_near` has them: only those that may be in the field are carried.
+
+        Parameters
+        ----------
+        observer : Observer
+            Where and when.
+        centre : Floats
+            ICRS unit vector (3,).
+        radius_rad : float
+            How near, radians.
+        faintest : float
+            Faintest magnitude.
+        """
         ephemeris, jd = shipped_ephemeris(), float(observer.jd_tdb[0])
         sun = ephemeris("sun", observer.jd_tdb)
         # all bodies first, cheaply, by two-body orbits; only those that may be in the field are integrated
@@ -228,10 +240,27 @@ def bodies_near(
     more: Sequence[Moving] = (),
     exposure_s: float = 0.0,
 ) -> Task[list[Body]]:
-    """All bodies of the Solar System within ``radius_rad`` of the ICRS direction ``centre`` (3,), brightest first.
+    """All bodies of the Solar System near a direction, brightest first.
 
-    Asteroids, comets and planets' moons down to magnitude ``faintest``, those of ``more`` tables before the shipped
-    one's; the Sun, the Moon, the planets and satellites of any. None at a date that the ephemeris does not cover.
+    The Sun, the Moon, the planets and satellites count whatever their magnitude. None at a date that the ephemeris does
+    not cover.
+
+    Parameters
+    ----------
+    time_utc : datetime
+        When.
+    site : Site or None
+        Where the observer stands; None: the Earth's centre.
+    centre : Floats
+        ICRS unit vector (3,).
+    radius_rad : float
+        How near, radians.
+    faintest : float
+        Faintest magnitude of asteroids, comets and planets' moons.
+    more : Sequence[Moving]
+        Tables of bodies that come before the shipped one's.
+    exposure_s : float
+        How long: satellites leave trails.
     """
     if not covers(time_utc):
         return []
@@ -252,9 +281,20 @@ def bodies_near(
 
 
 def body_called(text: str, time_utc: datetime, site: Site | None, more: Sequence[Moving] = ()) -> Task[Body | None]:
-    """A body of the Solar System by its name, wherever it is; those of ``more`` tables come before the shipped ones.
+    """A body of the Solar System by its name, wherever it is; None when there is none of that name.
 
     ``"Vesta"`` is 4 Vesta, ``"Halley"`` 1P/Halley, ``"C/2023 A3"`` the comet with its finder, ``"ISS"`` ISS (ZARYA).
+
+    Parameters
+    ----------
+    text : str
+        The name, in any case.
+    time_utc : datetime
+        When.
+    site : Site or None
+        Where the observer stands; None: the Earth's centre.
+    more : Sequence[Moving]
+        Tables of bodies that come before the shipped ones.
     """
     if not covers(time_utc):
         return None

@@ -104,7 +104,19 @@ class Moving(Protocol):
         """One of them wherever it is; None when that is not known."""
 
     def near(self, observer: Observer, centre: Floats, radius_rad: float, faintest: float) -> Task[list[Body]]:
-        """Its bodies within ``radius_rad`` of an ICRS direction (3,), down to a magnitude."""
+        """Its bodies near a direction.
+
+        Parameters
+        ----------
+        observer : Observer
+            Where and when.
+        centre : Floats
+            ICRS unit vector (3,).
+        radius_rad : float
+            How near, radians.
+        faintest : float
+            Faintest magnitude.
+        """
 
     def warning(self, time_utc: datetime, site: Site | None) -> str:
         """What is to be said of its elements at that time, in a sentence, or nothing."""
@@ -209,7 +221,19 @@ Helwan Observatory Bulletin 84); beyond the second the Earth lights it more."""
 
 
 def magnitude(name: str, from_observer: Floats, from_sun: Floats, phase_angle: float) -> float:
-    """V of the Sun, the Moon or a planet; spots, seasons and eclipses are left out."""
+    """V of the Sun, the Moon or a planet; spots, seasons and eclipses are left out.
+
+    Parameters
+    ----------
+    name : str
+        ``sun``, ``moon`` or a planet's name.
+    from_observer : Floats
+        From the observer to the body (3,), au.
+    from_sun : Floats
+        From the Sun to the body (3,), au.
+    phase_angle : float
+        Between the Sun and the observer as the body sees them, degrees.
+    """
     distances = float(5.0 * np.log10(np.linalg.norm(from_observer)))
     if name == "sun":
         return -26.74 + distances

@@ -106,10 +106,20 @@ def new_profile(name: str, camera: Camera) -> Profile:
 
 
 def evidence(profile: Profile, xy: Floats, vectors: Floats, attitude: Attitude, sigma_px: float) -> CameraEvidence:
-    """What M stars at ``xy`` (M, 2) px, ICRS ``vectors`` (M, 3), say of a profile's camera.
+    """What the stars of a frame say of a profile's camera.
 
-    ``attitude`` is near the frame's; ``sigma_px`` the error of a star's place along one coordinate,
-    as its own frame's fit shows it.
+    Parameters
+    ----------
+    profile : Profile
+        The camera as known, and how well.
+    xy : Floats
+        Places of the stars (M, 2), px.
+    vectors : Floats
+        The same stars' ICRS unit vectors (M, 3).
+    attitude : Attitude
+        Near the frame's.
+    sigma_px : float
+        Error of a star's place along one coordinate, as its own frame's fit shows it.
     """
     matrix, _ = differential(profile.camera, attitude.matrix, xy, vectors, np.ones(len(xy)), steps=4)
     seen, slope = project_with_jacobian(profile.camera, vectors @ matrix.T)
@@ -188,7 +198,17 @@ def profile_folder() -> Path:
 
 
 def profile_path(name: str, width: int, height: int, folder: Path | None = None) -> Path:
-    """The file of a camera of that name with frames of that size."""
+    """The file of a camera of that name with frames of that size.
+
+    Parameters
+    ----------
+    name : str
+        What the person calls the camera.
+    width, height : int
+        Size of its frames, px.
+    folder : Path or None
+        Where profiles lie; None: among the person's settings.
+    """
     plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or "camera"
     mark = hashlib.sha256(name.encode("utf-8")).hexdigest()[:8]
     return (folder or profile_folder()) / f"{plain}-{width}x{height}-{mark}.json"
@@ -227,11 +247,19 @@ def save_profile(profile: Profile, folder: Path | None = None) -> Path:
 def load_profile(name: str, width: int, height: int, folder: Path | None = None) -> Profile | None:
     """The profile kept for a camera, or None when there is none.
 
+    Parameters
+    ----------
+    name : str
+        What the person calls the camera.
+    width, height : int
+        Size of its frames, px.
+    folder : Path or None
+        Where profiles lie; None: among the person's settings.
+
     Raises
     ------
     KochabError
         There is a file, and it cannot be read as one.
-
     """
     path = profile_path(name, width, height, folder)
     if not path.exists():
@@ -286,7 +314,19 @@ class TrackedCamera:
         return sentence
 
     def learn(self, xy: Floats, vectors: Floats, attitude: Attitude, sigma_px: float) -> str:
-        """Improve the profile by M stars of a frame; returns a doubt about it, or ""."""
+        """Improve the profile by M stars of a frame; returns a doubt about it, or "".
+
+        Parameters
+        ----------
+        xy : Floats
+            Places of the stars (M, 2), px.
+        vectors : Floats
+            The same stars' ICRS unit vectors (M, 3).
+        attitude : Attitude
+            Near the frame's.
+        sigma_px : float
+            Error of a star's place along one coordinate.
+        """
         assert self.profile is not None
         if len(xy) < FEWEST:
             return ""

@@ -51,6 +51,17 @@ def identify_few(
 
     ``log10_false_alarm`` is the number of pairs tried times the chance that the confirming stars
     all fall as near to a catalogue star as they do, taken at the largest of their distances.
+
+    Parameters
+    ----------
+    detections : Detections
+        All of them must be found again.
+    hint : Hint or None
+        Its scale, and where the frame points, bound the search; None: nothing is known.
+    catalogue : StarCatalogue
+        Where bright stars are looked up.
+    year : float
+        Epoch of their places, Julian year.
     """
     scale = hint.focal_px if hint else None
     triangles_tried = scale is not None and scale[1] <= ROUGHLY * scale[0]

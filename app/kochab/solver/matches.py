@@ -52,7 +52,19 @@ class StarCatalogue(Protocol):
         ...
 
     def brightest(self, vector: Floats, radius_rad: float, n: int, year: float) -> Ints:
-        """The brightest rows of a cone around an ICRS unit vector."""
+        """The brightest rows of a cone around an ICRS unit vector.
+
+        Parameters
+        ----------
+        vector : Floats
+            Axis of the cone, ICRS unit vector (3,).
+        radius_rad : float
+            Its half angle, radians.
+        n : int
+            How many at most.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         ...
 
     def labels(self, rows: Ints) -> list[tuple[str, str]]:
@@ -72,10 +84,25 @@ def extend(
 ) -> tuple[Matches, Fit]:
     """Match every detection it can against the catalogue, refitting as the set grows.
 
-    The search starts where the identified stars are and works outward, so that a strong
-    distortion is learnt ring by ring. ``focal`` and ``worst_px`` are what the last fit may believe
-    of the camera.
-    Returns the matches that agree, M of them, and their fit.
+    The search starts where the identified stars are and works outward, so that a strong distortion is learnt ring by
+    ring. Returns the matches that agree, M of them, and their fit.
+
+    Parameters
+    ----------
+    detections : Detections
+        All of the frame.
+    found : Identification
+        The stars identified, the camera and attitude that they mean.
+    catalogue : StarCatalogue
+        Where stars are looked up.
+    year : float
+        Epoch of their places, Julian year.
+    distortion : bool
+        Whether the lens may have any.
+    focal : FocalPrior or None
+        What is known of the focal length; None: nothing.
+    worst_px : float or None
+        Largest centroid error to accept; None: the stars show it.
     """
     matches = found.matches
     camera = found.camera if distortion else undistorted(found.camera)
@@ -126,7 +153,18 @@ def match_errors(
 ) -> tuple[Floats, float]:
     """Errors (M,) of matches, px a coordinate, and what their fit is no better than.
 
-    ``sigma_px`` (N,) are those of the detections; the catalogue's at the Julian ``year`` come on top.
+    Parameters
+    ----------
+    sigma_px : Floats
+        Errors (N,) of the detections, px a coordinate.
+    matches : Matches
+        M of them.
+    focal_px : float
+        Turns the catalogue's errors into pixels.
+    catalogue : StarCatalogue
+        Its stars' errors come on top.
+    year : float
+        Julian year, to which those have grown.
     """
     catalogue_px = focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
     return np.hypot(sigma_px[matches.detection], catalogue_px), float(np.median(catalogue_px))
@@ -146,6 +184,19 @@ def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarC
     that part is turned by as much as the image is stretched: several degrees. So any linear map
     from where the fit puts the stars to where they are seen is tried, and believed when it makes at
     least twice as many stars agree.
+
+    Parameters
+    ----------
+    detections : Detections
+        All of the frame.
+    matches : Matches
+        Those that agree with a part of the sky.
+    fit : Fit
+        Of square pixels to them.
+    catalogue : StarCatalogue
+        Where stars are looked up.
+    year : float
+        Epoch of their places, Julian year.
     """
     camera = fit.camera
     side = float(max(camera.width, camera.height))
@@ -237,7 +288,21 @@ def field_centre(camera: Camera, attitude: Attitude) -> tuple[Floats, float]:
 def named_stars(
     xy: Floats, labels: Iterable[tuple[str, str]], mag: Floats, vectors: Floats, residuals_px: Floats
 ) -> tuple[NamedStar, ...]:
-    """M stars seen at ``xy`` (M, 2) px, with V ``mag`` (M,), ICRS ``vectors`` (M, 3) and residuals (M, 2)."""
+    """Stars of a solution.
+
+    Parameters
+    ----------
+    xy : Floats
+        Where they are seen (M, 2), px.
+    labels : Iterable[tuple[str, str]]
+        Identifier and name of each.
+    mag : Floats
+        V (M,).
+    vectors : Floats
+        ICRS unit vectors (M, 3).
+    residuals_px : Floats
+        Seen less expected (M, 2), px.
+    """
     columns = zip(xy.tolist(), labels, mag.tolist(), vectors, np.hypot(*residuals_px.T).tolist(), strict=True)
     return tuple(
         NamedStar(x, y, *label, v, *radec_deg(vector), residual) for (x, y), label, v, vector, residual in columns

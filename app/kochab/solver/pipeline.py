@@ -298,10 +298,27 @@ def geometric_fit(
     focal: FocalPrior | None = None,
     worst_px: float | None = None,
 ) -> tuple[Matches, Fit]:
-    """The stars where the moving Earth sees them at ``moment``, and the same fit against those.
+    """The stars where the moving Earth sees them, and the same fit against those.
 
-    Its attitude says where the camera points geometrically, up to 20.5 arcsec from where the
-    stars of the plate are in ICRS.
+    Its attitude says where the camera points geometrically, up to 20.5 arcsec from where the stars of the plate are in
+    ICRS.
+
+    Parameters
+    ----------
+    matches : Matches
+        M of them.
+    fit : Fit
+        Against their places in ICRS.
+    moment : datetime
+        When the frame was taken, UTC.
+    sigma_px : Floats
+        Errors (M,), px a coordinate.
+    floor_px : float
+        What the places are no better than.
+    focal : FocalPrior or None
+        What is known of the focal length; None: nothing.
+    worst_px : float or None
+        Largest centroid error to accept; None: the stars show it.
     """
     from kochab.sky.apparent import with_aberration
 
@@ -312,9 +329,20 @@ def geometric_fit(
 
 
 def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue: StarCatalogue) -> Solution:
-    """A solution from M agreeing ``matches`` and their ``fit``, its stars brightest first.
+    """A solution from matches and their fit, its stars brightest first.
 
     Positions are those at the frame's date, proper motion included.
+
+    Parameters
+    ----------
+    matches : Matches
+        M that agree.
+    fit : Fit
+        Theirs.
+    found : Identification
+        How they were identified.
+    catalogue : StarCatalogue
+        Names and magnitudes.
     """
     order = np.argsort(catalogue.mag(matches.star), kind="stable")
     seen, mags = matches.take(order), np.asarray(catalogue.mag(matches.star[order]), dtype=np.float64)
@@ -325,11 +353,23 @@ def build_solution(matches: Matches, fit: Fit, found: Identification, catalogue:
 def with_estimate(
     matches: Matches, fit: Fit, name: str, sigma_px: Floats, options: Mapping[str, Any] | None = None
 ) -> tuple[Fit, str]:
-    """The same camera with the attitude that the estimator ``name`` gives, and what went wrong.
+    """The same camera with the attitude of a chosen estimator, and what went wrong.
 
-    M ``matches`` are handed over with the smallest ``sigma_px`` (M,) first, of equals the
-    brightest. Residuals and RMS are those against the new attitude. When the estimator cannot
-    work with the stars, the fit stays as it is and the sentence says so; else it is empty.
+    Residuals and RMS are those against the new attitude. When the estimator cannot work with the stars, the fit stays
+    as it is and the sentence says so; else it is empty.
+
+    Parameters
+    ----------
+    matches : Matches
+        M, handed over with the smallest error first, of equals the brightest.
+    fit : Fit
+        The camera, and the attitude that is replaced.
+    name : str
+        The estimator's.
+    sigma_px : Floats
+        Errors (M,), px a coordinate.
+    options : Mapping[str, Any] or None
+        The estimator's own; None: its defaults.
     """
     # for methods that start from the first stars or take only a few
     order = np.lexsort((matches.detection, sigma_px))
@@ -398,7 +438,19 @@ def within_radius(
 
 
 def refused(result: Solution, reason: Reason, contradiction: str, **measured: float) -> NoSolution:
-    """No solution in place of one that the caller does not allow: where that was, and what it contradicts."""
+    """No solution in place of one that the caller does not allow: where that was, and what it contradicts.
+
+    Parameters
+    ----------
+    result : Solution
+        The solution.
+    reason : Reason
+        Why it is not allowed.
+    contradiction : str
+        The end of the sentence that says where it was.
+    **measured : float
+        Numbers that the caller adds.
+    """
     ra, dec = result.ra_dec_deg
     return NoSolution(
         reason,

@@ -44,7 +44,19 @@ class Prediction:
 
 
 def predicted_attitudes(state: FilterState, time_s: float, camera: Camera, fwhm_px: float) -> Iterator[Prediction]:
-    """Where to look at ``time_s``, the likeliest first."""
+    """Where to look, the likeliest first.
+
+    Parameters
+    ----------
+    state : FilterState
+        Attitude and velocity as filtered so far.
+    time_s : float
+        When the new frame was taken, on the filter's clock.
+    camera : Camera
+        Turns angles into pixels.
+    fwhm_px : float
+        Width of a star's image.
+    """
     wide: list[Floats] = []  # looked at in windows that are not small
     least = SMALLEST_PX
     for rates in (state.rates_rad_s, np.zeros(3), SIDEREAL_RAD_S * state.matrix[:, 2]):
@@ -135,7 +147,19 @@ class Neighbourhood:
         return bool(off + self.field_rad <= self.radius)
 
     def expected(self, camera: Camera, matrix: Floats, count: int, inset_px: float) -> Expected:
-        """The ``count`` brightest undisturbed stars at least ``inset_px`` inside the frame."""
+        """The brightest undisturbed stars within the frame.
+
+        Parameters
+        ----------
+        camera : Camera
+            Its model.
+        matrix : Floats
+            Rotation (3, 3), ICRS to camera axes.
+        count : int
+            How many at most.
+        inset_px : float
+            Least distance from the frame's edge.
+        """
         usable = np.flatnonzero(self.alone & (self.mag <= self.faintest))
         xy = expected_px(camera, matrix, self.vectors[usable])
         size = np.array([camera.width - 1.0, camera.height - 1.0])

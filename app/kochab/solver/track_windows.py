@@ -53,11 +53,22 @@ class WindowStars:
 def look(
     frame: Frame, places: Floats, half: int, covariance: Floats, *, adapt: bool = False, sharp: bool = False
 ) -> WindowStars:
-    """Look for stars in windows of ``2 half + 1`` px a side around ``places`` (W, 2) px.
+    """Look for stars in windows of ``2 half + 1`` px a side.
 
-    ``covariance`` (2, 2) px^2 are the second moments of the star image; with ``adapt`` it is
-    measured first, which costs a third more. ``sharp`` stars are single pixels; else such are held
-    for hot ones.
+    Parameters
+    ----------
+    frame : Frame
+        Its pixels.
+    places : Floats
+        Where the windows are centred (W, 2), px.
+    half : int
+        Their half size, px.
+    covariance : Floats
+        Second moments (2, 2) px^2 of the star image.
+    adapt : bool
+        Whether the star image is measured first, which costs a third more.
+    sharp : bool
+        Stars are single pixels; else such are held for hot ones.
     """
     count = len(places)
     if count == 0:
@@ -196,9 +207,24 @@ def match(
 ) -> Tracked | None:
     """The attitude that W windows agree on, or None when chance could explain it.
 
-    ``vectors`` (W, 3) are the expected stars, ``places`` (W, 2) where they were expected with
-    ``matrix``, ``roll_px`` what an error of roll may do at the frame's rim, ``looks`` how often the
-    frame was looked at so far.
+    Parameters
+    ----------
+    camera : Camera
+        Its model.
+    matrix : Floats
+        Predicted rotation (3, 3), ICRS to camera axes.
+    vectors : Floats
+        The expected stars (W, 3), ICRS unit vectors.
+    places : Floats
+        Where they were expected with ``matrix`` (W, 2), px.
+    seen : WindowStars
+        What the windows showed.
+    half : int
+        The windows' half size, px.
+    roll_px : float
+        What an error of roll may do at the frame's rim.
+    looks : int
+        How often the frame was looked at so far.
     """
     finds = np.flatnonzero(seen.found)
     if len(finds) < FEWEST:
@@ -356,7 +382,19 @@ class TrackedStarImage:
         return np.asarray(image)
 
     def learn(self, seen: WindowStars, place: Prediction, camera: Camera, exposure_s: float | None) -> None:
-        """Follow what was seen, slowly, while nothing trails."""
+        """Follow what was seen, slowly, while nothing trails.
+
+        Parameters
+        ----------
+        seen : WindowStars
+            What the windows of a frame showed.
+        place : Prediction
+            The prediction, whose rates tell whether stars trail.
+        camera : Camera
+            Turns rates into pixels.
+        exposure_s : float or None
+            How long the frame was exposed; None: not known.
+        """
         xx, yy, _ = seen.moments
         still = float(np.hypot(*_trail_px(place, camera, exposure_s))) < 1.0
         if still and not self.sharp and np.isfinite(xx * yy) and xx > 0 and yy > 0:

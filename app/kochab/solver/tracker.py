@@ -87,6 +87,17 @@ def filter_after_blind_solve(
     A jump says nothing of the velocity, as far as one frame can tell, and no more does a frame long
     after the last: the filter begins anew. What it would have taken is a first guess of the
     velocity, though, if a camera may turn so fast, and no more certain than any.
+
+    Parameters
+    ----------
+    before : FilterState or None
+        The filter until then; None: none.
+    attitude : Attitude
+        As solved.
+    time_s : float
+        When the frame was taken, on the filter's clock.
+    was_lost : bool
+        Whether earlier frames were not found.
     """
     if before is None:
         return begin(attitude, time_s)
@@ -304,7 +315,16 @@ class Tracker:
 def uncertainty(result: WindowSearchResult, camera: Camera, terms: Floats, year: float) -> tuple[Floats, Floats]:
     """Covariances (3, 3), rad^2, of a frame's pointing: of what is its own, and of what others share.
 
-    ``terms`` (7, 7) is the covariance of the camera's: `Profile.covariance`.
+    Parameters
+    ----------
+    result : WindowSearchResult
+        What the windows showed and the pointing that they agree on.
+    camera : Camera
+        Its model.
+    terms : Floats
+        Covariance (7, 7) of the camera's: `Profile.covariance`.
+    year : float
+        Julian year, to which the catalogue's zonal errors have grown.
     """
     estimate, (_, vectors) = result.found.estimate, result.matched
     assert estimate.attitude.covariance is not None
@@ -324,7 +344,19 @@ def uncertainty(result: WindowSearchResult, camera: Camera, terms: Floats, year:
 def tracked_solution(
     result: WindowSearchResult, camera: Camera, elapsed_ms: Mapping[str, float], warnings: tuple[str, ...] = ()
 ) -> Solution:
-    """The solution of a frame from its windows, its stars brightest first."""
+    """The solution of a frame from its windows, its stars brightest first.
+
+    Parameters
+    ----------
+    result : WindowSearchResult
+        What the windows showed and the pointing that they agree on.
+    camera : Camera
+        Its model.
+    elapsed_ms : Mapping[str, float]
+        Time of each stage.
+    warnings : tuple[str, ...]
+        What the person should know.
+    """
     found, sky, (xy, vectors) = result.found, result.sky, result.matched
     number, residuals = result.stars.number[found.estimate.star], found.estimate.residuals_px
     stars = named_stars(xy, map(sky.label, number.tolist()), sky.mag[number], vectors, residuals)

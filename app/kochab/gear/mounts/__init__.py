@@ -77,11 +77,22 @@ class MountSettings(TypedDict, total=False):
 def open_mount(
     driver: str, port: str, baud: int | None = None, stop_first: bool = False, **settings: Unpack[MountSettings]
 ) -> Mount:
-    """Open ``port`` and find the mount there; nothing moves.
+    """Open a line and find the mount there; nothing moves.
 
-    ``port`` is a line, or the address of a server. ``driver`` is a name of :data:`DRIVERS`, ``baud`` the driver's
-    default when None. ``stop_first`` sends Stop before anything else, as after a line that was lost. Raises
-    `DeviceError` with what to do.
+    Raises `DeviceError` with what to do.
+
+    Parameters
+    ----------
+    driver : str
+        A name of :data:`DRIVERS`.
+    port : str
+        A line, or the address of a server.
+    baud : int or None
+        Its speed; None for the driver's default.
+    stop_first : bool
+        Send Stop before anything else, as after a line that was lost.
+    **settings : Unpack[MountSettings]
+        What a person says of the mount: see :class:`MountSettings`.
     """
     from kochab.gear.mounts.serial_line import Conversation, SerialLink, with_port
 

@@ -18,7 +18,17 @@ from kochab.sky.horizon import from_altaz
 
 
 def to_mount_epoch(ra_deg: float, dec_deg: float, epoch: Epoch, time_utc: datetime) -> tuple[float, float]:
-    """ICRS degrees in the mount's ``epoch``."""
+    """RA and Dec, degrees, in the mount's epoch.
+
+    Parameters
+    ----------
+    ra_deg, dec_deg : float
+        The place, ICRS degrees.
+    epoch : Epoch
+        The mount's: J2000 or of date.
+    time_utc : datetime
+        The date.
+    """
     if epoch is Epoch.J2000:
         return ra_deg % 360.0, dec_deg
     return radec_deg(apparent(np.atleast_2d(unit_vectors(ra_deg, dec_deg)), time_utc)[0])
@@ -32,7 +42,17 @@ def from_mount_epoch(pointing: Pointing, time_utc: datetime) -> tuple[float, flo
 
 
 def utc_of(year: int, month: int, day: int, hour: int, minute: int, second: int, utc_offset_h: float) -> datetime:
-    """Universal time of a local time; `ValueError` when there is no such time."""
+    """Universal time of a local time; `ValueError` when there is no such time.
+
+    Parameters
+    ----------
+    year, month, day : int
+        The local date.
+    hour, minute, second : int
+        The local time.
+    utc_offset_h : float
+        Hours that local time is ahead of UTC.
+    """
     return datetime(year, month, day, hour, minute, second, tzinfo=UTC) - timedelta(hours=utc_offset_h)
 
 
@@ -59,9 +79,18 @@ def reported_epoch(mount: Mount) -> Epoch | None:
 
 
 def epoch_of(pointing: Pointing, altaz_deg: Degrees, site: Site, time_utc: datetime) -> Epoch | None:
-    """The epoch in which ``pointing`` is the place at an altitude and azimuth (degrees) of a site.
+    """The epoch in which a place is at an altitude and azimuth of a site; None when neither or both may be.
 
-    Azimuth is from north over east, or as some mounts have it from south.
+    Parameters
+    ----------
+    pointing : Pointing
+        The place; its own epoch does not count.
+    altaz_deg : Degrees
+        Altitude and azimuth, degrees; azimuth from north over east, or as some mounts have it from south.
+    site : Site
+        Where the mount stands.
+    time_utc : datetime
+        When.
     """
     altitude, azimuth = altaz_deg
     for turned in (azimuth, azimuth + 180.0):

@@ -200,7 +200,17 @@ class Guard:
     def preview_sync(
         self, ra_deg: float, dec_deg: float, evidence: SyncEvidence | None = None, by_hand: bool = False
     ) -> Preview:
-        """What a sync to the mount's own coordinates would do; nothing changes."""
+        """What a sync to the mount's own coordinates would do; nothing changes.
+
+        Parameters
+        ----------
+        ra_deg, dec_deg : float
+            The place, degrees in the mount's epoch.
+        evidence : SyncEvidence or None
+            The solves that it rests on; None: none.
+        by_hand : bool
+            Whether it is the user's word.
+        """
         self.clock_and_site.compare(self.mount)
         state, shift = self._settled_state(), self.syncs.shift_deg
         return self.policy.sync(
@@ -216,10 +226,21 @@ class Guard:
         by_hand: bool = False,
         confirmed: bool = False,
     ) -> None:
-        """Sync on two agreeing solves, or ``by_hand`` on the user's word, and read it back.
+        """Sync on two agreeing solves, or on the user's word, and read it back.
 
-        Raises `RefusedError` when a rule forbids it, it needs confirmation (``confirmed``), or the mount did not take
-        it: then an offset slew does the same without a sync.
+        Raises `RefusedError` when a rule forbids it, it needs confirmation, or the mount did not take it: then an
+        offset slew does the same without a sync.
+
+        Parameters
+        ----------
+        ra_deg, dec_deg : float
+            The place, degrees in the mount's epoch.
+        evidence : SyncEvidence or None
+            The solves that it rests on; None: none.
+        by_hand : bool
+            Whether it is the user's word.
+        confirmed : bool
+            Whether the user has confirmed what the preview asks.
         """
         self._require_ability(Ability.SYNC)
         here = self._require_rest()

@@ -210,7 +210,17 @@ class Preview:
 def preview_of(
     plan: Plan, from_deg: tuple[float, float], to_deg: tuple[float, float], rules: Iterable[Rule]
 ) -> Preview:
-    """The preview of a plan by all rules; each finding once."""
+    """The preview of a plan by all rules; each finding once.
+
+    Parameters
+    ----------
+    plan : Plan
+        The motion.
+    from_deg, to_deg : tuple[float, float]
+        RA and Dec, degrees, in one epoch: where it begins and where it leads.
+    rules : Iterable[Rule]
+        What may refuse it, warn, or ask for a confirmation.
+    """
     found = [finding for rule in rules for finding in rule(plan)]
 
     def of(severity: Severity) -> tuple[str, ...]:

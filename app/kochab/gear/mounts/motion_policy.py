@@ -408,7 +408,19 @@ class MotionPolicy:
         self.restarted &= bool(sentence)
 
     def goto(self, here: Pointing, state: MountState, to_deg: Degrees, flip: bool = False) -> tuple[Plan, Preview]:
-        """A slew, and its preview by the rules; ``flip``: a person has asked for it."""
+        """A slew, and its preview by the rules.
+
+        Parameters
+        ----------
+        here : Pointing
+            Where the mount is.
+        state : MountState
+            What it reports.
+        to_deg : Degrees
+            RA and Dec, degrees, in the epoch of ``here``.
+        flip : bool
+            Whether a person has asked for the other side of the pier.
+        """
         plan = leaving_home(self.plan("goto", here, state, to_deg))
         if flip:
             plan = replace(plan, limits=replace(plan.limits, allow_flip=True))
@@ -425,6 +437,17 @@ class MotionPolicy:
         """The way to the mount's park position or home, where the counterweight is down: on no wrong side.
 
         A park position that is lower than the horizon limit is that limit on the way to it.
+
+        Parameters
+        ----------
+        action : str
+            "park" or "home".
+        here : Pointing
+            Where the mount is.
+        state : MountState
+            What it reports.
+        park_altitude_deg : float or None
+            Altitude of the park position; None: not known.
         """
         place, low = (here.ra_deg, here.dec_deg), park_altitude_deg if action == "park" else None
         free = replace(self.limits, allow_flip=True, hour_angle_deg=(-180.0, 180.0))  # its own way may flip it
@@ -443,7 +466,23 @@ class MotionPolicy:
     def move(
         self, action: str, here: Pointing, state: MountState, direction: Direction, angle_deg: float, overrun: float
     ) -> tuple[Plan, Preview, Floats]:
-        """A move or pulse, its preview, and where it may be seen: ``overrun`` times as far."""
+        """A move or pulse, its preview, and the region where it may be seen.
+
+        Parameters
+        ----------
+        action : str
+            "move" or "pulse".
+        here : Pointing
+            Where the mount is.
+        state : MountState
+            What it reports.
+        direction : Direction
+            The way it moves.
+        angle_deg : float
+            How far.
+        overrun : float
+            How many times as far it may be seen.
+        """
         still = self.plan(action, here, state, (here.ra_deg, here.dec_deg))
         plan = with_move(still, direction, angle_deg)
         (region,) = with_move(plan, direction, overrun * angle_deg).paths
@@ -467,7 +506,25 @@ class MotionPolicy:
         allow_large_sync: bool = False,
         by_hand_deg: Degrees = (0.0, 0.0),
     ) -> Preview:
-        """What a sync would do, after others by hand that have shifted both coordinates by ``by_hand_deg``."""
+        """What a sync would do.
+
+        Parameters
+        ----------
+        here : Pointing
+            Where the mount says it is.
+        state : MountState
+            What it reports.
+        to_deg : Degrees
+            RA and Dec, degrees, in the epoch of ``here``.
+        evidence : SyncEvidence or None
+            The solves that it rests on; None: none.
+        by_hand : bool
+            Whether it is the user's word.
+        allow_large_sync : bool
+            Whether it may be far, as after a mount was set up anew.
+        by_hand_deg : Degrees
+            By how much others by hand have shifted both coordinates already.
+        """
         plan = self.plan("sync", here, state, to_deg)
         plan = replace(
             plan, evidence=evidence, by_hand=by_hand, allow_large_sync=allow_large_sync, by_hand_deg=by_hand_deg
@@ -483,7 +540,19 @@ class MotionPolicy:
         return float(np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))), float(np.degrees(np.arctan2(east, -south)) % 360.0)
 
     def plan(self, action: str, here: Pointing, state: MountState, to_deg: Degrees) -> Plan:
-        """From ``here`` to a place in the same epoch, without its paths yet."""
+        """A motion to a place, without its paths yet.
+
+        Parameters
+        ----------
+        action : str
+            What is asked for.
+        here : Pointing
+            Where the mount is.
+        state : MountState
+            What it reports.
+        to_deg : Degrees
+            RA and Dec, degrees, in the epoch of ``here``.
+        """
         now = self.clock()
         target_icrs = from_mount_epoch(Pointing(*to_deg, here.epoch), now)
         return Plan(

@@ -36,7 +36,19 @@ class Probing(Conversation):
         self._end_s = end_s
 
     def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T], since: int | None = None) -> T:
-        """One question more, if there is time for it."""
+        """One question more, if there is time for it.
+
+        Parameters
+        ----------
+        command : bytes
+            The bytes to send.
+        read : Reader
+            Takes the answer from the line.
+        parse : Callable[[bytes], T]
+            Reads the answer.
+        since : int or None
+            As in :meth:`Conversation.ask`.
+        """
         if monotonic() > self._end_s:
             raise NoAnswerError("No mount answered on {port} in time.", port=self.link.port)
         return super().ask(command, read, parse, since)

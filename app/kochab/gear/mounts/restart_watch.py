@@ -119,11 +119,26 @@ class RestartWatch:
         off_its_way: bool = False,
         ended: tuple[float, datetime] | None = None,
     ) -> None:
-        """Compare a place that was asked for at ``asked_s`` (`monotonic`) with the one before.
+        """Compare a place with the one before; after a silence the state is asked for, too.
 
-        After a silence its state is asked for, too; raises as :meth:`Mount.state`. ``strayed``: it was stopped because
-        the motion that was ordered does not lead there; ``off_its_way``: the last motion does not, whenever that was.
-        ``ended``: when the last motion ended, by both clocks.
+        Raises as :meth:`Mount.state`.
+
+        Parameters
+        ----------
+        mount : Mount
+            Asked for its state.
+        here : Pointing
+            Where it says it is.
+        asked_s : float
+            When that was asked, `monotonic`.
+        ordered : bool
+            Whether a motion is under way that was ordered.
+        strayed : bool
+            Whether it was stopped because the motion that was ordered does not lead there.
+        off_its_way : bool
+            Whether the last motion does not lead there, whenever that was.
+        ended : tuple[float, datetime] or None
+            When the last motion ended, by `monotonic` and by the clock; None: not since the start.
         """
         now, missed, before = self._policy.clock(), mount.missed, self._seen
         silent = self.silent(mount)

@@ -263,10 +263,19 @@ class Conversation:
         self.missed = 0  # questions that stayed unanswered, on a line that loses some as often as they are asked
 
     def ask(self, command: bytes, read: Reader, parse: Callable[[bytes], T], since: int | None = None) -> T:
-        """Send ``command``, read its answer and parse it.
+        """Send a command, read its answer and parse it.
 
-        A command that begins a motion gives ``since``, the count of :attr:`stops` when it was
-        decided: a Stop in between wins, and `StoppedError` is raised instead.
+        Parameters
+        ----------
+        command : bytes
+            The bytes to send.
+        read : Reader
+            Takes the answer from the line.
+        parse : Callable[[bytes], T]
+            Reads the answer.
+        since : int or None
+            For a command that begins a motion the count of :attr:`stops` when it was decided: a Stop in between
+            wins, and `StoppedError` is raised instead. None for others.
         """
         with self._exchange:
             self._send(command, since)
@@ -292,7 +301,23 @@ class Conversation:
         again: type[NoAnswerError] = ProtocolError,
         since: int | None = None,
     ) -> T:
-        """:meth:`ask` for what may be repeated: when its answer makes no sense, or as ``again`` says."""
+        """:meth:`ask` for what may be repeated.
+
+        Parameters
+        ----------
+        command : bytes
+            The bytes to send.
+        read : Reader
+            Takes the answer from the line.
+        parse : Callable[[bytes], T]
+            Reads the answer.
+        tries : int
+            How often at most.
+        again : type[NoAnswerError]
+            After which error it is repeated: by default when the answer makes no sense.
+        since : int or None
+            As in :meth:`ask`.
+        """
         for _ in range(tries - 1):
             with suppress(again):
                 return self.ask(command, read, parse, since)

@@ -212,10 +212,21 @@ class SlewSupervisor:
             raise StoppedError(sentence)
 
     def arrival(self, target_deg: Degrees, limit_s: float, stops: int, side: PierSide | None = None) -> Task[Pointing]:
-        """Yield the distance left until the mount reports that it no longer slews, and is on this ``side`` of its pier.
+        """Yield the distance left until the mount reports that it no longer slews.
 
-        Raises `NoAnswerError` when it took longer than ``limit_s`` or missed too many answers in a row, and
-        `RefusedError` when it was stopped since the count ``stops``, or stands still somewhere else.
+        Raises `NoAnswerError` when it took too long or missed too many answers in a row, and `RefusedError` when it was
+        stopped, or stands still somewhere else.
+
+        Parameters
+        ----------
+        target_deg : Degrees
+            Where it is to arrive, RA and Dec, degrees in the mount's epoch.
+        limit_s : float
+            The longest it may take.
+        stops : int
+            Count of Stops when the slew was decided: a later one ends it.
+        side : PierSide or None
+            Of the pier on which it is to arrive; None: either.
         """
         first = left = None
         idle = 0

@@ -41,8 +41,19 @@ def seen_to_stand(
 ) -> tuple[Reading | None, bool]:
     """The last reading, and whether it agrees with the one before and neither says that the mount slews.
 
-    ``read`` gives None for an answer that was missed; after one, two readings are needed anew: a late answer may be
-    of before. No more are made after ``longest_s``. Raises what ``read`` raises.
+    Raises what ``read`` raises.
+
+    Parameters
+    ----------
+    read : Callable[[], Reading or None]
+        Gives None for an answer that was missed; after one, two readings are needed anew: a late answer may be of
+        before.
+    wait : Callable[[float], None]
+        Waits so many seconds between readings.
+    looks : int
+        How many readings at most.
+    longest_s : float
+        After so long no more are made.
     """
     begun, before = monotonic(), None
     for look in range(looks):

@@ -49,7 +49,19 @@ def net_address(text: str, default_port: int) -> NetAddress:
 
 
 def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "it") -> PortError:
-    """Why nobody at an address could be asked; ``kind`` is the protocol, ``program`` what is to be started."""
+    """Why nobody at an address could be asked.
+
+    Parameters
+    ----------
+    where : NetAddress
+        The address.
+    kind : str
+        The protocol, for the sentence.
+    error : Exception
+        What was raised.
+    program : str
+        What is to be started there.
+    """
     if isinstance(error, ConnectionRefusedError):
         return PortError(
             "No {kind} server at {server}. Start {program} there.", kind=kind, server=where.server, program=program
@@ -60,11 +72,20 @@ def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "
 
 
 def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, what: str = "camera") -> str:
-    """Which of a server's ``devices``, each its address there and its name, ``where.rest`` names.
-
-    The only one need not be named. ``kind`` says of what protocol the server is, ``what`` what they are.
+    """Which of a server's devices an address names; the only one need not be named.
 
     Raises `PortError` when there is no such device, none, or one has to be named: with those that there are.
+
+    Parameters
+    ----------
+    devices : Sequence[tuple[str, str]]
+        Each its address on the server and its name.
+    where : NetAddress
+        ``rest`` names the device.
+    kind : str
+        Of what protocol the server is.
+    what : str
+        What the devices are.
     """
     for address, name in devices:
         if where.rest in (address, name):

@@ -73,10 +73,23 @@ class AlpacaLink:
         query: Mapping[str, object] | None = None,
         picture: bool = False,
     ) -> tuple[bytes, str]:
-        """The bytes of an answer, a large one only where it is a ``picture``, and their content type.
+        """The bytes of an answer and their content type.
 
         Raises `PortError` when nobody listens, `LineLostError` when somebody did before and has gone, `NoAnswerError`
         when the answer is none that Alpaca knows.
+
+        Parameters
+        ----------
+        path : str
+            Of the resource on the server.
+        limit_s : float
+            The longest to wait.
+        accept : str
+            Content types wanted.
+        query : Mapping[str, object] or None
+            Arguments of the question.
+        picture : bool
+            Whether a large answer is taken.
         """
         asked = urlencode({**(query or {}), **self._ids()})
         return self._ask("GET", f"{path}?{asked}", limit_s, None, {"Accept": accept}, picture)

@@ -51,7 +51,19 @@ class Segment:
 
 
 def trapezoid(way: float, rate: float, top: float, brake: float) -> list[tuple[float, float]]:
-    """Pieces (s, deg/s^2) that cover ``way`` degrees from ``rate`` and end at rest."""
+    """Pieces (s, deg/s^2) of a motion that ends at rest.
+
+    Parameters
+    ----------
+    way : float
+        How far, degrees, signed.
+    rate : float
+        Rate at its beginning, deg/s.
+    top : float
+        Highest rate, deg/s.
+    brake : float
+        Acceleration either way, deg/s^2.
+    """
     pieces: list[tuple[float, float]] = []
     stopping = rate * abs(rate) / (2.0 * brake)
     # moving away, too fast to stop in time, or above the top rate: brake to rest first, then start anew
@@ -149,10 +161,19 @@ class MotorAxis:
         self._plan(t, pieces, rate_deg_s, None)
 
     def slew(self, t: float, target_deg: float, carrier_deg_s: float = 0.0, approach_deg: float = 0.0) -> float:
-        """Go to ``target_deg``, itself moving at ``carrier_deg_s``; returns the time of arrival.
+        """Go to an angle; returns the time of arrival.
 
-        With ``approach_deg`` the last of the way is at least so long and towards greater angles,
-        which takes up the backlash always on the same side.
+        Parameters
+        ----------
+        t : float
+            When it begins, seconds on the axis's clock.
+        target_deg : float
+            The motor's angle then.
+        carrier_deg_s : float
+            Rate at which the target itself moves.
+        approach_deg : float
+            The last of the way is at least so long and towards greater angles, which takes up the backlash always
+            on the same side.
         """
         now = self._at(t)
         way, rate = target_deg - self.motor_deg(t), now.rate(t) - carrier_deg_s
@@ -166,7 +187,19 @@ class MotorAxis:
         return end
 
     def nudge(self, t: float, rate_deg_s: float, seconds: float, carrier_deg_s: float) -> float:
-        """Guide: this rate above the carrier for so long; returns when it ends."""
+        """Guide: add a rate for a while; returns when it ends.
+
+        Parameters
+        ----------
+        t : float
+            When it begins, seconds on the axis's clock.
+        rate_deg_s : float
+            Added to the carrier.
+        seconds : float
+            For how long.
+        carrier_deg_s : float
+            The tracking rate.
+        """
         self.run(t, carrier_deg_s + rate_deg_s, gently=False)
         end = t + seconds
         self._append(end, self._at(end).angle(end), carrier_deg_s, 0.0)

@@ -51,8 +51,16 @@ def mount_to_enu(altitude_deg: float, azimuth_deg: float) -> Floats:
 def camera_to_enu(hour_deg: float, dec_deg: float, axis: Floats, build: Build) -> Floats:
     """Rotation (3, 3) from camera axes to east, north, up.
 
-    ``hour_deg`` and ``dec_deg`` are the axes' true angles; a declination angle beyond 90 is a tube that has gone
-    through the pole, as on the other side of the pier. ``axis`` is :func:`mount_to_enu`.
+    A declination angle beyond 90 is a tube that has gone through the pole, as on the other side of the pier.
+
+    Parameters
+    ----------
+    hour_deg, dec_deg : float
+        The axes' true angles, degrees.
+    axis : Floats
+        Rotation (3, 3) from the mount's axes: :func:`mount_to_enu`.
+    build : Build
+        How square the mount is, and how the camera sits on it.
     """
     tube = (
         about(Z, -radians(hour_deg))

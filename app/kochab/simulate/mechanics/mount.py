@@ -17,7 +17,17 @@ from kochab.simulate.night_sky import LocalSky, SimulatedClock, altitude_deg
 
 
 def fold(hour_deg: float, dec_deg: float, flipped: bool, north: bool) -> tuple[float, float]:
-    """Axis angles for an hour angle and a declination; ``flipped`` goes through the pole."""
+    """Axis angles, degrees, for a place.
+
+    Parameters
+    ----------
+    hour_deg, dec_deg : float
+        Hour angle and declination, degrees.
+    flipped : bool
+        Whether it goes through the pole.
+    north : bool
+        Whether the mount stands north of the equator.
+    """
     if not flipped:
         return wrapped(hour_deg), dec_deg
     return wrapped(hour_deg + 180.0), (180.0 if north else -180.0) - dec_deg

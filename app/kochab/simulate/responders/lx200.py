@@ -25,7 +25,23 @@ def hours(ra_deg: float, precise: bool, decimals: int = 0) -> bytes:
 def degrees(
     angle_deg: float, precise: bool, mark: bytes = b"*", width: int = 2, signed: bool = True, decimals: int = 0
 ) -> bytes:
-    """``sDD*MM:SS`` or, not precise, ``sDD*MM``; ``mark`` stands after the degrees."""
+    """``sDD*MM:SS`` or, not precise, ``sDD*MM``; ``mark`` stands after the degrees.
+
+    Parameters
+    ----------
+    angle_deg : float
+        The angle.
+    precise : bool
+        Whether seconds follow.
+    mark : bytes
+        Stands after the degrees.
+    width : int
+        Digits of the degrees.
+    signed : bool
+        Whether a sign comes first.
+    decimals : int
+        Of the seconds.
+    """
     unit = 10**decimals if precise else 1
     ticks = round(abs(angle_deg) * (3600 * unit if precise else 60))
     minutes = ticks // unit // 60 if precise else ticks

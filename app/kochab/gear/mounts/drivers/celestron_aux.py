@@ -40,7 +40,19 @@ class AuxMotor:
         self.follows = self.under_way = False
 
     def ask(self, command: int, parse: Callable[[bytes], T], data: bytes = b"", since: int | None = None) -> T:
-        """Ask or order; what is repeated when its answer is lost changes nothing more."""
+        """Ask or order; what is repeated when its answer is lost changes nothing more.
+
+        Parameters
+        ----------
+        command : int
+            Number of the motor board's command.
+        parse : Callable[[bytes], T]
+            Reads the answer's data.
+        data : bytes
+            The command's own bytes.
+        since : int or None
+            Count of Stops when a motion was decided: one in between wins; None for what moves nothing.
+        """
         frame = protocol.aux(self.board, command, data)
         reader = protocol.aux_reader(frame, self.timeout_s)
         return self.talk.query(frame, reader, parse, TRIES, NoAnswerError, since)

@@ -47,7 +47,19 @@ def to_sky(axes_deg: Degrees, south: bool) -> tuple[float, float, PierSide]:
 
 
 def to_axes(hour_angle_deg: float, dec_deg: float, side: PierSide, south: bool) -> Degrees:
-    """Encoder angles that point there from one side of the pier."""
+    """Encoder angles, degrees, that point there.
+
+    Parameters
+    ----------
+    hour_angle_deg : float
+        West positive, degrees.
+    dec_deg : float
+        Declination, degrees.
+    side : PierSide
+        Of the pier that the tube is to be on.
+    south : bool
+        Whether the mount stands south of the equator.
+    """
     if south:
         hour_angle_deg, dec_deg, side = -hour_angle_deg, -dec_deg, side.opposite
     # The inverse of to_sky: west of the pier the second angle runs from 0 at the pole to negative.

@@ -107,7 +107,19 @@ def parse_pier(reply: bytes) -> PierSide:
 
 
 def pass_through(board: int, command: int, *data: int, answer: int = 0) -> bytes:
-    """``50 len board command d1 d2 d3 n``: eight bytes through the hand control to a motor."""
+    """``50 len board command d1 d2 d3 n``: eight bytes through the hand control to a motor board.
+
+    Parameters
+    ----------
+    board : int
+        Its address.
+    command : int
+        Its command.
+    *data : int
+        At most three bytes.
+    answer : int
+        Length of the answer.
+    """
     # Always three data bytes; the length counts the command and those in use.
     return bytes([0x50, 1 + len(data), board, command, *(*data, 0, 0, 0)[:3], answer])
 
@@ -185,7 +197,19 @@ AUX_TURN = 1 << 24
 
 
 def aux(board: int, command: int, data: bytes = b"", sender: int = APP) -> bytes:
-    """A frame to a motor board, or another device."""
+    """A frame to a motor board, or another device.
+
+    Parameters
+    ----------
+    board : int
+        Address of the board that it is for.
+    command : int
+        Its command.
+    data : bytes
+        The command's own bytes.
+    sender : int
+        Address that the answer goes to.
+    """
     # All bytes after the head, checksum included, add up to 0 modulo 256.
     body = bytes([3 + len(data), sender, board, command]) + data
     return bytes([HEAD]) + body + bytes([-sum(body) % 256])
