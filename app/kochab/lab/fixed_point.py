@@ -87,7 +87,15 @@ class Format:
         return self.fits(self.fits(a) - self.fits(b))
 
     def product(self, a: ArrayLike, of_a: "Format", b: ArrayLike, of_b: "Format") -> Ints:
-        """``a b`` (3.2.3) in this format, shifted right, so rounded towards minus infinity."""
+        """``a b`` (3.2.3) in this format, shifted right, so rounded towards minus infinity.
+
+        Parameters
+        ----------
+        a, b : ArrayLike
+            Whole numbers that stand for the factors.
+        of_a, of_b : Format
+            Their formats.
+        """
         wide = of_a.fits(a) * of_b.fits(b)
         shift = of_a.fraction + of_b.fraction - self.fraction
         if shift < 0:
@@ -95,7 +103,15 @@ class Format:
         return self.fits(wide >> shift)
 
     def quotient(self, a: ArrayLike, of_a: "Format", b: ArrayLike, of_b: "Format") -> Ints:
-        """``a / b`` (3.2.4) in this format, cut off towards zero; overflow when ``b`` is zero."""
+        """``a / b`` (3.2.4) in this format, cut off towards zero; overflow when ``b`` is zero.
+
+        Parameters
+        ----------
+        a, b : ArrayLike
+            Whole numbers that stand for dividend and divisor.
+        of_a, of_b : Format
+            Their formats.
+        """
         shift = self.fraction + of_b.fraction - of_a.fraction
         if shift < 0 or of_a.whole + of_a.fraction + shift > 63:
             raise ValueError(f"{of_a} cannot be divided by {of_b} into {self}.")

@@ -147,7 +147,19 @@ def build(
     sample_frames: list[Sample] | None = None,
     wiring: Wiring | None = None,
 ) -> tuple[MainWindow, Parts]:
-    """A window wired to ``engine``; it is not shown yet."""
+    """A window and its parts, wired; it is not shown yet.
+
+    Parameters
+    ----------
+    engine : WorkflowEngine
+        Solves frames.
+    settings : WindowSettings
+        What is kept between starts.
+    sample_frames : list[Sample] or None
+        Offered on the welcome page; None: the shipped ones.
+    wiring : Wiring or None
+        What the window may not import, such as practice nights; None: nothing.
+    """
     offered = samples() if sample_frames is None else sample_frames
     wiring = Wiring() if wiring is None else wiring
     window = MainWindow(list(IDENTIFIERS), list(DETECTORS), offered)

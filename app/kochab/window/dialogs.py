@@ -62,7 +62,19 @@ def dropped_files(event: QDropEvent) -> list[Path]:
 
 
 def ask_frames(parent: QWidget, folder: str, title: str, kinds: str) -> list[Path]:
-    """The files to use; none when the person cancels."""
+    """The files to use; none when the person cancels.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The window that the dialog belongs to.
+    folder : str
+        Where it begins.
+    title : str
+        Of the dialog.
+    kinds : str
+        The file types offered, in Qt's form.
+    """
     return _answers(QFileDialog(parent, title, folder, kinds, fileMode=QFileDialog.FileMode.ExistingFiles))
 
 

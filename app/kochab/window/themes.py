@@ -91,7 +91,19 @@ def glyphs(colour: str) -> QSvgRenderer:
 
 
 def draw_glyph(painter: QPainter, name: str, colour: str, box: QRectF) -> None:
-    """Draw one glyph in a square box."""
+    """Draw one glyph in a square box.
+
+    Parameters
+    ----------
+    painter : QPainter
+        Draws it.
+    name : str
+        Its element in ``glyphs.svg``.
+    colour : str
+        Of its lines.
+    box : QRectF
+        Square that it fills.
+    """
     painter.save()
     painter.translate(box.topLeft())
     painter.scale(box.width() / 24.0, box.height() / 24.0)
@@ -101,7 +113,19 @@ def draw_glyph(painter: QPainter, name: str, colour: str, box: QRectF) -> None:
 
 
 def pixmap(name: str, colour: str, size: int, ratio: float = 1.0) -> QPixmap:
-    """One glyph, ``size`` logical px."""
+    """One glyph as a picture.
+
+    Parameters
+    ----------
+    name : str
+        Its element in ``glyphs.svg``.
+    colour : str
+        Of its lines.
+    size : int
+        Of the square, logical px.
+    ratio : float
+        Pixels of the screen a logical px.
+    """
     picture = QPixmap(round(size * ratio), round(size * ratio))
     picture.fill(Qt.GlobalColor.transparent)
     painter = QPainter(picture)

@@ -42,7 +42,17 @@ class Undo(QUndoStack):
         self._show()
 
     def made(self, text: str, use: Callable[[T], object], before: T, after: T) -> None:
-        """Remember a change; ``use`` makes the state before or after it."""
+        """Remember a change.
+
+        Parameters
+        ----------
+        text : str
+            What was changed, for the menu.
+        use : Callable[[T], object]
+            Makes a state so.
+        before, after : T
+            The state before and after; nothing is remembered where they are equal.
+        """
         if before != after:
             self.push(Step(text, lambda: use(before), lambda: use(after)))
 

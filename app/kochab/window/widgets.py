@@ -59,7 +59,23 @@ def text_field(name: str, example: str = "", tip: str = "") -> QLineEdit:
 def number_field(
     name: str, low: float, high: float, value: float, decimals: int = 0, unit: str = "", tip: str = ""
 ) -> QDoubleSpinBox:
-    """A field for a number between ``low`` and ``high``, with its unit."""
+    """A field for a number, with its unit.
+
+    Parameters
+    ----------
+    name : str
+        Read by a screen reader.
+    low, high : float
+        Least and largest value.
+    value : float
+        Shown first.
+    decimals : int
+        Digits after the point.
+    unit : str
+        Shown after the number.
+    tip : str
+        Shown under the pointer.
+    """
     made = NumberField(decimals=decimals, minimum=low, maximum=high, value=value, suffix=unit)
     made.setFocusPolicy(BY_CHOICE)
     made.lineEdit().setTextMargins(INSET_PX, 0, 0, 0)  # which the style sheet's padding does not reach
@@ -130,7 +146,19 @@ def facts_grid(spacing: int, *rows: tuple[str, QLabel]) -> QGridLayout:
 def grid(
     *rows: Iterable[QWidget], across: int = 10, down: int = 4, stretch: Iterable[int] = (), on: QWidget | None = None
 ) -> QGridLayout:
-    """Rows of widgets below each other, px apart; ``stretch`` is that of each column."""
+    """Rows of widgets below each other.
+
+    Parameters
+    ----------
+    *rows : Iterable[QWidget]
+        The widgets of each row.
+    across, down : int
+        Space between them, px.
+    stretch : Iterable[int]
+        Share of the free width of each column.
+    on : QWidget or None
+        The widget laid out; None: the layout is added to another.
+    """
     made = QGridLayout(on)
     made.setHorizontalSpacing(across)
     made.setVerticalSpacing(down)
@@ -169,7 +197,19 @@ def narrow_box(name: str, letters: int, choices: Iterable[str] | Mapping[str, ob
 
 
 def button(text: str, pressed: Callable[[], object], role: str = "", tip: str = "") -> QPushButton:
-    """A push button; ``text`` carries its mnemonic."""
+    """A push button.
+
+    Parameters
+    ----------
+    text : str
+        With its mnemonic.
+    pressed : Callable[[], object]
+        Called without arguments.
+    role : str
+        Its look in the style sheet, as ``main``.
+    tip : str
+        Shown under the pointer.
+    """
     # As an auto-default button Enter in any field of a dialog would press it.
     made = named(QPushButton(text, autoDefault=False), "", tip)
     made.setProperty("role", role or None)  # None is no property
@@ -245,9 +285,18 @@ Part = QWidget | QLayout | tuple[QWidget | QLayout, int] | int | None
 def row(
     *parts: Part, on: QWidget | None = None, spacing: int | None = None, margins: Margins | None = None
 ) -> QHBoxLayout:
-    """Parts side by side, as the layout of ``on`` or to be added to another.
+    """Parts side by side.
 
-    They are widgets, layouts, ``(widget or layout, stretch)``, px of space, and None to stretch.
+    Parameters
+    ----------
+    *parts : Part
+        Widgets, layouts, ``(widget or layout, stretch)``, px of space, and None to stretch.
+    on : QWidget or None
+        The widget laid out; None: the layout is added to another.
+    spacing : int or None
+        Between the parts, px; None for the style's.
+    margins : Margins or None
+        Around them, px; None for none or the style's.
     """
     return _fill(QHBoxLayout(on) if on is not None else QHBoxLayout(), parts, spacing, margins)
 
@@ -255,7 +304,19 @@ def row(
 def column(
     *parts: Part, on: QWidget | None = None, spacing: int | None = None, margins: Margins | None = None
 ) -> QVBoxLayout:
-    """The same from top to bottom."""
+    """The same from top to bottom.
+
+    Parameters
+    ----------
+    *parts : Part
+        As in :func:`row`.
+    on : QWidget or None
+        The widget laid out; None: the layout is added to another.
+    spacing : int or None
+        Between the parts, px; None for the style's.
+    margins : Margins or None
+        Around them, px; None for none or the style's.
+    """
     return _fill(QVBoxLayout(on) if on is not None else QVBoxLayout(), parts, spacing, margins)
 
 
@@ -308,7 +369,19 @@ def page() -> QWidget:
 
 
 def draw_text(painter: QPainter, centre: QPointF, text: str, ground: str) -> None:
-    """Draw a short text about ``centre`` on a box of the colour ``ground``."""
+    """Draw a short text on a box.
+
+    Parameters
+    ----------
+    painter : QPainter
+        Its font is used.
+    centre : QPointF
+        Middle of the box.
+    text : str
+        One line.
+    ground : str
+        Colour of the box.
+    """
     metrics = painter.fontMetrics()
     box = QRectF(0, 0, metrics.horizontalAdvance(text) + 6, metrics.height())
     box.moveCenter(centre)

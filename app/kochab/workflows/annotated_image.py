@@ -115,7 +115,23 @@ def drawing_of(
     horizon: SiteSky | None = None,
     detected: Floats = NOTHING,
 ) -> Drawing:
-    """The layers over a solved frame, as the window has them; names as dense as there, ``detected`` (N, 2) px."""
+    """The layers over a solved frame, as the window has them; names as dense as there.
+
+    Parameters
+    ----------
+    solution : Solution
+        Where it points.
+    year : float
+        Epoch of the stars' places, Julian year.
+    bodies : tuple[Mark, ...]
+        Marks of the Solar System.
+    layers : Layers
+        What is drawn.
+    horizon : SiteSky or None
+        The sky above the site, for lines of altitude and azimuth; None: there are none.
+    detected : Floats
+        Stars detected (N, 2), px.
+    """
     camera = solution.camera
     unit = max(camera.width, camera.height) / ACROSS
     letter = max(9, round(LETTER_PX * unit))
@@ -207,7 +223,21 @@ def _circles(solution: Solution, layers: Layers, detected: Floats, unit: float, 
 def dated_drawing(
     frame: Frame, solution: Solution, more: Sequence[Moving] = (), layers: Layers = USUAL, detected: Floats = NOTHING
 ) -> Drawing:
-    """The same at the frame's date: stars where they have moved to, and the bodies of the Solar System."""
+    """The same at the frame's date: stars where they have moved to, and the bodies of the Solar System.
+
+    Parameters
+    ----------
+    frame : Frame
+        Says when and where it was taken.
+    solution : Solution
+        Where it points.
+    more : Sequence[Moving]
+        Tables of moving bodies beside the shipped ones.
+    layers : Layers
+        What is drawn.
+    detected : Floats
+        Stars detected (N, 2), px.
+    """
     from kochab.solver.pipeline import year_of
 
     bodies = run(body_marks(frame, solution, more=more))
@@ -301,8 +331,22 @@ def annotate(
 ) -> None:
     """Write the frame with the layers over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
 
-    The first three carry tags that place them on the sky. Asteroids and comets of ``more`` tables are looked for
-    beside the shipped ones.
+    The first three carry tags that place them on the sky.
+
+    Parameters
+    ----------
+    frame : Frame
+        Its pixels, and when it was taken.
+    solution : Solution
+        Where it points.
+    path : str or os.PathLike[str]
+        The file to write.
+    more : Sequence[Moving]
+        Tables of asteroids and comets that are looked for beside the shipped ones.
+    layers : Layers
+        What is drawn.
+    detected : Floats
+        Stars detected (N, 2), px.
     """
     ending, drawn = Path(path).suffix.lower(), dated_drawing(frame, solution, more, layers, detected)
     if ending == ".svg":

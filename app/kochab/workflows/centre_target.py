@@ -55,7 +55,19 @@ class Centring:
 
 
 def end_of(course: Course, name: str, made: int, tries: int) -> tuple[CentringEnd, str] | None:
-    """The end after the last frame and its sentence; None when another correction is worthwhile."""
+    """The end after the last frame and its sentence; None when another correction is worthwhile.
+
+    Parameters
+    ----------
+    course : Course
+        The errors so far.
+    name : str
+        The target's.
+    made : int
+        How many corrections were made.
+    tries : int
+        How many may be.
+    """
     error, left = course.error_arcsec, angle_text(course.error_arcsec / 3600.0)
     if error <= course.tolerance_arcsec:
         return CentringEnd.CENTRED, tr("{name} is centred to {left}.", name=name, left=left)
@@ -103,12 +115,30 @@ def centre_target(
 ) -> Task[Centring]:
     """Slew, settle, solve, correct, until the frame's centre is on ``target``.
 
-    The first large error is corrected by a sync on two agreeing solves and a goto; where the mount
-    or the guard rejects the sync, and for smaller errors, by an offset goto; for the smallest by
-    guide pulses. ``confirmed`` is the yes that the guard requires before a large sync. Cancelling
-    at any yield, and every exception, stops the mount.
+    The first large error is corrected by a sync on two agreeing solves and a goto; where the mount or the guard rejects
+    the sync, and for smaller errors, by an offset goto; for the smallest by guide pulses. Cancelling at any yield, and
+    every exception, stops the mount.
 
     Raises `StoppedError` when a person pressed Stop, and `DeviceError` when the mount or the camera no longer replies.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    solve_now : SolveNow
+        Takes a frame and solves it.
+    target : Target
+        Where to.
+    tolerance_arcsec : float
+        Largest distance at which it is centred.
+    tries : int
+        Corrections at most.
+    may_sync : bool
+        Whether a sync may correct the first error.
+    confirmed : bool
+        The yes that the guard requires before a large sync.
+    wait : Wait
+        Waits so many seconds.
     """
     may_sync = may_sync and Ability.SYNC not in mount.lacks
     work = _Centring(mount, solve_now, target, tolerance_arcsec, tries, wait, may_sync, confirmed)
@@ -126,6 +156,17 @@ def centre_typed(mount: Guard, solve_now: SolveNow, text: str, tolerance_arcsec:
     """Centre a name or coordinates as a person typed them.
 
     A sync so large that the guard wants a yes is not done on the way: it belongs into the preview.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    solve_now : SolveNow
+        Takes a frame and solves it.
+    text : str
+        What was typed.
+    tolerance_arcsec : float
+        Largest distance at which it is centred.
     """
     yield Progress("centre", None, text)
     target = parse_target(text, mount.clock())

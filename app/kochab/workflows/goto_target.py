@@ -139,6 +139,17 @@ def goto_target(mount: Guard, target: Target, wait: Wait = time.sleep, flip: boo
     """Slew within the guard and return when the mount is at rest; cancelling stops it.
 
     Raises RefusedError when the guard or the mount refuses; one sentence.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    target : Target
+        Where to.
+    wait : Wait
+        Waits so many seconds.
+    flip : bool
+        Whether a person has asked for the other side of the pier.
     """
     yield Progress("goto", 0.0, target.name)
     yield from mount.slew(*aimed(mount, target, flip), flip)

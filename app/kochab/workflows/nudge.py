@@ -45,14 +45,25 @@ def nudge(
 ) -> Task[Nudged]:
     """Turn one axis by an angle, within the guard; returns when the motion is over.
 
-    ``rate_deg_s`` is a rate of the mount that a person has chosen, for one move of any length; 0 takes
-    guide pulses or the slowest suitable rate.
-
-    East and west are angles of the RA axis: on the sky they are smaller by the cosine of the
-    declination. Cancelling stops the mount.
+    East and west are angles of the RA axis: on the sky they are smaller by the cosine of the declination. Cancelling
+    stops the mount.
 
     Raises RefusedError when the guard or the mount refuses, or the mount can neither pulse nor move, and
     NotStoppedError when it runs on after its move.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    direction : Direction
+        The way it turns.
+    amount_arcsec : float
+        How far.
+    wait : Wait
+        Waits so many seconds.
+    rate_deg_s : float
+        A rate of the mount that a person has chosen, for one move of any length; 0 takes guide pulses or the
+        slowest suitable rate.
     """
     if amount_arcsec < LEAST_ARCSEC:
         return Nudged(direction, amount_arcsec, "nothing", 0.0)
@@ -176,11 +187,18 @@ class Turn:
 def turn_to_bring(
     matrix_of_date: Floats, solution: Solution, star_px: tuple[float, float], here_px: tuple[float, float]
 ) -> Turn:
-    """How far both axes turn so that what is seen at ``star_px`` comes to ``here_px``.
-
-    ``matrix_of_date`` (3, 3) takes ICRS to the equator the mount turns about.
+    """How far both axes turn to bring a star to another place of the frame.
 
     Raises RefusedError when no turn of these axes does it, as beside the pole.
+
+    Parameters
+    ----------
+    matrix_of_date : Floats
+        Rotation (3, 3) from ICRS to the equator that the mount turns about.
+    solution : Solution
+        Where the frame points.
+    star_px, here_px : tuple[float, float]
+        Where the star is seen and where it is to come, px.
     """
     of_date_to_camera = solution.attitude.matrix @ matrix_of_date.T  # of date -> camera
     star = matrix_of_date @ solution.sky_at(np.array([star_px], dtype=np.float64))[0]
@@ -211,10 +229,22 @@ def bring_here(
     here_px: tuple[float, float] | None = None,
     wait: Wait = time.sleep,
 ) -> Task[Turn]:
-    """Move what a frame taken just now shows at ``star_px`` to ``here_px``, or to its centre.
+    """Move what a frame taken just now shows at one place to another.
 
-    Small turns are guide pulses or moves, larger ones a goto beside the reported position.
-    Cancelling stops the mount.
+    Small turns are guide pulses or moves, larger ones a goto beside the reported position. Cancelling stops the mount.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    solution : Solution
+        Of the frame.
+    star_px : tuple[float, float]
+        Where it is seen, px.
+    here_px : tuple[float, float] or None
+        Where it is to come, px; None: the frame's centre.
+    wait : Wait
+        Waits so many seconds.
     """
     camera = solution.camera
     middle = ((camera.width - 1) / 2.0, (camera.height - 1) / 2.0)

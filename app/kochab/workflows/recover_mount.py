@@ -56,13 +56,25 @@ def recover_mount(
 ) -> Task[Recovery]:
     """Solve lost in space until two solves agree, sync within the guard, read it back.
 
-    Nothing moves. Nobody may be there, so only frames taken after this began prove where the
-    telescope points. ``confirmed`` is a person's yes to the larger step that the guard asks about
-    and to an earlier frame, ``allow_large_sync`` one to the largest step. ``taken`` gives when the last solved
-    frame was taken (UTC, mid-exposure), None when it has no time.
+    Nothing moves. Nobody may be there, so only frames taken after this began prove where the telescope points.
 
-    Raises RefusedError when no two frames agree, a frame has no time or is too early, the guard forbids the
-    sync, or the mount rejects it.
+    Raises RefusedError when no two frames agree, a frame has no time or is too early, the guard forbids the sync, or
+    the mount rejects it.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    solve_now : SolveNow
+        Takes a frame and solves it.
+    taken : Callable[[], datetime or None]
+        Gives when the last solved frame was taken (UTC, mid-exposure), None when it has no time.
+    confirmed : bool
+        A person's yes to the larger step that the guard asks about and to an earlier frame.
+    allow_large_sync : bool
+        A person's yes to the largest step.
+    only_look : bool
+        Whether nothing is synced.
     """
     if Ability.SYNC in mount.lacks and not only_look:
         raise RefusedError(mount.lacks[Ability.SYNC])
@@ -160,7 +172,16 @@ def sighted(
 ) -> MountSighting:
     """A solve beside the position, time, site and state that the mount reports now.
 
-    ``time_utc`` and ``site`` are the computer's, by the guard's clock and site when None.
+    Parameters
+    ----------
+    mount : Guard
+        Asked for them.
+    solution : Solution
+        Where the telescope points.
+    time_utc : datetime or None
+        When the frame was taken; None: now, by the guard's clock.
+    site : Site or None
+        Where the telescope stands; None: the guard's.
     """
     now = mount.clock()
     reported = with_retries(mount.position)

@@ -139,7 +139,19 @@ CSV_TITLES = "file,state,ra_deg,dec_deg,roll_deg,mirrored,fov_x_deg,fov_y_deg,sc
 
 
 def result_cells(name: str, state: str, s: Solution | None, style: AngleStyle) -> list[str]:
-    """One row under :data:`RESULT_TITLES`; without a solution name and state alone."""
+    """One row under :data:`RESULT_TITLES`; without a solution name and state alone.
+
+    Parameters
+    ----------
+    name : str
+        The file's.
+    state : str
+        What became of it, in words.
+    s : Solution or None
+        Its solution; None: there is none.
+    style : AngleStyle
+        How coordinates are written.
+    """
     if s is None:
         return [name, state]
     ra, dec = s.ra_dec_deg

@@ -58,9 +58,18 @@ def solve_open_frame(frame: Frame, options: SolveOptions | None = None, read_ms:
 def solve_star_list(
     path: str | Path, width: int, height: int, options: SolveOptions | None = None
 ) -> Task[Solution | NoSolution]:
-    """Read the list at ``path``, of a frame ``width`` by ``height`` px, and solve it.
+    """Read a list of stars and solve it.
 
     Raises UsageError when the list cannot be used; one sentence says why.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the list.
+    width, height : int
+        Size of its frame, px.
+    options : SolveOptions or None
+        How it is solved; None for the usual.
     """
     start = perf_counter()
     yield Progress("read", 0.0, str(path))

@@ -31,6 +31,19 @@ def spiral_search(mount: Guard, step_deg: float, turns: int, pause_s: float, wai
     """Slew to each place of the spiral around where the mount points, and rest there; cancelling stops it.
 
     Every slew passes the guard, and `RefusedError` ends the search where it refuses one.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    step_deg : float
+        From place to place, degrees.
+    turns : int
+        Of the spiral.
+    pause_s : float
+        How long to rest at each place.
+    wait : Wait
+        Waits so many seconds.
     """
     centre = mount.position_icrs()
     narrow = cos(radians(centre[1]))

@@ -109,12 +109,24 @@ def agreeing_solves(
 def accept_sync(
     mount: Guard, offer: SyncOffer, *, confirmed: bool = False, fall_back: bool = False, wait: Wait = time.sleep
 ) -> Task[SyncDone]:
-    """Do what was offered and read it back; with ``fall_back`` slew when it cannot be synced.
+    """Do what was offered and read it back.
 
     The offset slew moves the telescope to the position that the mount reports now.
 
-    Raises RefusedError when the guard forbids it, it needs a confirmation, or the telescope has moved since the
-    offer.
+    Raises RefusedError when the guard forbids it, it needs a confirmation, or the telescope has moved since the offer.
+
+    Parameters
+    ----------
+    mount : Guard
+        Behind its guard.
+    offer : SyncOffer
+        What to sync to.
+    confirmed : bool
+        Whether the person has confirmed what the preview asks.
+    fall_back : bool
+        Slew by the offset when it cannot be synced.
+    wait : Wait
+        Waits so many seconds.
     """
     yield Progress("sync", 0.0, offer.in_words)
     _require_unmoved(mount, offer)

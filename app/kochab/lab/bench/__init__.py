@@ -45,7 +45,17 @@ class Goal:
 
     @classmethod
     def between(cls, name: str, value: float, low: float, high: float) -> "Goal":
-        """A goal met when ``low <= value <= high``."""
+        """A goal met when ``low <= value <= high``.
+
+        Parameters
+        ----------
+        name : str
+            What is measured.
+        value : float
+            What was measured.
+        low, high : float
+            Least and largest that meet the goal.
+        """
         return cls(name, value, f"{low:g} to {high:g}", low <= value <= high)
 
     @classmethod

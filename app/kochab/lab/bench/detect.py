@@ -52,6 +52,21 @@ def expected(
     it does not mix with that on flux and on y, so no unbiased estimate has a smaller variance than ``1 / I`` (Cramer
     and Rao). The information on the flux gives ``SNR = F sqrt(sum_i p_i^2 / v_i)`` in the same way. The bound
     returned is the RMS along one axis, the mean of both.
+
+    Parameters
+    ----------
+    xy : Floats
+        Places of the stars (N, 2), px.
+    flux_e : Floats
+        Electrons of each (N,).
+    fwhm_px : float
+        Width of a star's image.
+    sky : Sky
+        Background.
+    sensor : Sensor
+        Gain and reading noise.
+    size : tuple[int, int]
+        Width and height of the frame, px.
     """
     s = fwhm_px / FWHM_PER_SIGMA
     half = int(np.ceil(5 * s)) + 1
@@ -213,7 +228,19 @@ def make_field(field: RenderedField) -> tuple[Frame, DetectionTruth]:
 def measure_field(
     field: RenderedField, frame: Frame, truth: DetectionTruth, found: Mapping[str, Finder]
 ) -> list[dict[str, Any]]:
-    """One row a detector, and one for reading every pixel once (``np.max``)."""
+    """One row a detector, and one for reading every pixel once (``np.max``).
+
+    Parameters
+    ----------
+    field : RenderedField
+        What the frame shows, and how often it is measured.
+    frame : Frame
+        The frame.
+    truth : DetectionTruth
+        Where its stars are, and the best that can be done.
+    found : Mapping[str, Finder]
+        The detectors by name.
+    """
     every: dict[str, Finder] = {"np.max": lambda one, _: one.pixels.max(), **found}
     spent_s: dict[str, list[tuple[float, float]]] = {name: [] for name in every}
     for turn in range(field.turns):

@@ -80,6 +80,17 @@ def in_sigmas(answer: Solution, truth: Solution, middle: Floats, more: Floats | 
     """Errors (3,) of an answer's centre along x and y and of its roll, over the stated ones.
 
     ``middle`` (2,) is the answer's centre in the truth's pixels; ``more`` (3,) arcsec are the truth's own errors.
+
+    Parameters
+    ----------
+    answer : Solution
+        A solution and its uncertainties.
+    truth : Solution
+        The same frame's pointing.
+    middle : Floats
+        The answer's centre (2,) in the truth's pixels.
+    more : Floats or float
+        The truth's own errors (3,), arcsec.
     """
     above, centre, below = truth.sky_at(middle + np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]]))
     matrix = answer.centre_attitude.matrix

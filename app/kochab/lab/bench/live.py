@@ -25,7 +25,19 @@ from kochab.solver.tracker import Tracker
 
 
 def measure(ring: Ring, count: int, what: str, fps: float = 30.0) -> dict[str, Any]:
-    """Track ``count`` frames as fast as it goes, after one that is solved as a whole."""
+    """Track ``count`` frames as fast as it goes, after one that is solved as a whole.
+
+    Parameters
+    ----------
+    ring : Ring
+        Frames of a camera that swings.
+    count : int
+        How many are tracked.
+    what : str
+        Names the row.
+    fps : float
+        Frames a second of the stream.
+    """
     tracker, frames = Tracker(), ring.stream(count + 1, fps)
     frame, moment, _ = next(frames)
     drive(tracker.update(frame, moment))

@@ -61,6 +61,19 @@ def make_ring(
     """Frames of a rich field at 30 arcsec a pixel, 20 ms each, with hot pixels.
 
     ``bayer`` is the pattern of a colour camera.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of a frame, px.
+    count : int
+        How many frames.
+    seed : int
+        Draws their noise.
+    swing_deg : float
+        How far the camera swings.
+    bayer : str or None
+        Pattern of a colour camera; None: a grey one.
     """
     camera = Camera.centred(width, height, float(1.0 / np.radians(SCALE_ARCSEC_PX / 3600.0)))
     middle = attitude_from(305.0, 40.0, 12.0).matrix
@@ -72,7 +85,19 @@ def make_ring(
 
 
 def star_frame(camera: Camera, matrix: Floats, seed: int, bayer: str | None = None) -> Frame:
-    """One frame of the sky at ``matrix`` (3, 3)."""
+    """One frame of the sky.
+
+    Parameters
+    ----------
+    camera : Camera
+        Projects the stars.
+    matrix : Floats
+        Rotation (3, 3), ICRS to camera axes.
+    seed : int
+        Draws the noise.
+    bayer : str or None
+        Pattern of a colour camera; None: a grey one.
+    """
     catalogue = open_catalogue()
     half = float(np.arctan(np.hypot(camera.width, camera.height) / 2.0 / camera.focal_px))
     rows = catalogue.brightest(matrix[2], half, 1500, YEAR)

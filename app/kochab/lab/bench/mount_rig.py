@@ -199,7 +199,19 @@ FarEnd = Callable[[str, EquatorialMount], Any]
 
 @contextmanager
 def mount_rig(seed: int, driver: str, rendered: bool = False, far_end: FarEnd = open_responder) -> Iterator[MountRig]:
-    """A misaligned, flexing mount that points 3 deg from where it believes, and a target for it."""
+    """A misaligned, flexing mount that points 3 deg from where it believes, and a target for it.
+
+    Parameters
+    ----------
+    seed : int
+        Draws the night.
+    driver : str
+        Name of the mount's driver.
+    rendered : bool
+        Whether frames are rendered; else star lists are made.
+    far_end : FarEnd
+        Makes the simulated device behind the line.
+    """
     site = SITES[seed // 2 % 2]
     rng = np.random.default_rng([seed, 77])
     side = 1.0 if seed % 2 else -1.0  # start and target are on one side of the meridian

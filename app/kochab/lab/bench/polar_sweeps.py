@@ -146,7 +146,19 @@ class Mount:
 
 
 def mount_at(place: Place, away: float, towards: float, camera: Floats) -> Mount:
-    """A mount whose axis stands ``away`` (rad) from the refracted pole, ``towards`` a position angle (rad) there."""
+    """A mount whose axis stands beside the refracted pole.
+
+    Parameters
+    ----------
+    place : Place
+        Where it stands, and the air there.
+    away : float
+        How far from the pole, radians.
+    towards : float
+        Position angle there, radians.
+    camera : Floats
+        Rotation (3, 3) of the camera on the tube.
+    """
     pole = refracted_pole(place)
     east = np.array((1.0, 0.0, 0.0))
     aside = turned(pole, towards) @ east
@@ -254,14 +266,38 @@ def _from(sweep: Sweep, first: int, change: Callable[[Exposure], Exposure]) -> S
 
 
 def with_dec_moved(sweep: Sweep, rng: Random, arcsec: float | None = None, first: int | None = None) -> Sweep:
-    """Dec slips by up to a degree between two frames."""
+    """Dec slips by up to a degree between two frames.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given.
+    arcsec : float or None
+        How far Dec slips; None: drawn.
+    first : int or None
+        The first frame after it; None: drawn.
+    """
     first = first or int(rng.integers(1, len(sweep.exposures)))
     move = (arcsec or np.exp(rng.uniform(np.log(200), np.log(3600)))) * ARCSEC * rng.choice((-1, 1))
     return _from(sweep, first, lambda shot: replace(shot, dec_turn=shot.dec_turn + move))
 
 
 def with_kick(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int | None = None) -> Sweep:
-    """A foot hits the tripod, or a hand a bolt: the whole mount moves by 5 to 60 arcmin about a direction of chance."""
+    """A foot hits the tripod, or a hand a bolt: the whole mount moves by 5 to 60 arcmin about a direction of chance.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given.
+    arcmin : float or None
+        How far the mount moves; None: drawn.
+    first : int or None
+        The first frame after it; None: drawn.
+    """
     first = first or int(rng.integers(1, len(sweep.exposures)))
     about = rng.normal(size=3)
     about /= np.linalg.norm(about)
@@ -273,7 +309,19 @@ def with_kick(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int
 
 
 def with_bolt(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int | None = None) -> Sweep:
-    """Somebody turns one bolt among the frames: azimuth (about the vertical), or altitude (about a level line)."""
+    """Somebody turns one bolt among the frames: azimuth (about the vertical), or altitude (about a level line).
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given.
+    arcmin : float or None
+        How far the bolt moves the axis; None: drawn.
+    first : int or None
+        The first frame after it; None: drawn.
+    """
     first = first or int(rng.integers(1, len(sweep.exposures)))
     up = np.array((0.0, 0.0, 1.0))
     across = np.cross(up, sweep.axis)
@@ -283,7 +331,19 @@ def with_bolt(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int
 
 
 def with_camera_tilted(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int | None = None) -> Sweep:
-    """The camera is knocked on the tube by 5 to 60 arcmin."""
+    """The camera is knocked on the tube by 5 to 60 arcmin.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given.
+    arcmin : float or None
+        How far; None: drawn.
+    first : int or None
+        The first frame after it; None: drawn.
+    """
     first = first or int(rng.integers(1, len(sweep.exposures)))
     angle = (arcmin or rng.uniform(5, 60)) * ARCMIN
     way = rng.uniform(0, 360)
@@ -291,7 +351,19 @@ def with_camera_tilted(sweep: Sweep, rng: Random, arcmin: float | None = None, f
 
 
 def with_camera_turned(sweep: Sweep, rng: Random, degrees: float | None = None, first: int | None = None) -> Sweep:
-    """The camera is turned in its drawtube by 2 to 180 deg."""
+    """The camera is turned in its drawtube by 2 to 180 deg.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given.
+    degrees : float or None
+        How far; None: drawn.
+    first : int or None
+        The first frame after it; None: drawn.
+    """
     first = first or int(rng.integers(1, len(sweep.exposures)))
     angle = np.radians(degrees or rng.uniform(2, 180))
     return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.camera_turned(angle)))
@@ -300,7 +372,16 @@ def with_camera_turned(sweep: Sweep, rng: Random, degrees: float | None = None, 
 def with_flip(sweep: Sweep, rng: Random, first: int | None = None, centred: bool = False) -> Sweep:
     """The mount goes over the meridian: half a turn of RA, and Dec through the pole.
 
-    Without ``centred`` it looks elsewhere by twice what camera and tube are askew, with it at the same place.
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given.
+    first : int or None
+        The first frame after it; None: drawn.
+    centred : bool
+        Whether it looks at the same place; else elsewhere by twice what camera and tube are askew.
     """
     first = first or int(rng.integers(1, len(sweep.exposures)))
 
@@ -314,7 +395,19 @@ def with_flip(sweep: Sweep, rng: Random, first: int | None = None, centred: bool
 
 
 def with_one_time_wrong(sweep: Sweep, rng: Random, minutes: float = 10.0, index: int | None = None) -> Sweep:
-    """The header of one frame says another time."""
+    """The header of one frame says another time.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The sweep that is spoilt.
+    rng : Random
+        Draws what is not given, and the sign.
+    minutes : float
+        How wrong.
+    index : int or None
+        Which frame; None: drawn.
+    """
     index = int(rng.integers(0, len(sweep.exposures))) if index is None else index
     off = dt.timedelta(minutes=minutes * float(rng.choice((-1, 1))))
     shots = tuple(replace(s, said=s.said + off) if k == index else s for k, s in enumerate(sweep.exposures))
@@ -354,6 +447,17 @@ def tracked(sweep: Sweep, rng: Random, minutes: float = 60.0, guided: bool = Tru
 
     Guiding turns both axes so that the middle of the frame stays on one catalogue place: what is left is the field's
     turning. Without guiding the middle drifts.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Gives mount, place and first frame.
+    rng : Random
+        Draws how many frames.
+    minutes : float
+        From the first to the last.
+    guided : bool
+        Whether a guider holds the target.
     """
     frames = int(rng.integers(6, 16))
     shot = sweep.exposures[0]

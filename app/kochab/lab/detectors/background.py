@@ -101,7 +101,19 @@ def box_light(flat: Flat, xy: Floats, half: int) -> tuple[Floats, Floats]:
 
 
 def separated_stars(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple[Floats, Floats, Floats]:
-    """Places (N, 2), brightest first, without those near a brighter one; light and pixels in boxes (N,)."""
+    """Places (N, 2), brightest first, without those near a brighter one; light and pixels in boxes (N,).
+
+    Parameters
+    ----------
+    flat : Flat
+        The frame without its background.
+    xy : Floats
+        Places (M, 2), px.
+    half : int
+        A box has ``2 half + 1`` pixels a side.
+    reach_px : float
+        How near is too near.
+    """
     flux, pixels = box_light(flat, xy, half)
     order = np.argsort(-flux, kind="stable")
     order = order[apart(xy[order], np.full(len(order), reach_px))]
@@ -111,10 +123,25 @@ def separated_stars(flat: Flat, xy: Floats, half: int, reach_px: float) -> tuple
 def measured_detections(
     flat: Flat, xy: Floats, flux: Floats, pixels: Floats, most: int, rank: Floats | None = None
 ) -> Detections:
-    """Detections of stars at ``xy`` (N, 2) px with ``flux`` (N,) in ``pixels`` (N,) of them.
+    """Detections of stars at given places.
 
-    The ``most`` brightest are kept, in falling order of ``rank`` (N,) or else of flux. The SNR is against the
-    background's noise alone; widths and shapes are NaN where a star is too faint or too odd for them, and in mosaics.
+    The SNR is against the background's noise alone; widths and shapes are NaN where a star is too faint or too odd for
+    them, and in mosaics.
+
+    Parameters
+    ----------
+    flat : Flat
+        The frame without its background.
+    xy : Floats
+        Places (N, 2), px.
+    flux : Floats
+        Light (N,).
+    pixels : Floats
+        How many pixels (N,) that is of.
+    most : int
+        How many are kept, the first by ``rank``.
+    rank : Floats or None
+        Falling order (N,) of the result; None: by flux.
     """
     good = np.isfinite(xy).all(axis=1) & (flux > 0)
     good &= (xy > -0.5).all(axis=1) & (xy < np.array(flat.image.shape[::-1]) - 0.5).all(axis=1)

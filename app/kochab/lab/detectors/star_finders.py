@@ -65,10 +65,22 @@ def _detect(finder: str, frame: Frame, sigmas: float, fwhm_px: float, most: int)
 
 
 def found_places(finder: str, image: Floats32, threshold: float, fwhm_px: float, mask: Bools | None = None) -> Floats:
-    """Places (N, 2) px that photutils' ``finder`` gives for ``image`` (H, W) without its background.
+    """Places (N, 2) px that photutils gives.
 
-    ``threshold`` is in the units of the image; pixels under ``mask`` (H, W) are no stars. Raises `UsageError` where
-    photutils is not installed.
+    Raises `UsageError` where photutils is not installed.
+
+    Parameters
+    ----------
+    finder : str
+        Name of photutils' class.
+    image : Floats32
+        Pixels (H, W) without their background.
+    threshold : float
+        In the units of the image.
+    fwhm_px : float
+        Width of a star's image.
+    mask : Bools or None
+        Pixels (H, W) that are no stars; None: there are none.
     """
     try:
         detection = import_module("photutils.detection")

@@ -75,7 +75,23 @@ class Choice:
 
 
 def field_plan(fov_deg: float, stars: int, noise_px: float, false: float, missing: float, size_px: int) -> FieldPlan:
-    """A field whose list has ``stars``; ``false`` is their number as a share of the real ones."""
+    """A field to simulate.
+
+    Parameters
+    ----------
+    fov_deg : float
+        Width of the field, degrees.
+    stars : int
+        How many the list has.
+    noise_px : float
+        Error of a place.
+    false : float
+        Share of false stars, of the real ones.
+    missing : float
+        Share of real stars that are missing.
+    size_px : int
+        Side of the frame.
+    """
     return FieldPlan(fov_deg, size_px, noise_px, missing, false, brightest=stars)
 
 
@@ -167,9 +183,20 @@ def scale_hint(truth: FieldTruth, radius_deg: float | None = None) -> Hint:
 def judged(
     kind: ComparedPart, name: str, answer: Identification | NoSolution | None, truth: FieldTruth | None, **more: Any
 ) -> Trial:
-    """What came of it, and what the truth says of that; ``more`` are fields of the trial.
+    """What came of it, and what the truth says of that.
 
-    ``answer`` is the names and the pointing, the reason for none, or None when the time was over.
+    Parameters
+    ----------
+    kind : ComparedPart
+        Method, detector or estimator.
+    name : str
+        Its name.
+    answer : Identification or NoSolution or None
+        The names and the pointing, the reason for none, or None when the time was over.
+    truth : FieldTruth or None
+        Where the frame points; None: nobody knows.
+    **more : Any
+        Fields of the trial.
     """
     if isinstance(answer, Identification):
         names, pointing = answer.matches, (answer.camera, answer.attitude)
@@ -267,10 +294,24 @@ def try_detector(
     places: Floats | None = None,
     limit_s: float = 30.0,
 ) -> Task[Trial]:
-    """Solve ``frame`` with this detector and all else as ever; the time is the detector's.
+    """Solve a frame with this detector and all else as ever; the time is the detector's.
 
-    As when methods are compared, a ``hint`` that helps is all that is searched. ``places`` (N, 2) px
-    are those of all stars in a simulated picture. UsageError as `checked`.
+    UsageError as `checked`.
+
+    Parameters
+    ----------
+    frame : Frame
+        The frame.
+    choice : Choice
+        The detector and its options.
+    hint : Hint or None
+        As when methods are compared, one that helps is all that is searched; None: nothing is known.
+    truth : FieldTruth or None
+        Where the frame points; None: nobody knows.
+    places : Floats or None
+        Those of all stars (N, 2) in a simulated picture, px; None: not known.
+    limit_s : float
+        The longest solve.
     """
     options = checked(REGISTRIES[ComparedPart.DETECTOR].load(choice.name), choice.options)
     DETECTORS.make(choice.name).detect(Frame(np.eye(64)))  # loading its libraries is not its time

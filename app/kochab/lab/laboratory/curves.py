@@ -69,7 +69,19 @@ class Point:
 
     @classmethod
     def of(cls, sweep: str, value: float, name: str, trials: Sequence[Trial]) -> "Point":
-        """What the trials at one value come to."""
+        """What the trials at one value come to.
+
+        Parameters
+        ----------
+        sweep : str
+            What is varied.
+        value : float
+            To what.
+        name : str
+            Of the method.
+        trials : Sequence[Trial]
+            Those at this value.
+        """
         seconds = [t.seconds for t in trials if t.seconds > 0]
         off = [t.off_arcsec for t in trials if t.off_arcsec is not None]
         scores = [t.found for t in trials if t.found is not None]
@@ -94,10 +106,30 @@ def curves(
     limit_s: float = 10.0,
     tell: Callable[[Point], None] = lambda _: None,
 ) -> Task[list[Point]]:
-    """Vary one thing at a time around ``plan`` and count answers; all see the same fields.
+    """Vary one thing at a time and count answers; all see the same fields.
 
-    Every round adds a field to every point, so that the curves may be looked at, and stopped, at
-    any time. ``place_known`` gives the methods the place to 10 degrees besides the scale.
+    Every round adds a field to every point, so that the curves may be looked at, and stopped, at any time.
+
+    Parameters
+    ----------
+    plan : FieldPlan
+        The field that is varied.
+    kind : ComparedPart
+        Methods, detectors or estimators.
+    choices : Sequence[Choice]
+        Those to compare.
+    sweeps : Sequence[str] or None
+        What is varied; None: all that suits the kind.
+    fields : int
+        How many for each point.
+    seed : int
+        Draws them.
+    place_known : bool
+        Give the methods the place to 10 degrees besides the scale.
+    limit_s : float
+        The longest trial.
+    tell : Callable[[Point], None]
+        Called with every point that has grown.
     """
     chosen = sweeps_of(kind) if sweeps is None else sweeps
     columns = zip_longest(*([(name, value) for value in SWEEPS[name].values] for name in chosen))

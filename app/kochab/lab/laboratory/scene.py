@@ -50,7 +50,23 @@ def try_method(
     year: float = 2016.0,
     limit_s: float = 30.0,
 ) -> Task[Trial]:
-    """Run one method; a second time when the first had to make its tables. UsageError as `checked`."""
+    """Run one method; a second time when the first had to make its tables. UsageError as `checked`.
+
+    Parameters
+    ----------
+    detections : Detections
+        Of the frame.
+    choice : Choice
+        The method and its options.
+    hint : Hint or None
+        What is known of the frame; None: nothing.
+    truth : FieldTruth or None
+        Where it points; None: nobody knows.
+    year : float
+        Epoch of the stars' places, Julian year.
+    limit_s : float
+        The longest run.
+    """
     options = checked(REGISTRIES[ComparedPart.METHOD].load(choice.name), choice.options)
     identifier = IDENTIFIERS.make(choice.name, **options)
     found, spent = yield from timed(identifier.identify(detections, hint, year), limit_s)
@@ -113,7 +129,19 @@ class NamedStars:
 def name_stars(
     detections: Detections, hint: Hint | None, year: float, limit_s: float
 ) -> Task[NamedStars | NoSolution | None]:
-    """Name every star by the default method; None when that took longer than ``limit_s``."""
+    """Name every star by the default method; None when that took too long.
+
+    Parameters
+    ----------
+    detections : Detections
+        Of the frame.
+    hint : Hint or None
+        What is known of it; None: nothing.
+    year : float
+        Epoch of the stars' places, Julian year.
+    limit_s : float
+        The longest that it may take.
+    """
     task = IDENTIFIERS.make().identify(detections, hint, year)
     found, _ = yield from timed(task, limit_s)
     if not isinstance(found, Identification):
@@ -202,7 +230,19 @@ class Scene:
 def scene_of_frame(
     frame: Frame, detections: Detections | None, result: Solution | NoSolution | None, believed: Hint | None
 ) -> Task[Scene]:
-    """The open frame; its solution, where there is one, stands for the truth."""
+    """The open frame; its solution, where there is one, stands for the truth.
+
+    Parameters
+    ----------
+    frame : Frame
+        The open frame.
+    detections : Detections or None
+        Its stars; None: not detected yet.
+    result : Solution or NoSolution or None
+        What solving gave; None: not solved.
+    believed : Hint or None
+        What the person says of it; None: what the header says.
+    """
     yield Progress("laboratory", None, "taking the open frame")
     truth = FieldTruth(result.camera, result.attitude) if isinstance(result, Solution) else None
     return Scene(detections, frame, truth, believed=believed if believed is not None else frame.hint)
@@ -236,7 +276,20 @@ def comparison(
 ) -> Task[list[Trial]]:
     """Get the stars and run the choices on them; UsageError when there are none to get.
 
-    ``scale`` and ``place`` say what the methods know beforehand.
+    Parameters
+    ----------
+    source : Task[Scene] or None
+        Gets them; None: no frame is open.
+    kind : ComparedPart
+        Methods, detectors or estimators.
+    choices : Sequence[Choice]
+        Those to compare.
+    scale, place : bool
+        What they know beforehand.
+    limit_s : float
+        The longest trial.
+    tell : Callable[[Trial], None]
+        Called with every trial.
     """
     if source is None:
         raise UsageError(OPEN_FIRST)
@@ -249,7 +302,21 @@ def comparison(
 def tries_on(
     scene: Scene, kind: ComparedPart, choices: Sequence[Choice], hint: Hint | None, limit_s: float
 ) -> Task[list[Task[Trial]]]:
-    """A task for each choice, none of them begun; what all of them need is made here."""
+    """A task for each choice, none of them begun; what all of them need is made here.
+
+    Parameters
+    ----------
+    scene : Scene
+        The stars, or the image that they are detected in.
+    kind : ComparedPart
+        Methods, detectors or estimators.
+    choices : Sequence[Choice]
+        Those to compare.
+    hint : Hint or None
+        What they know beforehand; None: nothing.
+    limit_s : float
+        The longest trial.
+    """
     if kind is ComparedPart.DETECTOR:
         if (frame := scene.frame) is None:
             raise UsageError("A star list has no image to detect stars in.")

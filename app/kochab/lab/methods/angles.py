@@ -82,13 +82,21 @@ def join(finalists: Ints, pivots: Ints, once: bool = True) -> tuple[Ints, Ints]:
 
 
 def pivot(order: Ints, candidates: list[Ints], keys: Ints, as_printed: bool = False) -> Chain:
-    """Pivot through the figures ``order`` (F,) until one solution is left.
+    """Pivot through figures until one solution is left.
 
-    ``candidates[f]`` are the catalogue's entries for the ``f``-th figure of the order, ``keys``
-    (N, c) what entries may share. Two figures of a frame are never one entry of the catalogue.
+    Two figures of a frame are never one entry of the catalogue.
 
-    ``as_printed`` follows the thesis' programs (E.34, E.35) where they differ: an entry may stand for two figures,
-    counts for every key it shares, and when a pivot leaves more finalists than there were, the search is given up.
+    Parameters
+    ----------
+    order : Ints
+        Numbers of the figures (F,), in the order they are tried.
+    candidates : list[Ints]
+        The catalogue's entries for each figure of the order.
+    keys : Ints
+        What entries may share (N, c).
+    as_printed : bool
+        Follow the thesis' programs (E.34, E.35) where they differ: an entry may stand for two figures, counts for
+        every key it shares, and when a pivot leaves more finalists than there were, the search is given up.
     """
     finalists = candidates[0][:, None]
     compared = len(finalists)
@@ -154,7 +162,19 @@ class PivotingMethod(AngularMethod):
     as_printed: bool = switch(False, "pivot as the thesis' programs do: give up when a pivot leaves more finalists")
 
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
-        """Name the stars of detections that all have a place, at a focal length in px."""
+        """Name the stars of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of one frame; every one has a place.
+        focal : float
+            Focal length, px.
+        hint : Hint or None
+            What else is known of the frame; None: nothing.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         yield Progress("identify", 0.0, f"{self.figure}s of the catalogue")
         table = self.table(year)
         yield Progress("identify", 0.5, "pivots")
@@ -191,7 +211,19 @@ class PivotingMethod(AngularMethod):
 
     @abstractmethod
     def named(self, figures: Ints, entries: Ints, body: Floats, sky: Floats) -> dict[int, set[int]]:
-        """The stars that a chain of figures (F, c) takes each detection for."""
+        """The stars that a chain of figures (F, c) takes each detection for.
+
+        Parameters
+        ----------
+        figures : Ints
+            Detections of each figure of the chain (F, c).
+        entries : Ints
+            Stars of the catalogue's entry for each (F, c).
+        body : Floats
+            Directions of the detections (D, 3), camera axes.
+        sky : Floats
+            ICRS unit vectors of the stars (N, 3).
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +261,19 @@ class Angles(PivotingMethod):
         return figures, pivot(order, lists, table.stars, self.as_printed)
 
     def named(self, figures: Ints, entries: Ints, body: Floats, sky: Floats) -> dict[int, set[int]]:
-        """By the star that two neighbours of a chain of angles (F, 2) share, and those they do not."""
+        """By the star that two neighbours of a chain of angles (F, 2) share, and those they do not.
+
+        Parameters
+        ----------
+        figures : Ints
+            Detections of each figure of the chain (F, c).
+        entries : Ints
+            Stars of the catalogue's entry for each (F, c).
+        body : Floats
+            Directions of the detections (D, 3), camera axes.
+        sky : Floats
+            ICRS unit vectors of the stars (N, 3).
+        """
         stars_of: dict[int, set[int]] = {}
         # One angle does not say which of its two stars is which; the next one, which shares a star, does.
         for k in range(len(figures) - 1):
@@ -245,7 +289,19 @@ class Angles(PivotingMethod):
 
 
 def angle_table(limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0) -> FigureTable:
-    """The angles of the catalogue up to ``limit_deg``; ``mag_limit`` overrides ``brightest``."""
+    """The angles of the catalogue.
+
+    Parameters
+    ----------
+    limit_deg : float
+        The largest angle, degrees.
+    brightest : int
+        How many stars.
+    mag_limit : float or None
+        V down to which all stars count, in place of ``brightest``; None: not used.
+    year : float
+        Epoch of their places, Julian year.
+    """
     return angles_of(catalogue_pairs(limit_deg, brightest=brightest, mag_limit=mag_limit, year=year))
 
 

@@ -49,9 +49,22 @@ class CandidateNames:
 def confirm(
     detections: Detections, names: CandidateNames, focal_px: float, reach_px: float, year: float, method: str
 ) -> Identification | None:
-    """The answer that ``names`` amount to, or None when chance could explain them.
+    """The answer that names amount to, or None when chance could explain them.
 
-    ``reach_px`` is the error allowed in a star's place; names further off are dropped.
+    Parameters
+    ----------
+    detections : Detections
+        Of the frame.
+    names : CandidateNames
+        The stars that some are taken for.
+    focal_px : float
+        Focal length.
+    reach_px : float
+        The error allowed in a star's place; names further off are dropped.
+    year : float
+        Epoch of the stars' places, Julian year.
+    method : str
+        The name that the answer bears.
     """
     if len(names.detection) < FEWEST:
         return None
@@ -186,7 +199,19 @@ class AngularMethod(ABC):
 
     @abstractmethod
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
-        """Name the stars of detections that all have a place, at a focal length in px."""
+        """Name the stars of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of one frame; every one has a place.
+        focal : float
+            Focal length, px.
+        hint : Hint or None
+            What else is known of the frame; None: nothing.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
 
 
 def refused(detections: Detections, tried: str, advice: str = "") -> NoSolution:

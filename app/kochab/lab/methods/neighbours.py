@@ -72,7 +72,19 @@ class NeighbourTable:
 
 
 def make_table(rows: Ints, vectors: Floats, certain: Bools, options: "Neighbours") -> Arrays:
-    """What a :class:`NeighbourTable` has of N stars given brightest first, (N,) of them ``certain``."""
+    """What a :class:`NeighbourTable` has of N stars given brightest first.
+
+    Parameters
+    ----------
+    rows : Ints
+        Their catalogue rows (N,).
+    vectors : Floats
+        ICRS unit vectors (N, 3).
+    certain : Bools
+        Whether each is sure to be seen (N,).
+    options : Neighbours
+        The method's.
+    """
     star, first, second, angle = neighbourhoods(vectors, certain, options.exchange * options.tolerance_deg)
     which, key = options.entries(first, second, angle)
     both = np.sort(key * len(rows) + star[which])  # a tenth of the time of np.unique for so many
@@ -202,7 +214,19 @@ class Neighbours(AngularMethod):
     circle: bool = switch(False, "only the circle within the frame is the picture")
 
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
-        """Name the stars of detections that all have a place, at a focal length in px."""
+        """Name the stars of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of one frame; every one has a place.
+        focal : float
+            Focal length, px.
+        hint : Hint or None
+            What else is known of the frame; None: nothing.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         yield Progress("identify", 0.0, "neighbours of every catalogue star")
         table = self.table(year)
         yield Progress("identify", 0.5, "candidates")

@@ -111,10 +111,18 @@ def make_pairs(rows: Ints, vectors: Floats, max_rad: float) -> Pairs:
 def catalogue_pairs(
     max_deg: float, *, brightest: int | None = None, mag_limit: float | None = None, year: float = 2016.0
 ) -> Pairs:
-    """Pairs up to ``max_deg`` degrees of the shipped catalogue's bright stars; kept.
+    """Pairs of the shipped catalogue's bright stars; kept.
 
-    The stars are those with V <= ``mag_limit``, or else so many of the ``brightest`` (8,118 reproduces the thesis on
-    spherical triangles). Proper motion is applied to the whole Julian ``year``: no bright star moves 6 arcsec in one.
+    Parameters
+    ----------
+    max_deg : float
+        The largest separation, degrees.
+    brightest : int or None
+        How many stars (8,118 reproduces the thesis on spherical triangles); None: by magnitude.
+    mag_limit : float or None
+        V down to which all stars count; None: by number.
+    year : float
+        Epoch, applied to the whole Julian year: no bright star moves 6 arcsec in one.
     """
     if brightest is None and mag_limit is None:
         raise ValueError("Give either the number of stars or the limiting magnitude.")

@@ -48,7 +48,19 @@ class Predict(AngularMethod):
     most: int = integer(150_000, "predictions", 100, 1_000_000, "tried at most")
 
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
-        """Name the stars of detections that all have a place, at a focal length in px."""
+        """Name the stars of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of one frame; every one has a place.
+        focal : float
+            Focal length, px.
+        hint : Hint or None
+            What else is known of the frame; None: nothing.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         if hint is None or hint.centre_deg is None:
             return refused(detections, "nothing: there is no prediction", self.needs)
         yield Progress("identify", 0.0, "the expected stars")

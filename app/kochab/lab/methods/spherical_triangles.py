@@ -165,7 +165,19 @@ class SphericalTriangles(PivotingMethod):
         return figures, pivot(order, lists, table.keys, self.as_printed)
 
     def named(self, figures: Ints, entries: Ints, body: Floats, sky: Floats) -> dict[int, set[int]]:
-        """Corners of a chain of triangles (F, 3) paired by the sides."""
+        """Corners of a chain of triangles (F, 3) paired by the sides.
+
+        Parameters
+        ----------
+        figures : Ints
+            Detections of each figure of the chain (F, c).
+        entries : Ints
+            Stars of the catalogue's entry for each (F, c).
+        body : Floats
+            Directions of the detections (D, 3), camera axes.
+        sky : Floats
+            ICRS unit vectors of the stars (N, 3).
+        """
         stars_of: dict[int, set[int]] = {}
         for figure, entry in zip(figures, entries, strict=True):
             # An entry says which three stars, not which is which: of the six orders the sides choose.
@@ -184,7 +196,19 @@ def two_shared(figures: Ints) -> Ints:
 
 
 def triangle_table(limit_deg: float, brightest: int, mag_limit: float | None, year: float = 2016.0) -> TriangleTable:
-    """Triangles of the catalogue within circles of ``limit_deg``; see `angle_table`."""
+    """Triangles of the catalogue; see `angle_table`.
+
+    Parameters
+    ----------
+    limit_deg : float
+        Size of the circle that holds one, degrees.
+    brightest : int
+        How many stars.
+    mag_limit : float or None
+        V down to which all stars count, in place of ``brightest``; None: not used.
+    year : float
+        Epoch of their places, Julian year.
+    """
     return _tabled(limit_deg, None if mag_limit is not None else brightest, mag_limit, round(year))
 
 

@@ -74,7 +74,19 @@ class TriadDetections:
     def of(
         cls, detections: Detections, focal_px: float, mirrored: bool, field_deg: tuple[float, float] | None
     ) -> "TriadDetections":
-        """All ``detections``; ``field_deg`` is the frame's size when it is given."""
+        """All detections of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of the frame.
+        focal_px : float
+            Focal length.
+        mirrored : bool
+            Whether the frame is mirrored.
+        field_deg : tuple[float, float] or None
+            The frame's size, degrees; None: by the focal length.
+        """
         xy = detections.xy
         size = np.array([detections.width, detections.height])
         sign = -1.0 if mirrored else 1.0
@@ -104,10 +116,23 @@ class FoundTriads:
 def triads_by_separation(
     pairs: Pairs, separation: Array, tolerance_rad: float, unit: AngleUnit, allowance: TriadBudget
 ) -> Task[tuple[Ints, Ints, int]]:
-    """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree.
+    """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree; and how many pairs were looked
+    at.
 
-    ``separation`` (n, n) is in ``unit``. The third result counts the catalogue pairs looked at.
-    TooManyTriadsError when it would take more triads than ``allowance`` has left.
+    TooManyTriadsError when it would take more triads than are allowed.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Of the catalogue.
+    separation : Array
+        Of the detections (n, n), in ``unit``.
+    tolerance_rad : float
+        How far they may differ.
+    unit : AngleUnit
+        How angles are stored.
+    allowance : TriadBudget
+        How many triads may still be made.
     """
     n = len(separation)
     tolerance = unit.of(np.array(tolerance_rad))
@@ -211,7 +236,23 @@ class Tests:
 def passing_triads(
     sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests, planar: bool
 ) -> FoundTriads:
-    """Those of the triads ``seen`` (T, 3) and ``stars`` (T, 3) that pass both tests."""
+    """Those of the triads that pass both tests.
+
+    Parameters
+    ----------
+    sight : TriadDetections
+        The detections.
+    seen : Ints
+        Detections of each triad (T, 3).
+    stars : Ints
+        Stars of each (T, 3).
+    pairs : Pairs
+        Of the catalogue, with the stars' directions.
+    tests : Tests
+        Largest rotation and difference of angles, radians.
+    planar : bool
+        Whether rotations are taken on the flat image, as the thesis does.
+    """
     turn = rotations(sight, seen, pairs.vectors[stars], planar)
     off = wrapped(turn[:, 0] - turn[:, 1])
     kept = np.abs(off) <= tests.rotation
@@ -229,7 +270,16 @@ def passing_triads(
 def rotations(sight: TriadDetections, seen: Ints, sky: Floats, planar: bool) -> Floats:
     """Angles (T, 2), counterclockwise, from image to sky of the first star's two vectors.
 
-    ``sky`` (T, 3, 3) are the stars' directions.
+    Parameters
+    ----------
+    sight : TriadDetections
+        The detections.
+    seen : Ints
+        Detections of each triad (T, 3).
+    sky : Floats
+        Directions of its stars (T, 3, 3).
+    planar : bool
+        Whether rotations are taken on the flat image.
     """
     out = []
     for end in (1, 2):

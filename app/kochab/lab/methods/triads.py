@@ -66,11 +66,25 @@ def group_by_rotation(triads: FoundTriads, tolerance: float) -> list[Ints]:
 def named(
     triads: FoundTriads, group: Ints, detections: int, pairs: Pairs, vote_number: int, merge_rad: float
 ) -> tuple[Ints, Floats]:
-    """The star of ``pairs`` (n,) each detection is taken for, -1 for none, and its extent (n,).
+    """The star each detection is taken for (n,), -1 for none, and its extent (n,), radians.
 
-    Possibilities that the camera would see as one star are merged under the brightest's name and
-    their votes summed; the extent, radians, is how far the others are from it. A name needs
-    ``vote_number`` votes and more than any other.
+    Possibilities that the camera would see as one star are merged under the brightest's name and their votes summed;
+    the extent is how far the others are from it. A name needs more votes than any other.
+
+    Parameters
+    ----------
+    triads : FoundTriads
+        Those that passed the tests.
+    group : Ints
+        Numbers of those that agree on the rotation.
+    detections : int
+        How many there are, n.
+    pairs : Pairs
+        Of the catalogue, which the stars' numbers refer to.
+    vote_number : int
+        The fewest votes of a name.
+    merge_rad : float
+        How near stars are seen as one.
     """
     out, extent = np.full(detections, -1, dtype=np.int64), np.zeros(detections)
     seen, star = triads.detection[group].ravel(), triads.star[group].ravel()
@@ -97,7 +111,18 @@ def named(
 def without_disagreeing(stars: Ints, extent: Floats, separation: Floats, pairs: Pairs, tolerance: float) -> Ints:
     """The same names without those whose separations disagree with the image's, worst first.
 
-    A merged star's image may lie anywhere within its ``extent``, so that is allowed for.
+    Parameters
+    ----------
+    stars : Ints
+        The star each detection is taken for (n,), -1 for none.
+    extent : Floats
+        How far a merged star's image may lie from it (n,), radians: allowed for.
+    separation : Floats
+        Of the detections (n, n), radians.
+    pairs : Pairs
+        Of the catalogue, with the stars' directions.
+    tolerance : float
+        How far separations may differ, radians.
     """
     out = stars.copy()
     while True:
@@ -159,7 +184,19 @@ class Triads(AngularMethod):
         return detections.width / 2.0 / float(np.tan(np.radians(self.field_deg[0]) / 2.0))
 
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
-        """Name the stars of detections that all have a place, at a focal length in px."""
+        """Name the stars of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of one frame; every one has a place.
+        focal : float
+            Focal length, px.
+        hint : Hint or None
+            What else is known of the frame; None: nothing.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         yield Progress("identify", 0.0, "pairs of catalogue stars")
         pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
         pairs = pairs.within_declinations(*self.dec_deg)

@@ -96,7 +96,21 @@ def by_tables(side: Ints) -> Ints:
 
 
 def passing_triads(sight: TriadDetections, seen: Ints, stars: Ints, pairs: Pairs, tests: Tests) -> FoundTriads:
-    """Those of the triads ``seen`` (T, 3) and ``stars`` (T, 3) that pass both tests."""
+    """Those of the triads that pass both tests.
+
+    Parameters
+    ----------
+    sight : TriadDetections
+        The detections.
+    seen : Ints
+        Detections of each triad (T, 3).
+    stars : Ints
+        Stars of each (T, 3).
+    pairs : Pairs
+        Of the catalogue, with the stars' directions.
+    tests : Tests
+        Largest rotation and difference of angles, radians.
+    """
     place = PLACE.of(sight.plane)
     ra = np.degrees(np.arctan2(pairs.vectors[:, 1], pairs.vectors[:, 0]))
     dec = np.degrees(np.arcsin(np.clip(pairs.vectors[:, 2], -1.0, 1.0)))

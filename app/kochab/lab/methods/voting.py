@@ -37,7 +37,19 @@ class Voting(AngularMethod):
     mag_limit: float = number(5.9, "mag V", 3.0, 6.5, "faintest catalogue star (5.3.1: 5.9)")
 
     def search(self, detections: Detections, focal: float, hint: Hint | None, year: float) -> Task[Answer]:
-        """Name the stars of detections that all have a place, at a focal length in px."""
+        """Name the stars of a frame.
+
+        Parameters
+        ----------
+        detections : Detections
+            Of one frame; every one has a place.
+        focal : float
+            Focal length, px.
+        hint : Hint or None
+            What else is known of the frame; None: nothing.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
         yield Progress("identify", 0.0, "pairs of catalogue stars")
         # The table need be no wider than the frame: no pair of detections is farther apart.
         pairs = catalogue_pairs(table_deg(detections, focal), mag_limit=self.mag_limit, year=year)
@@ -85,8 +97,18 @@ def vote(body: Floats, pairs: Pairs, error_rad: float) -> tuple[Ints, Ints, int]
 def verification_votes(body: Floats, named: Floats, valid: NDArray[np.bool_], error_rad: float) -> Ints:
     """The final round (section 5.3.3): for each detection, how many others its name suits.
 
-    ``body`` and ``named`` (n, 3) are the detections and the stars they were taken for; a pair of
-    detections taken for the same star agrees with nothing.
+    A pair of detections taken for the same star agrees with nothing.
+
+    Parameters
+    ----------
+    body : Floats
+        Directions of the detections (n, 3), camera axes.
+    named : Floats
+        Those of the stars they were taken for (n, 3), ICRS.
+    valid : NDArray[np.bool_]
+        Whether each has a name (n,).
+    error_rad : float
+        How far separations may differ.
     """
     seen, real = angles_between(body[:, None], body), angles_between(named[:, None], named)
     # real > 0 rules out the diagonal too.

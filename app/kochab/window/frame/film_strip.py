@@ -185,7 +185,19 @@ def _film(state: FileState) -> QPixmap:
 
 
 def results_table(parent: QWidget, batch: Batch, style: AngleStyle, save: Callable[[], object]) -> QDialog:
-    """The results of all files; ``save`` is asked to keep them as CSV."""
+    """The results of all files.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The window that the dialog belongs to.
+    batch : Batch
+        The files and what each gave.
+    style : AngleStyle
+        How coordinates are written.
+    save : Callable[[], object]
+        Asked to keep them as CSV.
+    """
     dialog = QDialog(parent)
     dialog.setWindowTitle(tr("Results"))
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

@@ -29,7 +29,19 @@ KNOWN = ("HIP ", "M ", "NGC ", "IC ")  # as Simbad spells them
 
 
 def links(tables: SkyTables, mark: Mark, vector: Floats, width_deg: float) -> dict[str, str]:
-    """Addresses of pages about a mark at a direction (3,), by their titles; ``width_deg`` is that of an image."""
+    """Addresses of pages about a mark, by their titles.
+
+    Parameters
+    ----------
+    tables : SkyTables
+        Objects and named stars of the sky.
+    mark : Mark
+        What it is.
+    vector : Floats
+        Its direction, ICRS unit vector (3,).
+    width_deg : float
+        Width of an image of it.
+    """
     ra, dec = radec_deg(vector)
     found = {"Aladin Lite": f"{ALADIN}?{urlencode({'target': f'{ra:.5f} {dec:+.5f}', 'fov': f'{width_deg:.2f}'})}"}
     if mark.body is not None:
@@ -53,9 +65,26 @@ def place_menu(
     against: Mapping[str, str],
     go: Callable[[str, str], object],
 ) -> QMenu:
-    """What can be done with something at ``radec``, ICRS degrees; ``go`` takes an action's name and coordinates.
+    """What can be done with something in the sky.
 
-    ``against`` says why the mount cannot do each of `AIMS`. The network is used for a page that is chosen alone.
+    The network is used for a page that is chosen alone.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The widget that the menu belongs to.
+    name : str
+        What it is; empty for a place.
+    radec : tuple[float, float]
+        Where it is, ICRS degrees.
+    style : AngleStyle
+        How coordinates are written.
+    pages : Mapping[str, str]
+        Addresses about it, by title.
+    against : Mapping[str, str]
+        Why the mount cannot do each of `AIMS`; empty where it can.
+    go : Callable[[str, str], object]
+        Takes an action's name and coordinates.
     """
     menu = QMenu(parent)
     menu.addAction(name.replace("&", "&&") or radec_text(*radec, style)).setEnabled(False)

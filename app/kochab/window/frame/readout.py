@@ -13,9 +13,22 @@ from kochab.text.translation import number, tr
 def readout(
     frame: Frame, solution: Solution | None, x: float, y: float, style: AngleStyle, site: Site | None = None
 ) -> str:
-    """Text for a place: RA/Dec of a solved frame, the pixel (0, 0 is the centre of the first), its value.
+    """Text for a place: RA and Dec of a solved frame, the pixel (0, 0 is the centre of the first), its value.
 
-    With refracted altitude and azimuth when the frame has a time, and a site or else ``site``.
+    With refracted altitude and azimuth when the frame has a time, and a site is known.
+
+    Parameters
+    ----------
+    frame : Frame
+        Its pixels and when it was taken.
+    solution : Solution or None
+        Where it points; None: not solved.
+    x, y : float
+        The place, px.
+    style : AngleStyle
+        How coordinates are written.
+    site : Site or None
+        Used where the frame does not say its own.
     """
     pixel = tr("x {x:.1f}  y {y:.1f}  value {value}", x=x, y=y, value=value_at(frame, x, y))
     if solution is None:

@@ -72,7 +72,21 @@ def vector_of(tables: SkyTables, mark: Mark, solution: Solution) -> Floats:
 def facts(
     tables: SkyTables, mark: Mark, solution: Solution, style: AngleStyle, horizon: "Horizon | None"
 ) -> dict[str, str]:
-    """What the card tells, by title; ``horizon`` is the person's, now."""
+    """What the card shows, by title.
+
+    Parameters
+    ----------
+    tables : SkyTables
+        Objects and named stars of the sky.
+    mark : Mark
+        What it is about.
+    solution : Solution
+        Of the frame.
+    style : AngleStyle
+        How coordinates are written.
+    horizon : Horizon or None
+        The person's, now; None: their site is not known.
+    """
     vector = vector_of(tables, mark, solution)
     told = {
         "": tr(mark.kind).capitalize() if mark.body else tr(KINDS.get(mark.kind, "")),

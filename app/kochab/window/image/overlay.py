@@ -106,7 +106,19 @@ def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[
 
 
 def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) -> None:
-    """A circle around each image place (N, 2) in sight."""
+    """A circle around each image place (N, 2) in sight.
+
+    Parameters
+    ----------
+    brush : Brush
+        Paints, and knows what part is in sight.
+    xy : Floats
+        Image places (N, 2), px.
+    colour : str
+        Of the line.
+    radius, width : float
+        Of circle and line, screen px.
+    """
     at = brush.view.to_screen(xy[:MOST_CIRCLES])
     at = at[in_sight(at, brush.view)]
     ratio = brush.painter.device().devicePixelRatio()
@@ -134,7 +146,19 @@ def _ring(colour: str, alpha: int, radius: float, width: float, ratio: float) ->
 
 
 def name(brush: Brush, text: str, at: Floats, colour: str) -> None:
-    """One label beside its circle: to the right, or to the left where the widget ends."""
+    """One label beside its circle: to the right, or to the left where the widget ends.
+
+    Parameters
+    ----------
+    brush : Brush
+        Paints, and knows what part is in sight.
+    text : str
+        The label.
+    at : Floats
+        Middle of its circle (2,), screen px.
+    colour : str
+        Of the text.
+    """
     away = IDENTIFIED_PX + 4
     x = float(at[0]) + away
     width = QFontMetricsF(brush.painter.font()).horizontalAdvance(text)
@@ -152,14 +176,36 @@ def selection(brush: Brush, at: Floats, text: str) -> None:
 
 
 def cross(brush: Brush, x: float, y: float, inner: float, outer: float) -> None:
-    """Four ticks that leave the middle free."""
+    """Four ticks that leave the middle free.
+
+    Parameters
+    ----------
+    brush : Brush
+        Paints.
+    x, y : float
+        Its middle, screen px.
+    inner, outer : float
+        Where each tick begins and ends, px from there.
+    """
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         near = QPointF(x + dx * inner, y + dy * inner)
         brush.painter.drawLine(near, QPointF(x + dx * outer, y + dy * outer))
 
 
 def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF, colour: str, alpha: int) -> None:
-    """The lines of a grid inside the frame's ``edges``."""
+    """The lines of a grid inside the frame.
+
+    Parameters
+    ----------
+    brush : Brush
+        Paints, and knows what part is in sight.
+    lines : list[GridLine]
+        In image px.
+    edges : QRectF
+        The frame's, screen px.
+    colour, alpha : str, int
+        Of the lines.
+    """
     brush.pen(colour, 1.0, alpha)
     brush.painter.save()
     brush.painter.setClipRect(edges)
@@ -170,7 +216,19 @@ def sky_lines(brush: Brush, lines: list[GridLine], edges: QRectF, colour: str, a
 
 
 def sky_labels(brush: Brush, lines: list[GridLine], edges: QRectF, colour: str) -> None:
-    """What each line is, where it enters the frame."""
+    """What each line is, where it enters the frame.
+
+    Parameters
+    ----------
+    brush : Brush
+        Paints, and knows what part is in sight.
+    lines : list[GridLine]
+        In image px.
+    edges : QRectF
+        The frame's, screen px.
+    colour : str
+        Of the text.
+    """
     inside = edges.adjusted(2, 2, -2, -2)
     for line in lines:
         box = inside.left(), inside.top(), inside.right(), inside.bottom()

@@ -100,10 +100,18 @@ Parts = tuple[tuple[int, float], ...]
 
 
 def coloured(planes: Planes, stretch: ScreenStretch, span: tuple[float, float], parts: Parts) -> NDArray[np.uint32]:
-    """0xffRRGGBB (H, W) of ``planes``, each (H, W) of stored values, uint8 or uint16.
+    """0xffRRGGBB (H, W) of stored values.
 
-    ``span`` are the values the stretch calls 0 and 1; ``parts`` has for each plane its light, as
-    :data:`GREY`, and how far it is too high.
+    Parameters
+    ----------
+    planes : Planes
+        Each (H, W), uint8 or uint16.
+    stretch : ScreenStretch
+        From values to brightness.
+    span : tuple[float, float]
+        The values that the stretch calls 0 and 1.
+    parts : Parts
+        For each plane its light, as :data:`GREY`, and how far it is too high.
     """
     made = tables(planes[0].dtype, stretch, span, parts)
     first, *others = (np.take(table, plane, mode="clip") for table, plane in zip(made, planes, strict=True))
@@ -117,7 +125,19 @@ def coloured(planes: Planes, stretch: ScreenStretch, span: tuple[float, float], 
 def tables(
     kind: np.dtype[Any], stretch: ScreenStretch, span: tuple[float, float], parts: Parts
 ) -> tuple[NDArray[np.uint32], ...]:
-    """A look-up table for each of ``parts``; the sum of their values is the colour of a pixel."""
+    """A look-up table for each of ``parts``; the sum of their values is the colour of a pixel.
+
+    Parameters
+    ----------
+    kind : np.dtype[Any]
+        Of the stored values: uint8 or uint16.
+    stretch : ScreenStretch
+        From values to brightness.
+    span : tuple[float, float]
+        The values that the stretch calls 0 and 1.
+    parts : Parts
+        For each plane its light and how far it is too high.
+    """
     levels = 256 if kind == np.uint8 else 65536
     made = []
     for number, (light, shift) in enumerate(parts):

@@ -124,7 +124,21 @@ class PointingPanel(Page):
     def show_update(
         self, update: LiveUpdate, lens: Lens, name: str, drawn_hz: float | None, screen_ms: float | None
     ) -> None:
-        """Show the latest update; may be called again with the same one, which has aged."""
+        """Show the latest update; may be called again with the same one, which has aged.
+
+        Parameters
+        ----------
+        update : LiveUpdate
+            The latest of the stream.
+        lens : Lens
+            What is known of the camera.
+        name : str
+            What the person calls it.
+        drawn_hz : float or None
+            Frames drawn a second; None: not counted yet.
+        screen_ms : float or None
+            From mid-exposure to the screen; None: not measured yet.
+        """
         now = monotonic()
         old, good = status_text.is_old(update, now), update.last_good
         for value, text in zip((self.ra, self.dec), status_text.position_texts(update, self.angle_style), strict=True):

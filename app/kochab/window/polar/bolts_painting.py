@@ -76,7 +76,19 @@ class Face:
 
 
 def digit_font(base: QFont, digits: str, screen_px: float, width_px: float) -> QFont:
-    """A font with digits a third of the screen high, smaller when they would be too wide."""
+    """A font with digits a third of the screen high, smaller when they would be too wide.
+
+    Parameters
+    ----------
+    base : QFont
+        Its family.
+    digits : str
+        The text.
+    screen_px : float
+        Height of the screen.
+    width_px : float
+        The room there is.
+    """
     # Digits are as high as capitals: 70 of 100 px where the font does not tell.
     cap = QFontMetricsF(_sized(base, 100.0, bold=True)).capHeight() or 70.0
     return _fitted(base, digits, 100.0 * DIGITS_SHARE * screen_px / cap, width_px, bold=True)
@@ -97,7 +109,21 @@ def _sized(base: QFont, size_px: float, bold: bool = False) -> QFont:
 
 
 def paint_face(painter: QPainter, box: QRectF, face: Face, font: QFont, colours: Colours) -> None:
-    """Draw the whole view."""
+    """Draw the whole view.
+
+    Parameters
+    ----------
+    painter : QPainter
+        Draws it.
+    box : QRectF
+        The whole view, px.
+    face : Face
+        What it shows.
+    font : QFont
+        Family of its texts.
+    colours : Colours
+        Of the theme.
+    """
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     painter.fillRect(box, QColor(colours.window))
     high, edge, to = box.height(), 0.03 * box.height(), Qt.AlignmentFlag

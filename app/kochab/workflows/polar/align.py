@@ -175,9 +175,24 @@ def adjust(
     history: History | None = None,
     bolts: MotorisedBolts | None = None,
 ) -> Task[Adjusted]:
-    """Follow the axis until the tutor says Stop, or something or somebody asks to measure; ``bolts`` may have motors.
+    """Follow the axis until the tutor says Stop, or something or somebody asks to measure.
 
     Raises DeviceError when a motor does not do as it should.
+
+    Parameters
+    ----------
+    source : SightingSource
+        Gives solved frames.
+    measurement : Measurement
+        Where the axis is.
+    tutor : BoltTutor
+        Says how to turn the bolts.
+    controls : PolarControls or None
+        What the person presses; None: nothing.
+    history : History or None
+        Takes what happens; None: it is dropped.
+    bolts : MotorisedBolts or None
+        Their motors; None: a hand turns them.
     """
     controls, history = controls or PolarControls(), history or History()
     guide, steady = AdjustmentGuide(measurement, tutor, bolts), None
@@ -282,11 +297,27 @@ def align(
 ) -> Task[Alignment]:
     """Measure, adjust and measure again until the error is small or within its uncertainty.
 
-    ``source`` gives solved frames, and ``turner`` turns the RA axis between them; ``motors``, where there are any, the
-    bolts. ``keep`` is called with the history after every measurement, so that nothing is lost.
-
     Raises `NotMeasuredError` when a measurement failed, and `DeviceError` when the camera or the mount did, or the
     guard refused.
+
+    Parameters
+    ----------
+    source : SightingSource
+        Gives solved frames.
+    turner : Turner
+        Turns the RA axis between them.
+    settings : MeasureSettings
+        Site, pole and refraction.
+    options : AlignOptions or None
+        How sure and how often; None for the usual.
+    controls : PolarControls or None
+        What the person presses; None: nothing.
+    tutor : BoltTutor or None
+        Says how to turn the bolts; None: one that knows nothing of them yet.
+    keep : Callable[[History], None]
+        Called with the history after every measurement, so that nothing is lost.
+    motors : Motors or None
+        Of the bolts; None: a hand turns them.
     """
     options, controls = options or AlignOptions(), controls or PolarControls()
     tutor, history = tutor or BoltTutor(), History()

@@ -199,10 +199,24 @@ def measure_axis(
 ) -> Task[Measured]:
     """Take frames while ``turner`` turns the axis, and measure it.
 
-    ``before`` is what is known of the tube's droop. A hand is asked for no more frames once
-    ``confirmed`` gives anything for a measurement: an earlier one agrees with it.
-
     Raises NotMeasuredError when frames stop coming or have no solution, or they give no axis.
+
+    Parameters
+    ----------
+    source : SightingSource
+        Gives solved frames.
+    turner : Turner
+        Turns the RA axis.
+    settings : MeasureSettings
+        Site, pole and refraction.
+    sweep : Sweep or None
+        How far and how many frames; None for the usual.
+    controls : PolarControls or None
+        What the person presses; None: nothing.
+    before : Droop
+        What is known of the tube's droop.
+    confirmed : Callable[[Measurement], object]
+        A hand is asked for no more frames once it gives anything for a measurement: an earlier one agrees with it.
     """
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     watch = RestWatch(source, settings, controls)
@@ -225,10 +239,27 @@ def sweep_from(
     before: Droop = UNKNOWN,
     enough: Callable[[Measurement], bool] | None = None,
 ) -> Task[Measured]:
-    """The rest of a sweep over ``sweep.frames`` places, at whose first a frame is taken already.
+    """The rest of a sweep, at whose first place a frame is taken already.
 
-    A hand makes the whole turn at once, and goes back in steps where more places are needed, which ``enough`` tells;
-    several frames of each cost it nothing.
+    A hand makes the whole turn at once, and goes back in steps where more places are needed; several frames of each
+    cost it nothing.
+
+    Parameters
+    ----------
+    first : LocalAttitude
+        The attitude at the first place.
+    path : SweepPath
+        Where the turn leads.
+    watch : RestWatch
+        Waits for frames of a mount at rest.
+    turner : Turner
+        Turns the RA axis.
+    sweep : Sweep
+        How many places.
+    before : Droop
+        What is known of the tube's droop.
+    enough : Callable[[Measurement], bool] or None
+        Whether a measurement needs no more places; None: all are taken.
     """
     settings, controls, each = watch.settings, watch.controls, HAND_FRAMES if turner.by_hand else 1
     seen, places = (yield from watch.rest(first, 0, each)), 1
@@ -319,7 +350,21 @@ def foreseen_arcsec(first: LocalAttitude, settings: MeasureSettings, sweep: Swee
 
 
 def frames_needed(first: LocalAttitude, settings: MeasureSettings, sweep: Sweep, path: SweepPath, each: int = 1) -> int:
-    """The fewest places that reach the goal with ``each`` frames at every one; the most allowed when none do."""
+    """The fewest places that reach the goal; the most allowed when none do.
+
+    Parameters
+    ----------
+    first : LocalAttitude
+        The attitude at the first place.
+    settings : MeasureSettings
+        Site, pole and refraction.
+    sweep : Sweep
+        Goal, fewest and most places.
+    path : SweepPath
+        How far RA turns.
+    each : int
+        Frames at every place.
+    """
     optics, rho = optics_of(first, each), _from_pole_deg(first, settings)
     for count in range(sweep.frames, sweep.most_frames):
         if weighted_arcsec(optics, rho, path.turn_deg, count) <= sweep.goal_arcsec:
@@ -364,6 +409,17 @@ def back_at_start(
     ``first`` comes back as it is where RA is there already.
 
     Raises NotMeasuredError when frames stop coming or have no solution.
+
+    Parameters
+    ----------
+    source : SightingSource
+        Gives solved frames.
+    turner : Turner
+        Turns the RA axis.
+    first : Measured
+        The sweep; it comes back as it is where RA is at its start already.
+    controls : PolarControls or None
+        What the person presses; None: nothing.
     """
     measurement, way = first.measurement, _opposite(first.path.direction)
     if (turn := from_start_deg(measurement)) < BACK_DEG:
@@ -392,10 +448,22 @@ def second_sweep(
 ) -> Task[Measured]:
     """Turn the declination axis, sweep again, and measure from all frames of both sweeps.
 
-    Nobody may touch the bolts between the two. ``first`` comes back as it is, and an update says
-    why, when no other declination would help from there.
+    Nobody may touch the bolts between the two.
 
     Raises NotMeasuredError when frames stop coming or have no solution, or the second sweep gives no axis.
+
+    Parameters
+    ----------
+    source : SightingSource
+        Gives solved frames.
+    turner : Turner
+        Turns both axes.
+    first : Measured
+        The first sweep; it comes back as it is, and an update says why, when no other declination would help.
+    sweep : Sweep or None
+        How far and how many frames; None for the usual.
+    controls : PolarControls or None
+        What the person presses; None: nothing.
     """
     sweep, controls = sweep or Sweep(), controls or PolarControls()
     measurement = first.measurement
@@ -459,9 +527,18 @@ def measure_drifting(
 ) -> Task[Drift]:
     """Take frames of a mount that tracks until the axis is known to 30 arcsec, or somebody says that it is enough.
 
-    ``guided`` tells whether a guider holds the stars; None judges by how they wander.
-
     Raises NotMeasuredError when frames stop coming or have no solution, and when nothing tracks.
+
+    Parameters
+    ----------
+    source : SightingSource
+        Gives solved frames.
+    settings : MeasureSettings
+        Site, pole and refraction.
+    controls : PolarControls
+        What the person presses.
+    guided : bool or None
+        Whether a guider holds the stars; None judges by how they wander.
     """
     watch, looked = RestWatch(source, settings, controls), -LOOK_S
     seen: list[Sighting] = []

@@ -29,7 +29,21 @@ CLOCK_S, DAYS_S = 120.0, 130_000.0  # clocks that differ by less agree; frames o
 def doubts_of(
     files: Sequence[SolvedFile], error: PolarError, site: Site, site_given: bool, zone_given: bool
 ) -> list[PolarFinding]:
-    """What the frames' headers may mean otherwise, and would move the axis past its ellipse."""
+    """What the frames' headers may mean otherwise, and would move the axis past its ellipse.
+
+    Parameters
+    ----------
+    files : Sequence[SolvedFile]
+        The solved frames and what their headers say.
+    error : PolarError
+        The polar error that they give.
+    site : Site
+        Taken for them.
+    site_given : bool
+        Whether a person gave the site.
+    zone_given : bool
+        Whether a person gave the clock's UTC offset.
+    """
     doubts = []
     unsigned = "" if site_given else next((file.unsigned for file in files if file.unsigned), "")
     west = replace(site, longitude_deg=-site.longitude_deg)
@@ -103,7 +117,18 @@ def given_doubts(
 ) -> list[PolarFinding]:
     """What contradicts the site and the clock; where nothing does, what it would cost if they were wrong all the same.
 
-    ``utc_offset_h`` is None where nobody vouched for the clock, which :func:`doubts_of` doubts.
+    Parameters
+    ----------
+    files : Sequence[SolvedFile]
+        The solved frames and what their headers say.
+    error : PolarError
+        The polar error that they give.
+    site : Site
+        Taken for them.
+    utc_offset_h : float or None
+        Given by a person; None where nobody vouched for the clock, which :func:`doubts_of` doubts.
+    site_given : bool
+        Whether a person gave the site.
     """
     theirs = next((file.site for file in files if file.site is not None), None)
     against = [*_by_day(files, site), *_other_horizon(files, error, site)]
@@ -246,7 +271,16 @@ def _apart_arcsec(error: PolarError, site: Site, other: Site) -> float:
 def clock_doubts(ahead_s: float, mount: str, error: PolarError, site: Site) -> list[PolarFinding]:
     """What the clocks of camera, mount and computer say against each other.
 
-    ``ahead_s`` is how far the camera's is ahead of the computer's; ``mount`` says what the mount contradicts.
+    Parameters
+    ----------
+    ahead_s : float
+        How far the camera's is ahead of the computer's, seconds.
+    mount : str
+        What the mount's contradicts, a sentence; empty for nothing.
+    error : PolarError
+        The polar error.
+    site : Site
+        Where the mount stands.
     """
     found = [PolarFinding(PolarFindingKind.CLOCK, mount)] if mount else []
     apart_s = abs(ahead_s)

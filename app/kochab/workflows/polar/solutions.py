@@ -315,9 +315,20 @@ def unsolved_of(files: Sequence[SolvedFile], sweeps: Sequence[int]) -> list[Solv
 def axis_of(
     files: Sequence[SolvedFile], sweeps: Sequence[int], logs: Sequence[str], request: FilesRequest
 ) -> FilesAxis:
-    """The axis of files, each of a sweep (0 or 1), and of guide logs; what has no solution is left out.
+    """The axis of files and of guide logs; what has no solution is left out.
 
     Raises UsageError when frames have no time or site, FrameError when a log holds nothing that can be used.
+
+    Parameters
+    ----------
+    files : Sequence[SolvedFile]
+        What was solved, with times and sites.
+    sweeps : Sequence[int]
+        The sweep of each file, 0 or 1.
+    logs : Sequence[str]
+        Paths of guide logs.
+    request : FilesRequest
+        Site, clock, pole and what else a person said.
     """
     ahead, known = timedelta(hours=request.utc_offset_h or 0.0), request.utc_offset_h is not None
     sweeps = [sweep for file, sweep in zip(files, sweeps, strict=True) if isinstance(file.result, Solution)]

@@ -263,7 +263,18 @@ def remember_night(
 ) -> None:
     """Keep a measurement for another night, instead of an earlier one there; raises OSError when that can't be.
 
-    Of a bolt that taught nothing what was known of it stays.
+    Parameters
+    ----------
+    site : Site
+        Where it was made.
+    profile : str
+        Name of the equipment.
+    time_utc : datetime
+        When it was made.
+    error : PolarError
+        The polar error.
+    bolts : Pitches
+        Arcseconds a turn of azimuth and altitude; None: what was known of that bolt stays.
     """
     last, place = last_night(site, profile), (site.latitude_deg, site.longitude_deg)
     if last is not None:

@@ -66,10 +66,12 @@ class Published:
         other_reading: bool = False,
         **given: Any,
     ) -> dict[str, Any]:
-        """The row ``key`` of the report.
+        """A row of the report.
 
         Parameters
         ----------
+        key : str
+            Its key among the paper's numbers.
         ours, default : float or None
             The number of the paper's method as implemented here; that of the default method (or
             detector, or estimator) on the very same fields or frames. None where there is none.
@@ -102,7 +104,19 @@ class Published:
 
 
 def verdict(paper: float | None, ours: float | None, error: float, better: Better) -> str:
-    """Whether the paper's number was reproduced."""
+    """Whether the paper's number was reproduced.
+
+    Parameters
+    ----------
+    paper : float or None
+        The paper's number; None: it has none.
+    ours : float or None
+        Ours; None: not measured.
+    error : float
+        How far they may differ.
+    better : Better
+        Which way is better, or "" where neither is.
+    """
     if paper is None or ours is None or not math.isfinite(ours):
         return NO_FIGURE
     # A part in 1e9 more: a difference of exactly half the last digit agrees.
@@ -113,7 +127,19 @@ def verdict(paper: float | None, ours: float | None, error: float, better: Bette
 
 
 def wins(ours: float | None, default: float | None, better: Better, best: float | None = None) -> str:
-    """How the default compares: better, equal, both perfect, worse, or "" if moot."""
+    """How the default compares: better, equal, both perfect, worse, or "" if moot.
+
+    Parameters
+    ----------
+    ours : float or None
+        The number of the paper's method; None: not measured.
+    default : float or None
+        That of the default method; None: not measured.
+    better : Better
+        Which way is better, or "" where neither is.
+    best : float or None
+        The best there can be; None: there is none.
+    """
     if not better or ours is None or default is None:
         return ""
     if not (math.isfinite(ours) and math.isfinite(default)):

@@ -92,10 +92,20 @@ def camera() -> Camera:
 def picture(
     rng: np.random.Generator, situation: CameraError, law: ErrorLaw = "normal", attitude: Attitude | None = None
 ) -> RandomField:
-    """One picture, in a random direction unless ``attitude`` is given.
+    """One picture.
 
-    ``law`` "normal" has the worst error at three sigma a coordinate, "disc" spreads it evenly over
-    a circle. A star outside the limits is off by one to two times the worst error.
+    A star outside the limits is off by one to two times the worst error.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Draws it.
+    situation : CameraError
+        How many stars are missing, and how many are outside the limits.
+    law : ErrorLaw
+        "normal" has the worst error at three sigma a coordinate, "disc" spreads it evenly over a circle.
+    attitude : Attitude or None
+        Where the camera points; None: a random direction.
     """
     lens, bright = camera(), sky()
     attitude = attitude or random_attitude(rng)

@@ -156,7 +156,20 @@ def fields(
 ) -> list[RandomField]:
     """Random fields of the plan above; the same ones for a seed, whatever is ``brightest``.
 
-    ``lens_px`` is the lens' shift of the corners, ``flawed`` the share of stars that are missing, and of false ones.
+    Parameters
+    ----------
+    count : int
+        How many.
+    seed : int
+        Draws them.
+    scale : float
+        Pixel scale, arcsec/px.
+    brightest : int
+        Stars of a list.
+    lens_px : float
+        The lens' shift of the corners.
+    flawed : float
+        The share of stars that are missing, and of false ones.
     """
     rng, catalogue = np.random.default_rng(seed), open_catalogue()
     size, half = round(WIDTH_DEG * 3600.0 / scale), float(np.tan(np.radians(WIDTH_DEG / 2.0)))

@@ -43,9 +43,22 @@ def tables_of(brightest: int, mag_limit: float | None = None) -> dict[str, Any]:
 def score_method(
     method: Any, table: Any, bound: float, noise: float, number: int, seed: int, poles: bool = False
 ) -> FieldTally:
-    """What ``method`` makes of ``number`` random fields; counted as in section 4.1.
+    """What a method makes of random fields; counted as in section 4.1.
 
-    ``bound`` and ``noise`` are errors of a place, radians, believed and made; see `random_pointing`.
+    Parameters
+    ----------
+    method : Any
+        Recognises them.
+    table : Any
+        Its figures of the catalogue.
+    bound, noise : float
+        Errors of a place, radians, believed and made.
+    number : int
+        How many fields.
+    seed : int
+        Draws them.
+    poles : bool
+        As in `random_pointing`.
     """
 
     def recognise(near: Ints, body: Floats, _: Floats) -> Recognised:
@@ -64,7 +77,23 @@ def score(
     seed: int,
     poles: bool = False,
 ) -> FieldTally:
-    """The tally of random fields of the stars ``sky``, each recognised from what `field_of` gives."""
+    """The tally of random fields, each recognised from what `field_of` gives.
+
+    Parameters
+    ----------
+    recognise : Callable[[Ints, Floats, Floats], Recognised]
+        Judges one field.
+    sky : Floats
+        ICRS unit vectors of the stars (N, 3).
+    noise : float
+        Error of a place, radians.
+    number : int
+        How many fields.
+    seed : int
+        Draws them.
+    poles : bool
+        As in `random_pointing`.
+    """
     rng = np.random.default_rng(seed)
     made = (field_of(sky, rng, noise, poles) for _ in range(number))
     log = [(len(field[0]), *recognise(*field)) for field in made]
@@ -87,7 +116,19 @@ def score(
 
 
 def field_of(sky: Floats, rng: np.random.Generator, noise: float, poles: bool = False) -> tuple[Ints, Floats, Floats]:
-    """Stars of a random field, their measured directions (n, 3) in ICRS axes, and its middle."""
+    """Stars of a random field, their measured directions (n, 3) in ICRS axes, and its middle.
+
+    Parameters
+    ----------
+    sky : Floats
+        ICRS unit vectors of the stars (N, 3).
+    rng : np.random.Generator
+        Draws the field.
+    noise : float
+        Error of a place, radians.
+    poles : bool
+        As in `random_pointing`.
+    """
     z = random_pointing(rng, poles)
     near = np.flatnonzero(sky @ z > np.cos(np.radians(FIELD_DEG / 2.0)))
     return near, unit(sky[near] + rng.normal(0.0, noise, (len(near), 3))), z

@@ -133,7 +133,19 @@ def _both(
 
 
 def by_default(sky: Floats, noise: float, number: int, seed: int) -> fields.FieldTally:
-    """The default method on the first ``number`` of the same fields."""
+    """The default method on the first of the same fields.
+
+    Parameters
+    ----------
+    sky : Floats
+        ICRS unit vectors of the stars (N, 3).
+    noise : float
+        Error of a place, radians.
+    number : int
+        How many fields.
+    seed : int
+        Draws them.
+    """
     focal = SIDE_PX / 2.0 / float(np.tan(np.radians(fields.FIELD_DEG / 2.0)))
     camera = Camera.centred(SIDE_PX, SIDE_PX, focal)
     options = options_with_scale(camera.scale_arcsec_px)
@@ -237,7 +249,23 @@ def by_tree(table: FigureTable, tree: fields.QuadTree) -> FigureTable:
 
 
 def run_step(name: str, step: ProgramStep, made: Tables, number: int, seed: int, **options: Any) -> fields.FieldTally:
-    """What a method makes of ``number`` random fields of a step."""
+    """What a method makes of random fields of a step.
+
+    Parameters
+    ----------
+    name : str
+        The method's.
+    step : ProgramStep
+        Of the paper's program.
+    made : Tables
+        The tables by method.
+    number : int
+        How many fields.
+    seed : int
+        Draws them.
+    **options : Any
+        The method's own.
+    """
     method = fields.METHODS[name](as_printed=step.as_printed, **options)
     return fields.score_method(method, made[name], fields.PROGRAMS, fields.PROGRAMS, number, seed, step.poles)
 
