@@ -116,8 +116,7 @@ class FoundTriads:
 def triads_by_separation(
     pairs: Pairs, separation: Array, tolerance_rad: float, unit: AngleUnit, allowance: TriadBudget
 ) -> Task[tuple[Ints, Ints, int]]:
-    """Detections (T, 3) and stars (T, 3) of all triads whose three separations agree; and how many pairs were looked
-    at.
+    """Detections and stars (T, 3) of all triads whose three separations agree; and how many pairs were looked at.
 
     TooManyTriadsError when it would take more triads than are allowed.
 
