@@ -80,16 +80,9 @@ def _has_key(keys: NDArray[np.uint32], first: Ints, count: Ints) -> Bools:
 
 
 # -- How likely chance alone is to give so good an agreement -----------------------------------
-# Detections thrown at random among D stars a square px: that m of n have stars at such distances has the
-# density C(n, m) D^m in the 2 m coordinates of those distances. A fit of d numbers to them takes away what
-# lies in a subspace of d dimensions, in which it moves the stars by at most ``reach`` (RMS), and leaves the
-# sum of squares S. So chance gives as good an agreement no oftener than
-#
-#     C(n, m) D^m V(d, sqrt(m) reach) V(2 m - d, sqrt(S)),    V(k, R) the volume of a ball,
-#
-# times the pointings tried and the choices of m. A fit seeks the best of a continuum: to count its steps of a
-# match radius, (reach / r)^d, forgets a factor of about m^(d / 2). Forgetting it claimed down to 10^-6.8 for
-# Orion's likeness in Centaurus, in 33 of 792 frames told twice their scale; counted, none claims 10^-3. And since S
+# The bound is :func:`log10_agreement`. A fit seeks the best of a continuum: to count its steps of a match radius,
+# (reach / r)^d, forgets a factor of about m^(d / 2). Forgetting it claimed down to 10^-6.8 for Orion's likeness in
+# Centaurus, in 33 of 792 frames told twice their scale; counted, none claims 10^-3. And since the squares' sum
 # counts, matches that fill their radius evenly, as chance gives them, are worth less than places as near as stars'.
 #
 # Stars do not lie evenly. Where the detections crowd and so do the stars of an open cluster, many
@@ -122,7 +115,9 @@ def crowding(seen: Floats, stars: Floats, half: Floats, density: float) -> float
 
     All stars are nudged together in 48 ways, by 3 to 8 radii of a hundredth of the frame's larger side, and those
     within a radius of a detection are counted and compared with stars spread evenly. A cluster laid on a dense blob
-    thins out within so many radii: where stars are clearly denser at 1.5 and 2 radii, that is what counts.
+    thins out within so many radii: where stars are clearly denser at 1.5 and 2 radii, that is what counts::
+
+        (hits + 1) / (pi r^2 D k + 1),    k the nudged detections that are still inside the frame
 
     Parameters
     ----------
@@ -179,7 +174,7 @@ def with_crowding(
 
 
 def log10_ball(dimensions: int, radius: float) -> float:
-    """log10 of the volume of a ball of so many dimensions."""
+    """log10 of the volume of a ball, V(k, R) = pi^(k/2) R^k / Gamma(k/2 + 1)."""
     half = 0.5 * dimensions
     return (half * math.log(math.pi * radius * radius) - math.lgamma(half + 1.0)) / math.log(10.0)
 
@@ -187,7 +182,16 @@ def log10_ball(dimensions: int, radius: float) -> float:
 def log10_agreement(
     matched: int, square_px: float, n_evidence: int, density: float, reach_px: float, free: int
 ) -> float:
-    """Bound for one agreement, as above.
+    """Bound for one agreement, log10.
+
+    Detections thrown at random among D stars a square px: that m of n have stars at such distances has the density
+    C(n, m) D^m in the 2 m coordinates of those distances. A fit of d numbers to them takes away what lies in a
+    subspace of d dimensions, in which it moves the stars by at most ``reach`` (RMS), and leaves the sum of squares S.
+    So chance gives as good an agreement no oftener than::
+
+        C(n, m) D^m V(d, sqrt(m) reach) V(2 m - d, sqrt(S))
+
+    times the pointings tried and the choices of m; V(k, R) is :func:`log10_ball`.
 
     Parameters
     ----------
@@ -207,6 +211,7 @@ def log10_agreement(
     # as many numbers as there are distances can be fitted to any stars
     if 2 * matched <= free:
         return 0.0
+    # log C(n, m) by log Gamma: no factorial overflows
     ways = math.lgamma(n_evidence + 1) - math.lgamma(matched + 1) - math.lgamma(n_evidence - matched + 1)
     room = log10_ball(free, math.sqrt(matched) * reach_px)
     rest = log10_ball(2 * matched - free, math.sqrt(square_px) + LEAST_PX)
@@ -218,8 +223,11 @@ def log10_by_distance(
 ) -> tuple[float, int]:
     """Bound for the agreement of few detections that no fit was made to, and how many it counts.
 
-    That m of n lie within r px by chance has at most the probability C(n, m) p^m; the distance of the m-th nearest is
-    taken for r, which is as likely to be small as this says, so that only the choice of m is to be counted.
+    That m of n lie within r px by chance has at most the probability C(n, m) p^m, p = pi D r^2; the distance of the
+    m-th nearest is taken for r, which is as likely to be small as this says, so that only the choice of m, one of n,
+    is to be counted::
+
+        min over m of  n C(n, m) (a + b r_m) (pi D r_m^2)^m
 
     Parameters
     ----------
@@ -284,6 +292,11 @@ class Verdict:
 
 def refit(pointing: CandidatePointing, seen: Floats, xy: Floats, uv: Floats, bend: bool) -> CandidatePointing:
     """One Gauss-Newton step on rotation, focal length and, when asked, radial distortion.
+
+    On the tangent plane a turn (x, y, z), a change s of log f and one k of k1 move a star by::
+
+        du = -u v x + (1 + u^2) y - v z + u s + u r^2 k
+        dv = -(1 + v^2) x + u v y + u z + v s + v r^2 k,    r^2 = u^2 + v^2
 
     Parameters
     ----------
@@ -487,6 +500,9 @@ def least_likely(
     distance2_px: Floats, n_evidence: int, stars: float, area_px: float, reach_px: float, free: int, candidates: int = 1
 ) -> tuple[float, float]:
     """The least likely agreement over all radii, log10, and its radius in px.
+
+    Choosing the best of `RADII` radii and of all candidates counts as so many trials (Bonferroni): the bound of
+    :func:`log10_agreement` times their number.
 
     Parameters
     ----------

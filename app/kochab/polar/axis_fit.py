@@ -183,7 +183,11 @@ def _first_axis(measured: Floats, towards: Floats) -> Floats:
 
 
 def _turn_about(axis: Floats, matrix: Floats) -> float:
-    """The turn about ``axis`` that comes nearest to a rotation (3, 3), in (-pi, pi]."""
+    """The turn about ``axis`` that comes nearest to a rotation (3, 3), in (-pi, pi].
+
+    With Rodrigues' Rot(a, t) = cos t I + sin t [a]x + (1 - cos t) a a^T the trace of Rot(a, t)^T M is largest at
+    tan t = a . s / (tr M - a^T M a), s the vector of M's skew part.
+    """
     skew = np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])
     return float(np.arctan2(axis @ skew, np.trace(matrix) - axis @ matrix @ axis))
 
@@ -192,6 +196,12 @@ def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, wh
     """Weighted residuals (N, 3) and their Jacobian (3 N, N + 4).
 
     Columns: the axis along altitude and azimuth, the reference's rotation vector in E, N, U, the turns but the first.
+    With the model Q_k = Rot(a, t_k) R_0, the measured M_k and L_k^-1 of its covariance L_k L_k^T::
+
+        r_k = L_k^-1 log(M_k^T Q_k)
+        dr_k = L_k^-1 Q_k^T [(1 - Rot_k)(a x da) + Rot_k drho + a dt_k]
+
+    to first order in r_k, where log is the rotation vector.
     """
     count = len(turns)
     # Moving the axis by t is a rotation Q about axis x t, and Q Rot Q^T differs from Rot by (1 - Rot)(axis x t).
@@ -210,7 +220,15 @@ def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, wh
 
 
 def _least_squares(residual: Floats, jacobian: Floats) -> Floats:
-    """The step (N + 4,) of least squares; a turn stands in its own frame's rows alone, and is eliminated there."""
+    """The step (N + 4,) of least squares; a turn stands in its own frame's rows alone, and is eliminated there.
+
+    With b_k the column of turn k and P_k = 1 - b_k b_k^T / b_k^T b_k, what the turns cannot take up is left for the
+    five others; then each turn takes up the rest::
+
+        min |P_k (J_k x + r_k)|^2,    t_k = -b_k^T (r_k + J_k x) / b_k^T b_k
+
+    as separable problems are solved (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
+    """
     later = np.arange(1, len(residual))
     own = np.zeros_like(residual)
     own[1:] = jacobian[later, :, 4 + later]
@@ -232,6 +250,7 @@ def _moved(axis: Floats, turns: Floats, reference: Floats, step: Floats) -> tupl
 
 def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, whiten: Floats) -> AxisFit:
     weighted, jacobian = _linear(axis, turns, reference, measured, whiten)
+    # (J^T J)^-1 of whitened residuals is the covariance of what was fitted.
     inverse: Floats = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64)
     upward, clockwise = tangents(axis)
     # R_0^T a moves with the axis, and against the reference's own rotation.
@@ -377,7 +396,11 @@ def average_over_fault_models(attitudes: Sequence[LocalAttitude], fit: AxisFit, 
 
 
 def _sudden(movement_fits: Sequence[MovementFit]) -> list["Gradual"]:
-    """Sudden movements among the models, together as common as one that grows."""
+    """Sudden movements among the models, together as common as one that grows.
+
+    Of a movement by x with one sigma s the evidence is exp(-chi^2 / 2), times Occam's factor s / (|x| + 1 arcmin) for
+    each of its numbers (MacKay 2003, chapter 28), times how common it is, over the gaps where it may have been.
+    """
     gaps = len({s.after for s in movement_fits})
     found = []
     for s in movement_fits:  # as common at every size, from about an arcminute to degrees
@@ -400,18 +423,26 @@ def undetected_creep_covariance(attitudes: Sequence[LocalAttitude], fit: AxisFit
 
 
 def _odds(models: Sequence[Gradual]) -> Floats:
+    """Probability of each model among them, p_k = E_k / sum E (MacKay 2003, Information Theory, chapter 28)."""
     odds = np.exp(np.array([g.evidence for g in models]) - max(g.evidence for g in models))
     return np.asarray(odds / odds.sum())
 
 
 def _second_moment(fit: AxisFit, models: Sequence[Gradual]) -> Floats:
-    """The second moment (2, 2) of what the models say of the axis, about the fit's own."""
+    """The second moment (2, 2) of what the models say of the axis, about the fit's own: sum p_k (d_k d_k^T + C_k)."""
     apart = np.stack([_offset(fit, g.axis) for g in models])
     each = np.einsum("ki,kj->kij", apart, apart) + np.stack([g.covariance for g in models])
     return np.asarray(np.einsum("k,kij->ij", _odds(models), each))
 
 
 def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
+    """The axis by each fault that goes on all the time, and its evidence by Laplace's approximation.
+
+    The fault's numbers x have the prior N(0, 1). With H the normal matrix of fit and fault, H_0 that of the fit alone
+    and p how common the fault is (MacKay 2003, Information Theory, chapters 27 and 28)::
+
+        log E = -(chi^2 + |x|^2) / 2 - log(det H / det H_0) / 2 + log p
+    """
     measured = np.stack([a.matrix for a in attitudes])
     whiten = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in attitudes])
     residual, jacobian = _linear(fit.axis, fit.turns_rad, fit.reference, measured, whiten)
@@ -428,7 +459,7 @@ def _gradual(attitudes: Sequence[LocalAttitude], fit: AxisFit) -> list[Gradual]:
         step = np.asarray(np.linalg.lstsq(rows, aim, rcond=None)[0], dtype=np.float64)
         _, after = np.linalg.slogdet(rows.T @ rows)
         axis = fit.axis + step[0] * upward + step[1] * clockwise
-        # Laplace's approximation; the still model's determinant is taken off, so that its evidence is -chi2 / 2 alone.
+        # The still model's determinant is taken off, so that its evidence is -chi2 / 2 alone.
         evidence = -0.5 * (float(np.sum(np.square(rows @ step - aim))) + after - before) + np.log(common)
         found.append(Gradual(axis / np.linalg.norm(axis), np.linalg.inv(rows.T @ rows)[:2, :2], evidence))
     return [*found, *(_scattered(attitudes, fit, whiten, before, scatter * ARCSEC) for scatter in SCATTERS_ARCSEC)]
@@ -451,7 +482,10 @@ def _slopes(attitudes: Sequence[LocalAttitude], fit: AxisFit, measured: Floats) 
 def _scattered(
     attitudes: Sequence[LocalAttitude], fit: AxisFit, whiten: Floats, before: float, scatter: float
 ) -> Gradual:
-    """Each frame is off by ``scatter``, radians, on its own, as a wobbling bearing leaves it."""
+    """Each frame is off by ``scatter``, radians, on its own, as a wobbling bearing leaves it.
+
+    Its evidence has the likelihood's normalization besides, -sum log(det C'_k / det C_k) / 2, C'_k the wider ones.
+    """
     wider = [replace(a, covariance=a.covariance + np.eye(3) * scatter**2) for a in attitudes]
     found = fit_axis(wider, fit.axis)
     less = np.stack([np.linalg.inv(np.linalg.cholesky(a.covariance)) for a in wider])

@@ -49,8 +49,7 @@ def identify_few(
 ) -> Identification | None:
     """The one pointing at which every detection is a bright star, or None.
 
-    ``log10_false_alarm`` is the number of pairs tried times the chance that the confirming stars
-    all fall as near to a catalogue star as they do, taken at the largest of their distances.
+    Its ``log10_false_alarm`` is :func:`_alarm`.
 
     Parameters
     ----------
@@ -102,7 +101,12 @@ def identify_few(
 
 
 def _alarm(detections: Detections, worst_px: float, density: float, tried: int) -> float:
-    """The bound, log10, for stars of which ``density`` lie in a square px."""
+    """The bound, log10, for stars of which ``density`` lie in a square px.
+
+    Two of n stars propose; that the n - 2 others fall within the largest distance r of a catalogue star by chance::
+
+        T (pi D r^2)^(n - 2),    T the pairs tried, D the density
+    """
     chance = min(1.0, density * np.pi * worst_px**2)
     return float(np.log10(tried) + (len(detections) - 2) * np.log10(chance))
 
@@ -127,8 +131,8 @@ def _sky(
         ra, dec, around = hint.centre_deg
         reach = np.hypot(detections.width, detections.height) / 2 * pixel
         centre, radius = unit_vectors(ra, dec), min(np.pi, np.radians(around) + reach)
+    # a cap of the sphere has 2 pi (1 - cos r) sr; the pairs grow with the square of this
     count = int(density * 2.0 * np.pi * (1.0 - np.cos(radius)))
-    # the pairs grow with the square of this
     if count > MOST_STARS:
         return None
     rows = catalogue.brightest(centre, float(radius), count, year)
