@@ -16,6 +16,7 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from tests.boards import BEHIND_INDI, SITE
+from tests.boards.exos2 import GOTO
 from tests.boards.indi import PROGRAMS, behind_indi
 from tests.boards.sky import sidereal_deg
 
@@ -138,11 +139,10 @@ def in_spite_of_lines(guard, order):
 
 
 TELL_OF_SILENCE = pytest.mark.parametrize("kind", ["stargo", "starbook"])
-"""INDI's EXOS-2 driver does not: it repeats the last place of a mount that fell silent; see ``app/MOUNTS.md``."""
+"""INDI's EXOS-2 driver does not: it repeats the last place of a mount that fell silent."""
 
 
 @pytest.mark.parametrize("looks", [0, 20], ids=["ordered at once", "looked at meanwhile"])
-@TELL_OF_SILENCE
 def test_a_mount_that_lost_its_power_is_not_slewed_from_where_it_woke_up(kind, looks, tmp_path):
     """The port stays open, and somebody presses OK on the StarBook's screen as soon as it shows.
 
@@ -171,7 +171,6 @@ def test_a_mount_that_lost_its_power_is_not_slewed_from_where_it_woke_up(kind, l
             assert apart_deg(board.radec_deg(), target) < near_deg(board)
 
 
-@TELL_OF_SILENCE
 def test_power_lost_during_a_slew_is_told_and_nothing_slews_on(kind, tmp_path):
     settings = {"starts": True} if kind == "starbook" else {}
     with at_the_telescope(kind, tmp_path, slew_deg_s=3.0, **settings) as (board, guard, _):
@@ -275,8 +274,43 @@ def test_an_exos2_that_ignores_a_sync_is_said_to(tmp_path):
         assert board.false_by_deg() < 0.01
 
 
-def test_a_goto_that_indis_exos2_driver_refuses_after_sending_it_is_stopped(tmp_path):
-    """Before it has seen two reports its table of states has no goto."""
+def test_an_exos2_without_power_is_sent_nowhere_and_one_that_woke_up_is_not_called_parked(tmp_path):
+    """INDI repeats its last place, and what its mount tells while it tracks differs by less than INDI passes on."""
+    with at_the_telescope("exos2", tmp_path) as (board, guard, _):
+        run(guard.slew(*place(board, -30.0, 60.0)))
+        board.cut_power(3600.0)
+        heard = len(board.transcript)
+        assert "is the mount switched on?" in said(lambda: run(guard.slew(*place(board, -50.0, 60.0))))
+        assert not any(data[4] == GOTO for _, mark, data in board.transcript[heard:] if mark == "lost >")
+        board.cut_power(0.0)
+        wait_for(lambda: board.powered)
+        assert "Sync first" in said(lambda: run(guard.rest("park")))
+        assert {order.kind for order in board.orders} == {"goto"}
+
+
+def test_a_command_that_finds_an_exos2_woken_up_leaves_word_for_the_next(tmp_path):
+    """It is the mount's first report since, in answer to the first order; a later program sees nothing of it."""
+    with at_the_telescope("exos2", tmp_path) as (board, guard, _):
+        run(guard.slew(*place(board, -30.0, 60.0)))
+        board.cut_power(0.5)
+        wait_for(lambda: board.powered)
+        assert "was it switched off and on?" in said(lambda: guard.goto(*place(board, -60.0, 45.0)))
+        assert "Sync first" in guard.policy.slew_block_reason
+        assert not board.false_slews()
+
+
+def test_an_exos2_that_indi_has_not_heard_twice_is_sent_nowhere(tmp_path):
+    with behind_indi("exos2", tmp_path, False, slew_deg_s=3.0) as (board, indi):
+        indi.tell(board)
+        board.reports_left = 2
+        with Guard(opened(board, indi), SITE, LIMITS, clock=board.clock) as guard:
+            assert "hears nothing new" in said(lambda: guard.goto(*place(board, -40.0, 85.0)))
+        assert board.orders == []
+
+
+def test_a_goto_that_indis_exos2_driver_refuses_after_sending_it_is_stopped(tmp_path, monkeypatch):
+    """Before it has seen two reports its table of states has no goto; nor has another driver that does not say so."""
+    monkeypatch.setattr("kochab.gear.mounts.drivers.indi_last_heard.ONLY_LISTEN", frozenset())
     with behind_indi("exos2", tmp_path, False, slew_deg_s=3.0) as (board, indi):
         indi.tell(board)
         board.reports_left = 2

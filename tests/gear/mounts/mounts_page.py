@@ -76,8 +76,8 @@ moves behind the same guard: horizon, Sun, meridian, length, read-back, Stop.
     declination and tenths of a minute of right ascension, so a sync is good to about 3'. Set time and site on its screen: aligned, it takes neither,
     and INDI 0.8 cannot set its site at all. At a time-out INDI's driver ends: give it the address again, and reconnect.
   - **Bresser EXOS-2 GoTo** (`indi_bresserexos2`): all of these, but it takes a sync only after the keys of its hand control were used, and Stop
-    ends tracking. **Sync, or switch it on at its home, whenever its power may have failed**: INDI's driver repeats the last
-    place of a mount that fell silent, and Kochab learns of it only where the first reports of a goto are off its way.
+    ends tracking. INDI's driver repeats the last place of a mount that fell silent, so before each goto and park Kochab sends Stop and
+    waits, about two seconds, until the place drifts: one that says nothing, or that it is elsewhere, is sent nowhere.
     On an Intel or AMD computer Debian's version 0.901 hears nothing of the mount, and Kochab says that it reports no position; use a
     Raspberry Pi, or a newer driver.
 - **Not tried at all:** alt-azimuth mounts without a hand control, forks on a wedge in the south by Celestron's Wi-Fi. Kochab refuses them

@@ -633,3 +633,20 @@ def test_an_epoch_that_the_mount_contradicts_is_told_with_the_option_that_mends_
     doubt = guard.epoch_doubt()
     assert doubt.startswith(f"The mount's altitude and azimuth are of {option}, not ")
     assert doubt.endswith(f" (--epoch {option}).")
+
+
+def test_an_order_that_is_refused_after_a_silence_shows_whether_the_mount_was_switched_off_and_on() -> None:
+    """It may be the last question of a command; the next one would take the false home for granted."""
+    guard, mount = guarded()
+    home = at(-90.0, 90.0)
+
+    class WokeUp(Imaginary):
+        def goto(self, ra_deg, dec_deg):
+            mount.missed, mount.here = 1, home
+            raise RefusedError("It now says that it is elsewhere.")
+
+    mount.__class__ = WokeUp
+    guard.position()
+    with pytest.raises(RefusedError, match="elsewhere"):
+        guard.goto(*at(-45.0, 45.0))
+    assert "Sync first" in guard.policy.slew_block_reason

@@ -615,6 +615,7 @@ class Guard:
         **detail: float | str,
     ) -> None:
         """Send once, not after a Stop since the count ``stops``; stop when the reply does not show what it does."""
+        missed = self.missed
         self.log.add(action, "sent", detail=detail)
         if action != "sync":  # a sync moves nothing, so an earlier Stop still needs its check
             self.emergency.expect_motion()
@@ -629,6 +630,9 @@ class Guard:
             if lasts_s:
                 self.emergency.end()
             self.log.add(action, "failed", str(error))
+            if missed != self.missed:  # meanwhile it may have been switched off and on: the next program must know
+                with suppress(NoAnswerError):
+                    self.position()
             raise
         except DeviceError as error:  # no answer: the motion may have begun all the same
             try:

@@ -21,6 +21,7 @@ from kochab.core.mount import (
     TrackingRate,
 )
 from kochab.gear.mounts import Diagnosis, MountSettings
+from kochab.gear.mounts.drivers.indi_last_heard import NEWS_S, LastHeard, only_listens
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
 from kochab.gear.mounts.standing import STILL_DEG
 from kochab.gear.servers.address import chosen, making_sense, net_address
@@ -60,7 +61,16 @@ SPEEDS = ((0.02, 0.0), (0.3, 1.0 / 3.0), (1.5, 2.0 / 3.0), (inf, 1.0))
 """Degrees a second below which -> the place among a driver's slew rates, whose speed INDI does not tell."""
 
 
+ABORT: tuple[str, dict[str, str]] = "TELESCOPE_ABORT_MOTION", {"ABORT": "On"}
 MOTIONS = frozenset(("goto", "park", "move"))
+HEARS_NOTHING = tr_noop(
+    "INDI repeats the last place of {name} and hears nothing new: is the mount switched on? If it is, move it a little"
+    " by its hand control."
+)
+WOKE_UP = tr_noop(
+    "{name} now says that it is {jump:.0f}° from the place that INDI repeated: was it switched off and on? Nothing was"
+    " sent."
+)
 NO_PART = tr_noop("{name} has no {part} in INDI: use its hand control.")
 
 
@@ -92,6 +102,7 @@ class IndiMount(ServerMount):
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
             self._unsettled_s = self._refused_s = 0.0
             self._looked_s = monotonic()
+            self._heard = LastHeard(device, self._at) if only_listens(device) else None
             self._parked = False  # as it was last seen
             self._goes: tuple[float, float, float] | None = None  # when a goto of ours was sent, and where to
             self._moved_s = 0.0  # when its place was last seen to change
@@ -134,6 +145,7 @@ class IndiMount(ServerMount):
         """What the driver last read of the mount; while something may move, what it reads next."""
         self._device.check()
         self._require_awake()
+        self._require_news()
         asked = monotonic()
         self._count_missed(asked)
         # A driver reports a place about once a second: what it has now may be older than the motion.
@@ -168,6 +180,42 @@ class IndiMount(ServerMount):
         sent = self._device.send(vector, {on: "On"})  # as it is: nothing changes by it
         if not self._link.wait(lambda: bool(self._told(vector, sent)), CALL_S):
             raise NoAnswerError("{name} does not answer: is its mount switched on?", name=self._device.name)
+
+    def _require_news(self) -> None:
+        """Raise `NoAnswerError` where a driver that only listens hears nothing of a mount that must tell of news."""
+        heard = self._heard
+        if heard is None or heard.look():
+            return
+        if not heard.deaf and self._device.state(self._at) == "Busy" and monotonic() - heard.at_s > NEWS_S:
+            heard.deaf = True
+            self.missed += 1
+        if heard.deaf and not self._asked_anew(heard):
+            raise NoAnswerError(HEARS_NOTHING, name=self._device.name)
+
+    def _asked_anew(self, heard: LastHeard) -> bool:
+        """Whether the mount tells where it is once it has got a Stop, by which one that woke up begins to tell."""
+        self._device.send(*ABORT)
+        return heard.news(NEWS_S)
+
+    def _require_heard(self) -> None:
+        """Before an order by which the mount goes far: `RefusedError` where nobody knows whether it is there still.
+
+        A driver that only listens repeats the last place of a mount that lost its power. One that tracks tells of
+        nothing new either; stopped, it drifts, and one that was switched off and on tells of its home.
+        """
+        heard = self._heard
+        if heard is None:
+            return
+        heard.look()
+        before = heard.mark()
+        drifts = self._device.state(self._at) != "Ok" and heard.news(NEWS_S / 2.0)
+        if not drifts and not self._asked_anew(heard):
+            heard.deaf = True
+            self.missed += 1
+            raise RefusedError(HEARS_NOTHING, name=self._device.name)
+        if jump_deg := heard.jumped_deg(before):
+            self.missed += 1
+            raise RefusedError(WOKE_UP, name=self._device.name, jump=jump_deg)
 
     def _count_missed(self, now: float) -> None:
         """Since the last look the driver may have failed to read its mount, and have read it again meanwhile."""
@@ -288,6 +336,8 @@ class IndiMount(ServerMount):
         self.require(ability)
         vector, switch = PARTS[ability]
         with self.moving() as check:
+            if ability is Ability.GOTO:
+                self._require_heard()
             if not self._on(vector, switch):
                 self._device.set(vector, {switch: "On"}, str(ability))
             check()
@@ -385,6 +435,7 @@ class IndiMount(ServerMount):
         """``TELESCOPE_PARK``."""
         self.require(Ability.PARK)
         with self.moving():
+            self._require_heard()
             self._begin("TELESCOPE_PARK", {"PARK": "On"}, "park")
             self._moved_s = monotonic()
             self._unsettled_s = self._moved_s + SETTLES_S
