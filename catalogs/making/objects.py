@@ -40,6 +40,7 @@ BROUGHT = (
 APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third of the object
 CITED = 3  # sources that Stellarium gives for a name before it is shown
 CORRECTIONS = Path(__file__).with_name("corrections.tsv")
+MORE_OBJECTS = Path(__file__).with_name("more_objects.tsv")
 OUTLINE_OF = {"NGC 1978": "NGC 1977"}
 """Stellarium's outline about the Running Man bears a number of the Large Magellanic Cloud."""
 
@@ -172,6 +173,12 @@ def corrected(objects: list[SkyObject], path: Path) -> tuple[list[SkyObject], in
         one = named.get(name)
         if one is None:  # in no source
             left += 1
+        elif column == "keep":  # a second source differs: the reason why that is left so
+            pass
+        elif column == "also":
+            one.also.append(value)
+        elif column == "apart":
+            one.also.remove(value)
         elif column == "mag":
             one.mag, one.band = (float(value.split()[0]), value.split()[1]) if value else (None, "")
         elif column == "size":
@@ -197,6 +204,19 @@ def corrected(objects: list[SkyObject], path: Path) -> tuple[list[SkyObject], in
     return [one for one in objects if one.name not in gone], left
 
 
+def added(path: Path) -> list[SkyObject]:
+    """The objects of ``more_objects.tsv``, which both sources lack."""
+    found = []
+    for line in path.read_text("utf-8").splitlines()[1:]:
+        name, kind, ra, dec, mag, major, minor, pa, common, also, _ = line.split("\t")
+        one = SkyObject(name, kind, float(ra), float(dec))
+        one.mag, one.major, one.minor, one.pa_deg = (float(text) if text else None for text in (mag, major, minor, pa))
+        one.band = "V" if mag else ""
+        one.common, one.also = ([word for word in words.split(",") if word] for words in (common, also))
+        found.append(one)
+    return found
+
+
 def catalogue_of(word: str) -> str:
     """``Sh2`` of Sh2-155, ``SNR G`` of SNR G263.9-03.0: a designation without its number."""
     return re.split(r"[ -](?=\S*\d)", word)[0]
@@ -208,7 +228,8 @@ def write_objects(database: Path, catalogue: Path, names: Path, path: Path) -> d
     given = read_names(names)
     pairs = [SkyObject("", "", one.ra_deg, one.dec_deg, also=list(one.also)) for one in second]
     counts = named_by_both(all_of := joined(objects, second), pairs, given)
-    all_of, counts["corrections of no object"] = corrected(all_of, CORRECTIONS)
+    all_of, counts["corrections of no object"] = corrected([*all_of, *added(MORE_OBJECTS)], CORRECTIONS)
+    all_of.sort(key=lambda one: one.name)
     lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso\tband"]
     for one in all_of:
         mag, major, minor, pa = (_number(value) for value in (one.mag, one.major, one.minor, one.pa_deg))

@@ -5,7 +5,7 @@ import pytest
 
 from catalogs.making.build import build
 from catalogs.making.merge import KEPT, SIDE, cell_of
-from catalogs.making.objects import read_stellarium
+from catalogs.making.objects import MORE_OBJECTS, read_stellarium
 from catalogs.making.sources import EARLY, offsets, read_stars, triangles
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
@@ -140,7 +140,13 @@ def test_variables_have_their_minimum_an_amplitude_or_a_limit(built):
 def test_objects_bring_numbers_sizes_and_the_names_of_both_sources(built):
     rows = [line.split("\t") for line in (built[2] / "objects.tsv").read_text().splitlines()]
     by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
-    assert sorted(by_name) == ["IC 434", "NGC 2024", "NGC 224", "Sh2-155"]
+    ours = {line.split("\t")[0] for line in MORE_OBJECTS.read_text("utf-8").splitlines()}
+    assert sorted({*by_name} - ours) == ["IC 434", "NGC 2024", "NGC 224", "Sh2-155"]
+    assert (by_name["Palomar 5"]["mag"], by_name["Palomar 5"]["band"], by_name["Palomar 5"]["also"]) == (
+        "11.75",
+        "V",
+        "Pal 5",
+    )
     m31, flame, ic434, cave = (by_name[name] for name in ("NGC 224", "NGC 2024", "IC 434", "Sh2-155"))
     assert (m31["size_arcmin"], m31["minor_arcmin"], m31["pa_deg"]) == ("177.83", "69.66", "35")
     assert m31["common"] == "Andromeda Galaxy"

