@@ -38,8 +38,9 @@ settings.load_profile("ci" if os.environ.get("CI") else "house")
 def _no_mount_is_remembered():
     """The next test's mount may answer at the same port."""
     yield
-    for path in Path(_home.name, "config", "kochab", "mounts").glob("*-needs-sync.json"):
-        path.unlink()
+    for folder, kept in (("config", "needs-sync"), ("state", "last-seen"), ("config", "last-seen")):
+        for path in Path(_home.name, folder, "kochab", "mounts").glob(f"*-{kept}.json"):
+            path.unlink()
 
 
 def pytest_configure() -> None:

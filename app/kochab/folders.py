@@ -20,6 +20,14 @@ def cache_folder() -> Path:
     return Path(base) if base else user_cache_path("kochab", appauthor=False)
 
 
+def state_folder() -> Path:
+    """Where what is known of the last sessions lies: beside a configuration of its own, or the user's own state."""
+    from platformdirs import user_state_path
+
+    base = os.environ.get("KOCHAB_CONFIG")
+    return Path(base, "state") if base else user_state_path("kochab", appauthor=False)
+
+
 def config_folder() -> Path:
     """Where what the user has set up lies: ``KOCHAB_CONFIG`` or the user's own configuration."""
     from platformdirs import user_config_path

@@ -15,12 +15,13 @@ from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
-from kochab.folders import config_folder
+from kochab.folders import config_folder, state_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_events import MountEvent, PracticeStarted
 from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis, MountSettings, open_mount
 from kochab.gear.mounts.guard import Guard
+from kochab.gear.mounts.last_seen import LastSeen
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.night_syncs import NightSyncs
 from kochab.gear.mounts.probe import PortInfo, find_served, list_ports, probe_port
@@ -149,8 +150,13 @@ def guarded(
     _remember(selection)
     keep = clock is None if keep is None else keep
     syncs = NightSyncs.of_line(now, kept, selection.port or selection.driver) if keep else None
-    needed = SyncNeeded.of_line(now, kept, f"{selection.driver} {selection.port}") if keep else None
-    return Guard(mount, site, limits or Limits(), clock=now, reopen=again, syncs=syncs, needed=needed)
+    line = f"{selection.driver} {selection.port}"
+    needed = SyncNeeded.of_line(now, kept, line) if keep else None
+    seen = LastSeen.of_line(now, state_folder() / "mounts", line) if keep else None
+    guard = Guard(mount, site, limits or Limits(), now, reopen=again, syncs=syncs, needed=needed, last_seen=seen)
+    if selection.home is not None:  # a person's word of this moment
+        guard.supervisor.watch.trust()
+    return guard
 
 
 def _remember(selection: MountSelection) -> None:

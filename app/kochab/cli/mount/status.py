@@ -36,12 +36,13 @@ def _position(args: argparse.Namespace) -> int:
             "lacks": lacks,
             "epoch_doubt": guard.epoch_doubt(),
             "clock_doubt": guard.clock_doubt(),
+            "needs_sync": guard.policy.slew_block_reason,
         }
     lines = [
         fields["name"],
         f"{radec(fields['ra_deg'], fields['dec_deg'])}  (J2000)",
         f"mount: {fields['mount_ra_deg']:.4f} {fields['mount_dec_deg']:+.4f} {fields['epoch']}",
-        *filter(None, (fields["epoch_doubt"], fields["clock_doubt"])),
+        *filter(None, (fields["epoch_doubt"], fields["clock_doubt"], fields["needs_sync"])),
         *(f"{key.replace('_', ' ')}: {value}" for key, value in fields["state"].items() if value is not None),
         *(f"no {ability}: {reason}" for ability, reason in fields["lacks"].items()),
     ]

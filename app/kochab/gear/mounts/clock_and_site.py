@@ -24,11 +24,17 @@ HOUR_S, ZONE_S, DAY_S = 3600.0, 1800.0, 86400.0  # nearly all time zones differ 
 class ClockAndSite:
     """Tells the ``policy`` what a mount contradicts of the computer's clock and of the site.
 
-    ``restarted`` hears of a mount that after a silence tells otherwise than before, whatever the computer has.
+    ``restarted`` hears of a mount that after a silence tells otherwise than before, whatever the computer has;
+    ``on_trust`` of a person who says that the mount is right.
     """
 
-    def __init__(self, policy: MotionPolicy, restarted: Callable[[str], None] = lambda sentence: None) -> None:
-        self._policy, self._restarted = policy, restarted
+    def __init__(
+        self,
+        policy: MotionPolicy,
+        restarted: Callable[[str], None] = lambda sentence: None,
+        on_trust: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._policy, self._restarted, self._on_trust = policy, restarted, on_trust
         self._told: tuple[float | None, SiteReport] | None = None  # how far ahead its clock was, and all that it told
         self._missed: int | None = 0
         self.forget()
@@ -49,6 +55,7 @@ class ClockAndSite:
     def trust(self) -> None:
         """A person says that the mount is right."""
         self._trusted, self._policy.clock_conflict, self._policy.slew_block_reason = True, "", ""
+        self._on_trust()
 
     def shifted(self, before: Pointing, after: Pointing) -> None:
         """Its position, with a new clock or site: a sync before it was of the old one."""

@@ -24,6 +24,7 @@ from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
 from kochab.gear.mounts.coordinates import from_mount_epoch, reported_epoch, to_mount_epoch
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
+from kochab.gear.mounts.last_seen import LastSeen
 from kochab.gear.mounts.motion_plan import Limits, Plan, Preview, SyncEvidence
 from kochab.gear.mounts.motion_policy import NUDGE_DEG, MotionPolicy, due_side
 from kochab.gear.mounts.night_syncs import NightSyncs
@@ -83,6 +84,7 @@ class Guard:
         wait: Callable[[float], None] = sleep,
         syncs: NightSyncs | None = None,
         needed: SyncNeeded | None = None,
+        last_seen: LastSeen | None = None,
     ) -> None:
         self.clock = clock
         self.syncs = syncs or NightSyncs(clock)
@@ -91,8 +93,8 @@ class Guard:
         self.allow_large_sync = False
         self.policy = MotionPolicy(site, limits or Limits(), clock, needed)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
-        self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy)
-        self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted)
+        self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy, last_seen)
+        self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted, self.supervisor.watch.trust)
         self.supervisor.watch.on_restart = self.clock_and_site.reconnected
         self._reopen = reopen
         self._finalizer = weakref.finalize(self, self.emergency.at_exit)  # a bound method would keep self alive
@@ -383,6 +385,7 @@ class Guard:
             return
         self._begin_rest(action, stops)
         yield from self._finish(action, self.supervisor.rest(action, self.limits.slew_timeout_s, stops))
+        self.supervisor.watch.came_to_rest()
         if self.policy.restarted:  # it has gone where it believes to rest
             why = self.policy.slew_block_reason
             if action == "park":
@@ -570,8 +573,7 @@ class Guard:
         """Stop what moves, see that it stands, and give the port back; never raises, see :meth:`see_stopped`."""
         with suppress(DeviceError):
             self.see_stopped()
-        self._finalizer.detach()
-        self.mount.close()
+        self._leave()
 
     def __enter__(self) -> Self:
         return self
@@ -586,8 +588,12 @@ class Guard:
                 with suppress(DeviceError):
                     self.stop()
         finally:
-            self._finalizer.detach()
-            self.mount.close()
+            self._leave()
+
+    def _leave(self) -> None:
+        self._finalizer.detach()
+        self.mount.close()
+        self.supervisor.watch.close()
 
     # -- sending --------------------------------------------------------------------------------
 

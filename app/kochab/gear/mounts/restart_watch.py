@@ -1,13 +1,14 @@
 """Was the mount switched off and on? One that was says that it is at home, wherever its tube is."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, Mount, MountState, Pointing
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import of_date
+from kochab.gear.mounts.last_seen import LastSeen, Place
 from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy
 from kochab.text.translation import tr, tr_noop
 
@@ -32,6 +33,12 @@ ASTRAY = tr_noop(
 ELSEWHERE = tr_noop(
     "The mount did not answer for a while, and now says that it is {:.0f}° from where it was: it may have been switched"
     " off and on."
+)
+
+
+BETWEEN = tr_noop(
+    "The mount says that it is at its home or parked, {:.0f}° from where Kochab saw it last, and Kochab did not send it"
+    " there: it may have been switched off and on since."
 )
 
 
@@ -86,20 +93,50 @@ def under_way_s(before: Look, ended: tuple[float, datetime] | None, passed_s: fl
 class RestartWatch:
     """Compares what the mount says with what it said before, and forbids slews until a sync after a restart.
 
-    ``reach_deg`` tells how far a mount that was ordered to move may go in so many seconds.
+    ``reach_deg`` tells how far a mount that was ordered to move may go in so many seconds. Where it was ``last_seen``
+    by another program is compared with the first place that this one reads.
     """
 
-    def __init__(self, mount: Mount, policy: MotionPolicy, log: MotionLog, reach_deg: Callable[[float], float]) -> None:
+    def __init__(
+        self,
+        mount: Mount,
+        policy: MotionPolicy,
+        log: MotionLog,
+        reach_deg: Callable[[float], float],
+        last_seen: LastSeen | None = None,
+    ) -> None:
         self.restarts = 0  # how many were found
         self.state = MountState()  # as it was last told
         self.on_restart: Callable[[], None] = lambda: None  # its clock and site may be others now
         self._policy, self._log, self._reach_deg = policy, log, reach_deg
         self._seen: Look | None = None
         self._missed: int | None = mount.missed  # None: the line was opened again
+        self._last_seen = last_seen
+        self._compares_last = last_seen is not None
+        self._place: Place | None = None  # the last one to keep
 
     def forget(self) -> None:
         """Compare no more: the mount's coordinates are about to change."""
         self._seen = None
+
+    def trust(self) -> None:
+        """A person says that the mount is right, wherever it was seen before."""
+        self._compares_last = False
+
+    def came_to_rest(self) -> None:
+        """It has come where it was sent, home or to its park position, and may be silent there."""
+        if self._place is not None:
+            self._keep(replace(self._place, sent_there=True), last=True)
+
+    def close(self) -> None:
+        """The session ends: what was seen last is kept for the next."""
+        if self._place is not None:
+            self._keep(self._place, last=True)
+
+    def _keep(self, place: Place, last: bool = False) -> None:
+        self._place = place
+        if self._last_seen is not None:
+            self._last_seen.keep(place, last)
 
     def reconnecting(self) -> None:
         """The line was lost: meanwhile it may have been without power."""
@@ -148,7 +185,30 @@ class RestartWatch:
         if before is not None:
             doubt = SILENT if silent else ASTRAY if strayed else ""
             self._compare(before, look, doubt, off_its_way or strayed, ended)
+        elif self._compares_last:
+            look = self._compare_last(mount, look)
         self._seen, self._missed = look, missed
+        if not look.ordered:
+            sent_there = self._place is not None and self._place.sent_there and look.at_rest
+            self._keep(Place(*look.place_deg, look.at.timestamp(), look.at_rest, sent_there))
+
+    def _compare_last(self, mount: Mount, look: Look) -> Look:
+        """The first look of a session, with its state, beside what another program saw."""
+        self._compares_last = False
+        kept = self._last_seen.read() if self._last_seen else None
+        if kept is None:
+            return look
+        self.state = mount.state()
+        look = replace(look, state=self.state)
+        rested = MountState(at_home=kept.at_rest)
+        before = Look(kept.deg, look.at_s - max(0.0, (look.at - kept.at).total_seconds()), kept.at, False, rested)
+        rests = look.beside_pole or look.at_rest
+        # An evening begins at the pole, where another clock is another right ascension.
+        same = look.same_rest(before) or (look.beside_pole and before.beside_pole)
+        known = kept.sent_there or self.state.home_confirmed is False  # which forbids a slew by itself
+        if rests and not same and not known and not self._policy.slew_block_reason:
+            self.found(tr(BETWEEN).format(apart_deg(before.place_deg, look.place_deg)))
+        return look
 
     def _compare(
         self, before: Look, look: Look, doubt: str, off_its_way: bool, ended: tuple[float, datetime] | None

@@ -17,6 +17,7 @@ from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import of_date
 from kochab.gear.mounts.emergency_stop import MAY_STILL_MOVE, EmergencyStop
+from kochab.gear.mounts.last_seen import LastSeen
 from kochab.gear.mounts.motion_plan import Aim, Plan, Severity
 from kochab.gear.mounts.motion_policy import MotionPolicy, crosses, horizon, sun
 from kochab.gear.mounts.restart_watch import RestartWatch
@@ -122,7 +123,9 @@ class SupervisedMotion:
 class SlewSupervisor:
     """Reads the mount's state and position for its guard, and stops a motion that goes wrong."""
 
-    def __init__(self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy) -> None:
+    def __init__(
+        self, emergency: EmergencyStop, log: MotionLog, policy: MotionPolicy, last_seen: LastSeen | None = None
+    ) -> None:
         self.strayed = ""  # why the last motion was stopped on its way
         self.aim: Aim | None = None  # of a pointing model; dropped when the mount's coordinates change
         self.undo: tuple[Degrees, str] | None = (
@@ -131,7 +134,7 @@ class SlewSupervisor:
         self._emergency, self._log, self._clock, self._policy = emergency, log, policy.clock, policy
         self._motion: SupervisedMotion | None = None
         self._slewed = 0.0  # when a motion began, or the mount did last not say that it no longer slews
-        self.watch = RestartWatch(emergency.mount, policy, log, reach_deg)
+        self.watch = RestartWatch(emergency.mount, policy, log, reach_deg, last_seen)
 
     def begin(self, motion: SupervisedMotion | None) -> None:
         """A motion begins; a new one replaces what was supervised before."""
