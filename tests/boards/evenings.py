@@ -72,6 +72,7 @@ class Astronomer:
         self.evening = Evening(kind, seed)
         self.guard = None
         self.lost_before = False  # a program that begins later cannot know of a cut before
+        self.left_right = False  # but the mount stood elsewhere than at its home, rightly, when the last one ended
 
     # -- the evening ---------------------------------------------------------------------------------
 
@@ -159,6 +160,8 @@ class Astronomer:
     def _disconnect(self):
         guard, self.guard = self.guard, None
         self._do("disconnect", guard.close)
+        beside_pole = abs(self.board.believed_hour_angle_dec_deg()[1]) > 90.0 - FALSE_DEG
+        self.left_right = not beside_pole and self.board.lost_by_deg() < FALSE_DEG
         self.time.sleep(RUNS_OUT_S)
         if self.board.moving:
             self._against("running", "after the session's end")
@@ -356,7 +359,7 @@ class Astronomer:
         return told
 
     def _begin_session(self):
-        self.lost_before = self.board.lost_by_deg() > FALSE_DEG
+        self.lost_before = self.board.lost_by_deg() > FALSE_DEG and not self.left_right
 
     def _unknowable(self):
         """Whether the board was wrong before this session already, with a clock and a site that are right.

@@ -13,6 +13,7 @@ from kochab.gear.mounts.last_seen import LastSeen, Place
 from kochab.gear.session import Meridian as Pier
 from kochab.gear.session import MountSelection, guarded, limits_at
 from tests.boards import BOARDS, SITE, Night, served, virtual_time
+from tests.boards.mechanics import HOME_DEG
 from tests.boards.sky import sidereal_deg
 
 FORGET = [kind for kind in BOARDS if kind != "skywatcher"]
@@ -67,6 +68,28 @@ def test_a_mount_that_wakes_at_its_home_between_two_sessions_is_not_slewed_from_
         assert "Sync first" in said(lambda: guard.goto(*place(board, -60.0, 45.0)))
         guard.clock_and_site.trust()
         guard.goto(*place(board, -60.0, 45.0))
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_session_that_ended_in_a_slew_from_home_has_seen_where_it_was(killed, board) -> None:
+    """Interrupted, it tells where the tube was last; killed, where it was ten degrees before."""
+    with board.lock:
+        for axis, home in zip(board.tube.axes, HOME_DEG, strict=True):
+            axis.at_deg = home
+        board.set_counters(HOME_DEG)
+    guard = session(board)
+    seen(guard)
+    slew = guard.slew(*place(board, -30.0, 45.0))
+    for _ in range(25):
+        next(slew)
+    if not killed:
+        slew.close()
+        guard.close()
+    board.cut_power(0.5)
+    board.timing.sleep(20.0)
+    with session(board) as guard:
+        assert "Sync first" in said(lambda: guard.goto(*place(board, -60.0, 45.0)))
+    assert not board.false_slews()
 
 
 def test_a_person_who_says_that_the_mount_is_right_is_believed_before_it_is_looked_at(board) -> None:

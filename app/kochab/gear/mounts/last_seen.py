@@ -13,7 +13,7 @@ from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.parsing.text_input import read_json
 
 OVER_S = 12 * 3600.0  # by then the mount has been put away, or somebody has aligned it
-MOVED_DEG, AGED_S = 1.0, 600.0  # it is written anew only then, and when a session ends
+MOVED_DEG, UNDER_WAY_DEG, AGED_S = 1.0, 10.0, 600.0  # it is written anew only then, and when a session ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +60,12 @@ class LastSeen:
                 return place
         return None
 
-    def keep(self, place: Place, last: bool = False) -> None:
+    def keep(self, place: Place, last: bool = False, under_way: bool = False) -> None:
         """Save it when it tells something new, or is the ``last`` of a session; a full disk takes nothing."""
+        moved_deg = UNDER_WAY_DEG if under_way else MOVED_DEG
         before = self._written
         aged = before is None or place.unix_s - before.unix_s > AGED_S or place.at_rest != before.at_rest
-        if not (last or aged or (before is not None and apart_deg(place.deg, before.deg) > MOVED_DEG)):
+        if not (last or aged or (before is not None and apart_deg(place.deg, before.deg) > moved_deg)):
             return
         from kochab.frames.atomic_file import write_atomically  # not needed to stop a mount
 

@@ -133,10 +133,10 @@ class RestartWatch:
         if self._place is not None:
             self._keep(self._place, last=True)
 
-    def _keep(self, place: Place, last: bool = False) -> None:
+    def _keep(self, place: Place, last: bool = False, under_way: bool = False) -> None:
         self._place = place
         if self._last_seen is not None:
-            self._last_seen.keep(place, last)
+            self._last_seen.keep(place, last, under_way)
 
     def reconnecting(self) -> None:
         """The line was lost: meanwhile it may have been without power."""
@@ -188,9 +188,8 @@ class RestartWatch:
         elif self._compares_last:
             look = self._compare_last(mount, look)
         self._seen, self._missed = look, missed
-        if not look.ordered:
-            sent_there = self._place is not None and self._place.sent_there and look.at_rest
-            self._keep(Place(*look.place_deg, look.at.timestamp(), look.at_rest, sent_there))
+        sent_there = self._place is not None and self._place.sent_there and look.at_rest
+        self._keep(Place(*look.place_deg, look.at.timestamp(), look.at_rest, sent_there), under_way=look.ordered)
 
     def _compare_last(self, mount: Mount, look: Look) -> Look:
         """The first look of a session, with its state, beside what another program saw."""
