@@ -105,7 +105,7 @@ def _client(command: list[str], folder: Path, name: str) -> Task[None]:
             # communicate with a timeout empties the pipe, so a talkative client cannot block on it
             while True:
                 try:
-                    _, said = process.communicate(timeout=0.2)
+                    _, output = process.communicate(timeout=0.2)
                     break
                 except subprocess.TimeoutExpired:
                     yield Progress("Fetching the sources", None, name)
@@ -113,7 +113,7 @@ def _client(command: list[str], folder: Path, name: str) -> Task[None]:
             if process.poll() is None:
                 process.terminate()
     if process.returncode:
-        last = next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
+        last = next((line for line in reversed(output.splitlines()) if line.strip()), "no reason")
         raise CatalogueError("{command} could not get {name}: {last}", command=command[0], name=name, last=last.strip())
 
 
@@ -256,9 +256,9 @@ def write_variables(gcvs: Path, known: set[int], out: Path) -> int:
         brightest, kind, least, band, period = cells[3], cells[4], cells[5], cells[7], cells[9]
         with suppress(ValueError):  # a magnitude that is not known
             faintest = {"0": float(least), "1": float(brightest) + float(least)}.get(kind)
-            told = "" if faintest is None else f"{faintest:g}"
+            faint = "" if faintest is None else f"{faintest:g}"
             days = f"{float(period):g}" if period else ""
-            rows[int(cells[0])] = f"{cells[0]}\t{cells[2]}\t{band}\t{float(brightest):g}\t{told}\t{days}"
+            rows[int(cells[0])] = f"{cells[0]}\t{cells[2]}\t{band}\t{float(brightest):g}\t{faint}\t{days}"
     table = ["hip\ttype\tband\tbrightest\tfaintest\tperiod_d", *(rows[hip] for hip in sorted(rows)), ""]
     write_whole(out / "variables.tsv", ["\n".join(table).encode("utf-8")])
     return len(rows)

@@ -82,22 +82,24 @@ def named_by_both(
     counts = {"names of both sources": 0, "names struck out": 0, "names of OpenNGC alone": 0}
     for one in objects:
         own = [one.name, one.messier.replace("M", "M ", 1), *one.also]
-        told = {name: cited for word in own for name, cited in names.get(word, ())}
+        by_name = {name: cited for word in own for name, cited in names.get(word, ())}
         ranks: dict[str, float] = {}
         for name in one.common:
-            same = {cited for other, cited in told.items() if plain(other) == plain(name)}
+            same = {cited for other, cited in by_name.items() if plain(other) == plain(name)}
             near = [b for b in bearers[plain(name)] if one.away_arcmin(b) < max(APART_ARCMIN, (one.major or 0.0) / 3.0)]
             if same or near:
                 counts["names of both sources"] += 1
-                ranks[name] = 5 + told.get(name, max(same, default=0))
+                ranks[name] = 5 + by_name.get(name, max(same, default=0))
             elif bearers[plain(name)]:
                 counts["names struck out"] += 1
             else:
                 counts["names of OpenNGC alone"] += 1
                 ranks[name] = 4
-        shown = {name: cited for name, cited in told.items() if cited >= CITED and plain(name) not in map(plain, ranks)}
+        shown = {
+            name: cited for name, cited in by_name.items() if cited >= CITED and plain(name) not in map(plain, ranks)
+        }
         one.common = sorted(ranks | shown, key=lambda name: -(ranks | shown)[name])
-        one.also += [name for name in told if name not in one.common]
+        one.also += [name for name in by_name if name not in one.common]
     return counts
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_sweeps as sky
-from kochab.lab.bench.polar_faults import axis_told, true_axis
+from kochab.lab.bench.polar_faults import reported_axis, true_axis
 from kochab.polar import axis_fit
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
@@ -17,7 +17,7 @@ def evening(change, seed, frames, **how):
     """A sweep in which ``change`` happens, and what is said of it."""
     rng = np.random.default_rng([2929, seed])
     sweep = change(sky.random_sweep(rng, frames, 75.0), rng, **how)
-    return sweep, axis_told(sweep, rng).result
+    return sweep, reported_axis(sweep, rng).result
 
 
 def inside(sweep, told):
@@ -95,7 +95,7 @@ def test_a_mount_that_nothing_moved_is_not_accused():
     accused = {PolarFindingKind.DEC_MOVED, PolarFindingKind.MOUNT_MOVED, PolarFindingKind.ONE_FRAME}
     for seed in range(12):
         rng = np.random.default_rng([3030, seed])
-        told = axis_told(sky.random_sweep(rng), rng).result
+        told = reported_axis(sky.random_sweep(rng), rng).result
         assert not told.spoilt
         assert not accused & {finding.kind for finding in told.findings}
 

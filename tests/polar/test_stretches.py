@@ -7,7 +7,7 @@ import pytest
 
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_sweeps as sky
-from kochab.lab.bench.polar_faults import axis_told, judge, solved_files, true_axis
+from kochab.lab.bench.polar_faults import judge, reported_axis, solved_files, true_axis
 from kochab.polar.drift import Drift, Stretch, measure_drift, mountings_of, stretches_of, tracked
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import MeasureSettings, PolarFindingKind
@@ -53,7 +53,7 @@ def test_light_frames_with_a_flip_among_them_give_no_axis_far_away(guided):
     for seed in range(4):
         sweep, rng = lights(seed, guided)
         flipped = sky.with_flip(sweep, rng, first=4, centred=guided)
-        told = axis_told(flipped, rng).result
+        told = reported_axis(flipped, rng).result
         assert isinstance(told, Drift), "it is no sweep"
         assert told.error.with_systematics.distance2(true_axis(flipped, told.error.pole)) <= CHI2_95 or told.spoilt
 
@@ -89,7 +89,7 @@ def test_a_drift_that_lands_degrees_away_is_doubted_as_a_sweep_is(off_deg, far):
 def test_a_knocked_tripod_among_light_frames_spoils_them(guided):
     for seed in range(3):
         sweep, rng = lights(seed, guided)
-        told = axis_told(sky.with_kick(sweep, rng, arcmin=30.0, first=3), rng).result
+        told = reported_axis(sky.with_kick(sweep, rng, arcmin=30.0, first=3), rng).result
         assert told.spoilt
         assert "the tripod, a bolt or the camera moved" in " ".join(finding.text for finding in told.findings)
 
@@ -103,5 +103,5 @@ def test_a_target_put_back_into_the_middle_is_no_knock():
             replace(shot, ra_turn=shot.ra_turn + by[0], dec_turn=shot.dec_turn + by[1]) if k >= 3 else shot
             for k, shot in enumerate(sweep.exposures)
         )
-        told = axis_told(replace(sweep, exposures=moved), rng).result
+        told = reported_axis(replace(sweep, exposures=moved), rng).result
         assert PolarFindingKind.MOUNT_MOVED not in kinds(told)

@@ -11,7 +11,7 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Site
 from kochab.frames.hints import Aim, aim_from_keywords, zone_from_keywords
 from kochab.lab.bench import polar_sweeps as sky
-from kochab.lab.bench.polar_faults import axis_told, solved_files, true_axis
+from kochab.lab.bench.polar_faults import reported_axis, solved_files, true_axis
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import Measurement, NoAxis, PolarFindingKind
 from kochab.sky.horizon import Horizon, sun_altitude_deg
@@ -29,7 +29,7 @@ def sweep_of(seed, frames=5):
 
 def told_of(sweep, rng, **said):
     files = [replace(f, site=said.get("theirs")) for f in solved_files(sweep, rng)]
-    place = sweep.said_place
+    place = sweep.stated_place
     given = Site(place.latitude_deg, place.longitude_deg, place.height_m)
     return axis_of(files, [0] * len(files), [], FilesRequest(given, utc_offset_h=said.get("utc_offset_h", 0.0))).result
 
@@ -42,14 +42,14 @@ def kinds(told, spoiling=False):
 def test_two_frames_give_no_bolt_advice(change):
     for seed in range(3):
         sweep, rng = sweep_of(seed, 2)
-        told = axis_told(change(sweep, rng), rng).result
+        told = reported_axis(change(sweep, rng), rng).result
         assert not told.checked
         assert "Take a third before you turn a bolt" in " ".join(finding.text for finding in told.findings)
 
 
 def test_three_frames_are_checked():
     sweep, rng = sweep_of(1, 3)
-    assert axis_told(sweep, rng).result.checked
+    assert reported_axis(sweep, rng).result.checked
 
 
 @pytest.mark.parametrize("change", [sky.with_clock_wrong, sky.with_site_wrong])
@@ -57,7 +57,7 @@ def test_a_sure_clock_or_site_is_told_to_be_on_trust_with_what_it_would_cost(cha
     """The sky an hour later is the sky of another longitude: nothing in the frames shows it."""
     for seed in range(3):
         sweep, rng = sweep_of(seed)
-        told = axis_told(change(sweep, rng), rng).result
+        told = reported_axis(change(sweep, rng), rng).result
         text = next(finding.text for finding in told.findings if finding.kind is PolarFindingKind.ON_TRUST)
         assert re.search("an hour by .*: check both|An hour wrong would move the axis by ", text)
         assert told.unsettled
@@ -70,7 +70,7 @@ def test_a_wrong_sign_of_the_site_is_never_silent(which):
     for seed in range(12):
         sweep, rng = sweep_of(seed)
         wrong = sky.with_sign_wrong(sweep, which)
-        told = axis_told(wrong, rng).result
+        told = reported_axis(wrong, rng).result
         if isinstance(told, NoAxis):
             continue
         true = true_axis(wrong, told.error.pole)
@@ -84,7 +84,7 @@ def test_a_sign_that_frames_tell_is_not_doubted():
     """Where they would look at the ground, or at the Sun by day, a site of the other sign is out of the question."""
     sweep, rng = sweep_of(4)
     files = solved_files(sweep, rng)
-    place, told = sweep.said_place, axis_told(sweep, rng).result
+    place, told = sweep.stated_place, reported_axis(sweep, rng).result
     site = Site(place.latitude_deg, place.longitude_deg)
     for name, sign in (("north from south", "latitude_deg"), ("east from west", "longitude_deg")):
         there = replace(site, **{sign: -getattr(site, sign)})
@@ -119,7 +119,7 @@ def test_the_altitude_of_a_real_header_bears_out_site_and_clock_or_contradicts_t
     aim = aim_from_keywords(RW_AUR)
     begun = datetime.fromisoformat(RW_AUR["DATE-OBS"] + "+00:00") + timedelta(hours=hours)
     files = [replace(f, aim=aim, time_utc=begun) for f in solved_files(sweep, rng)]
-    error = axis_told(sweep, rng).result.error
+    error = reported_axis(sweep, rng).result.error
     assert horizon_agrees(files, site) is agrees
     text = " ".join(finding.text for finding in given_doubts(files, error, site, 0.0) if finding.spoils)
     assert ("The header of" in text) is tells
@@ -165,7 +165,7 @@ def test_the_local_time_of_a_header_contradicts_a_longitude_from_the_other_side(
     sweep, rng = next(each for each in drawn if 60.0 < abs(each[0].place.longitude_deg) < 120.0)
     zone = float(round(sweep.place.longitude_deg / 15.0))
     files = [replace(f, zone_h=zone) for f in solved_files(sweep, rng)]
-    error = axis_told(sweep, rng).result.error
+    error = reported_axis(sweep, rng).result.error
     for sign, spoils in ((1.0, False), (-1.0, True)):
         site = Site(sweep.place.latitude_deg, sign * sweep.place.longitude_deg)
         found = given_doubts(files, error, site, None)
@@ -178,7 +178,7 @@ def test_frames_by_day_are_a_wrong_site_or_time():
     for seed in range(6):
         sweep, rng = sweep_of(seed)
         there = replace(sweep.place, longitude_deg=sweep.place.longitude_deg % 360.0 - 180.0)
-        told = told_of(replace(sweep, said_place=there), rng)
+        told = told_of(replace(sweep, stated_place=there), rng)
         if sky.sun_altitude_deg(there, sweep.exposures[0].when) > 1.0 and isinstance(told, Measurement):
             assert PolarFindingKind.SITE_OR_TIME in kinds(told, spoiling=True)
             seen += 1
@@ -210,7 +210,7 @@ def test_a_zone_from_the_other_side_of_greenwich_spoils():
     drawn = (sweep_of(seed) for seed in range(40))
     sweep, rng = next(each for each in drawn if 60.0 < abs(each[0].place.longitude_deg) < 120.0)
     zone = round(sweep.place.longitude_deg / 15.0)
-    late = tuple(replace(s, said=s.said + sky.dt.timedelta(hours=zone)) for s in sweep.exposures)
+    late = tuple(replace(s, stated=s.stated + sky.dt.timedelta(hours=zone)) for s in sweep.exposures)
     local = replace(sweep, exposures=late)
     assert not told_of(local, rng, utc_offset_h=float(zone)).spoilt
     files = solved_files(local, rng)

@@ -361,10 +361,10 @@ def _tilt(
     if not principal_point_sigma_px or state.plain.distorted or np.isin(columns(("cx", "cy", "p1", "p2")), free).any():
         return np.zeros((3, 2))
     axis = columns(("cx", "cy"))
-    turns, fitted, told = as_rotation(state.camera), normal.only(free), normal.only(np.append(free, axis))
+    turns, fitted, with_axis = as_rotation(state.camera), normal.only(free), normal.only(np.append(free, axis))
     # Prior variance over the sum of it and of what the stars leave open: 1 where they tell nothing.
-    share = principal_point_sigma_px**2 / (principal_point_sigma_px**2 + variance * told.inverse().diagonal()[-2:])
-    off = np.sqrt(principal_point_sigma_px**2 * (1.0 - share) + np.square(share * told.step(flat)[-2:]))
+    share = principal_point_sigma_px**2 / (principal_point_sigma_px**2 + variance * with_axis.inverse().diagonal()[-2:])
+    off = np.sqrt(principal_point_sigma_px**2 * (1.0 - share) + np.square(share * with_axis.step(flat)[-2:]))
     return np.asarray(
         np.stack([turns[:, free] @ fitted.step(normal.rows[p]) - turns[:, p] for p in axis], axis=1) * off
     )

@@ -144,12 +144,12 @@ def within_field(result: Solution | NoSolution, scale: tuple[float, float] | Non
 
 def _bound(order: AstapRequest, header: Hint) -> tuple[float, float, float] | None:
     """RA, Dec and radius, degrees, that the answer must lie in; None when it may be anywhere."""
-    place = _told_place(order) or (header.centre_deg and header.centre_deg[:2])
+    place = _requested_place(order) or (header.centre_deg and header.centre_deg[:2])
     radius = _radius(order)
     return None if place is None or radius is None else (*place, radius)
 
 
-def _told_place(order: AstapRequest) -> tuple[float, float] | None:
+def _requested_place(order: AstapRequest) -> tuple[float, float] | None:
     """``-ra`` in hours and ``-spd`` from the south pole, as RA and Dec in degrees."""
     ra, spd = order.number("-ra"), order.number("-spd")
     if ra is None or spd is None or not 0.0 <= spd <= 180.0:
@@ -166,7 +166,7 @@ def _radius(order: AstapRequest) -> float | None:
 def _hint(order: AstapRequest, height: int) -> Hint:
     """``-fov`` is the frame's height in degrees, 0 for not known."""
     scale = centre = None
-    fov, place = order.number("-fov"), _told_place(order)
+    fov, place = order.number("-fov"), _requested_place(order)
     if fov is not None and 0.001 <= fov <= 170.0:
         # The scale at the centre of a flat picture: its height spans 2 tan(fov / 2) focal lengths.
         middle = 3600.0 * math.degrees(2.0 * math.tan(math.radians(fov) / 2.0) / height)

@@ -270,12 +270,12 @@ def _list(args: argparse.Namespace) -> int:
     if args.source is not None:
         SOURCES.check(args.source)
     for name in SOURCES.loaded() if args.source is None else (args.source,):
-        facts = _told(name, args.address)
+        facts = _device_facts(name, args.address)
         tell(facts, _text(facts), args.json)
     return 0
 
 
-def _told(name: str, address: str) -> Json:
+def _device_facts(name: str, address: str) -> Json:
     from kochab.gear.cameras import list_devices, missing
 
     facts: Json = {"source": name, "missing": missing(name), "cameras": []}

@@ -113,7 +113,7 @@ class ProgressLine:
         self._label = printable(label)
         self._terminal = sys.stderr.isatty()
         self._start = perf_counter()
-        self._said = False
+        self._shown = False
 
     def __call__(self, progress: Progress) -> None:
         """Show one step."""
@@ -121,14 +121,14 @@ class ProgressLine:
         if self._terminal:
             sys.stderr.write(f"\r\x1b[K{text[:100]}")
             sys.stderr.flush()
-            self._said = True
-        elif not self._said and perf_counter() - self._start > SOON_S:
-            self._said = True
+            self._shown = True
+        elif not self._shown and perf_counter() - self._start > SOON_S:
+            self._shown = True
             print(f"{text} ...", file=sys.stderr, flush=True)
 
     def clear(self) -> None:
         """Leave the terminal as it was."""
-        if self._terminal and self._said:
+        if self._terminal and self._shown:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
 

@@ -43,7 +43,10 @@ def encoded(result: Frame | Exception, trace: str = "") -> list[memoryview]:
         arrays = [np.ascontiguousarray(a) for a in (result.pixels, result.colour) if a is not None]
         if any(a.dtype.str not in _TYPES for a in arrays):
             raise ValueError(f"pixels of type {arrays[0].dtype}")
-        message: dict[str, Any] = {"frame": _told(result), "arrays": [[a.dtype.str, list(a.shape)] for a in arrays]}
+        message: dict[str, Any] = {
+            "frame": _described(result),
+            "arrays": [[a.dtype.str, list(a.shape)] for a in arrays],
+        }
     else:
         kinds = {"sentence": FrameError, "memory": MemoryError, "fault": Exception}
         kind = next(kind for kind, error in kinds.items() if isinstance(result, error))
@@ -61,7 +64,7 @@ def send(pipe: BinaryIO, parts: list[memoryview]) -> None:
     pipe.flush()
 
 
-def _told(frame: Frame) -> dict[str, Any]:
+def _described(frame: Frame) -> dict[str, Any]:
     hint = {f.name: getattr(frame.hint, f.name) for f in fields(Hint)}
     hint["time_utc"] = frame.hint.time_utc and frame.hint.time_utc.isoformat()
     hint["site"] = frame.hint.site and list(astuple(frame.hint.site))

@@ -184,7 +184,7 @@ class ReadAhead:
     def __init__(self, mapped: mmap.mmap, row_bytes: int) -> None:
         self._mapped = mapped
         self._row_bytes = row_bytes
-        self._told = np.zeros((len(mapped) >> AHEAD_BITS) + 1, dtype=bool)
+        self._advised = np.zeros((len(mapped) >> AHEAD_BITS) + 1, dtype=bool)
         if sys.platform != "win32":  # its own read-ahead brings the whole volume, 575 MB; a refusal needs 180
             mapped.madvise(mmap.MADV_RANDOM)
 
@@ -193,11 +193,11 @@ class ReadAhead:
         if sys.platform == "win32":
             return
         part = (rows.ravel() * self._row_bytes + HEADER_BYTES) >> AHEAD_BITS
-        part = part[~self._told[part]]
+        part = part[~self._advised[part]]
         if len(part) == 0:
             return
-        self._told[part] = True
-        new = np.zeros_like(self._told)
+        self._advised[part] = True
+        new = np.zeros_like(self._advised)
         new[part] = True
         # madvise wants beginnings of pages, which have 4 kB, or 16: a part is 16
         edges = np.diff(new, prepend=False, append=False).nonzero()[0] << AHEAD_BITS

@@ -103,7 +103,7 @@ class PointingModel:
 
         Raises `RefusedError` when that is farther than five degrees away, or beyond a pole.
         """
-        reported = said_at(self, place_deg, sidereal_deg(self.site, time_utc))
+        reported = reported_at(self, place_deg, sidereal_deg(self.site, time_utc))
         away = apart_deg(reported, place_deg)
         # so that a NaN is refused, too
         if not away <= FARTHEST_DEG:
@@ -115,7 +115,7 @@ class PointingModel:
         return reported
 
 
-def said_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> Degrees:
+def reported_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> Degrees:
     """What the mount says when it points at a place, at this local sidereal time, degrees."""
     terms, axes = np.asarray(model.terms_deg), axes_of(model.site, model.alt_azimuth)
     there = unit_vectors(place_deg[0] - sidereal, place_deg[1]) @ axes

@@ -36,7 +36,7 @@ def tr(text: str, note: str = "", /, **values: object) -> str:
 
     ``note`` tells two English texts apart that other languages say differently.
     """
-    return _filled(_said(text, note, -1), text, values)
+    return _filled(_translated(text, note, -1), text, values)
 
 
 def tr_n(one: str, many: str, n: int, /, **values: object) -> str:
@@ -53,7 +53,7 @@ def tr_n(one: str, many: str, n: int, /, **values: object) -> str:
     **values : object
         What comes into the other named places, as :func:`tr` has it.
     """
-    return _filled(_said(one, many, n), one if n == 1 else many, {"n": n, **values})
+    return _filled(_translated(one, many, n), one if n == 1 else many, {"n": n, **values})
 
 
 def tr_noop(text: str, note: str = "", /) -> str:
@@ -76,7 +76,7 @@ class _Shown:
         return number(self.value, spec)
 
 
-def _said(text: str, note: str, n: int) -> str | None:
+def _translated(text: str, note: str, n: int) -> str | None:
     return None if _translate is None or not text or _english.get() else _translate(text, note, n)
 
 

@@ -70,7 +70,7 @@ def _object(row: int, x: float, y: float, name: str, larger: bool = False) -> Fr
     return FrameObject(name, names, str(objects.kind[row]), x, y, ra, dec, bright, band, size, angle, larger)
 
 
-def _larger(solution: Solution, told: set[str]) -> list[FrameObject]:
+def _larger(solution: Solution, named: set[str]) -> list[FrameObject]:
     """The objects that the whole frame lies in, the smallest first."""
     objects = sky_tables().objects
     smaller = np.where(np.isfinite(objects.minor), objects.minor, objects.major)
@@ -81,7 +81,7 @@ def _larger(solution: Solution, told: set[str]) -> list[FrameObject]:
     order = np.argsort(objects.major[rows], kind="stable")
     at = zip(rows[order], xy[order], strict=True)
     found = [_object(int(row), float(x), float(y), objects.designation(int(row)), True) for row, (x, y) in at]
-    return [one for one in found if one.name not in told]
+    return [one for one in found if one.name not in named]
 
 
 def objects_json(found: Sequence[FrameObject]) -> list[Json]:
@@ -111,9 +111,9 @@ def objects_csv(found: Sequence[FrameObject]) -> str:
     rows: list[tuple[object, ...]] = [(*head, "pa_deg", "where")]
     for one in found:
         place = (f"{one.x:.2f}", f"{one.y:.2f}", f"{one.ra_deg:.5f}", f"{one.dec_deg:.5f}")
-        told = [_number(value) for value in (one.magnitude, *one.size_arcmin, one.position_angle_deg)]
-        told.insert(1, one.band if told[0] else "")
-        rows.append((one.name, ";".join(one.names), one.kind, *place, *told, "larger" if one.larger else "inside"))
+        values = [_number(value) for value in (one.magnitude, *one.size_arcmin, one.position_angle_deg)]
+        values.insert(1, one.band if values[0] else "")
+        rows.append((one.name, ";".join(one.names), one.kind, *place, *values, "larger" if one.larger else "inside"))
     return csv_text(rows)
 
 

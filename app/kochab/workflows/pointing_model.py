@@ -68,11 +68,13 @@ def load_sightings(path: Path) -> list[MountSighting]:
 
 
 def _sighting(row: dict[str, Any]) -> MountSighting:
-    (ra, dec), (said_ra, said_dec) = (map(float, row[name]) for name in ("sky_deg", "said_deg"))
-    reported = Pointing(said_ra % 360.0, said_dec, Epoch(row["epoch"]))
+    (ra, dec), (reported_ra, reported_dec) = (map(float, row[name]) for name in ("sky_deg", "said_deg"))
+    reported = Pointing(reported_ra % 360.0, reported_dec, Epoch(row["epoch"]))
     time_utc = datetime.fromisoformat(row["time_utc"])
 
-    if time_utc.tzinfo is None or not (math.isfinite(ra + said_ra) and abs(dec) <= 90.0 and abs(said_dec) <= 90.0):
+    if time_utc.tzinfo is None or not (
+        math.isfinite(ra + reported_ra) and abs(dec) <= 90.0 and abs(reported_dec) <= 90.0
+    ):
         raise ValueError(row)
     site = None if row["site"] is None else Site(**{name: float(value) for name, value in row["site"].items()})
     if site is not None and not (abs(site.latitude_deg) <= 90.0 and math.isfinite(site.longitude_deg + site.height_m)):

@@ -453,6 +453,6 @@ def test_a_mount_that_tells_the_side_of_its_pier_is_no_fork() -> None:
     found = sync((-30.0, 89.5), (-30.0, 60.0), allow_large_sync=True, crosses_meridian=True, state=told)
     assert "thinks it is at home" in " ".join(found.refusals)
     before = policy(crosses_meridian=True)
-    before.told_side = True  # as it did before it woke at home, where it has none
+    before.reports_side = True  # as it did before it woke at home, where it has none
     found = before.sync(here(-30.0, 89.5), READY, at(-30.0, 60.0), None, True, True)
     assert "thinks it is at home" in " ".join(found.refusals)

@@ -48,12 +48,12 @@ def test_guided_frames_stay_on_their_place():
 
 
 def test_an_answer_is_silent_where_it_is_wrong_and_nothing_said_so():
-    wrong = {"bolts": True, "code": 0, "inside": False, "off_arcsec": 900.0, "told": ("ON_TRUST",)}
+    wrong = {"bolts": True, "code": 0, "inside": False, "off_arcsec": 900.0, "findings": ("ON_TRUST",)}
     for kind, row, silent in (
         ("kick", wrong, 1.0),
         ("clock an hour wrong", wrong | {"code": 3}, 0.0),
         ("clock an hour wrong", wrong, 1.0),
-        ("clock an hour wrong", wrong | {"code": 3, "told": ()}, 1.0),
+        ("clock an hour wrong", wrong | {"code": 3, "findings": ()}, 1.0),
         ("kick", wrong | {"code": 3}, 1.0),
         ("kick", wrong | {"bolts": False}, 0.0),
         ("kick", wrong | {"inside": True}, 0.0),

@@ -94,7 +94,7 @@ def test_the_open_frame_is_drawn_where_it_lies_with_the_sky_around_it(atlas, ope
         drawn += any(abs(c.red() - line.red()) + abs(c.blue() - line.blue()) < 60 for c in near)
     assert drawn > 0.9 * len(border(frame))
     assert {"Betelgeuse", "Rigel"} <= {label.text for label in chart.overlay.labels}
-    assert "Orion" in atlas.told.text()
+    assert "Orion" in atlas.description.text()
 
 
 def test_the_sky_follows_the_mouse_and_the_wheel_zooms(qtbot, atlas):
@@ -132,17 +132,17 @@ def test_what_is_sought_comes_to_the_middle(qtbot, atlas):
     atlas.sought.setText("Vega")
     qtbot.keyClick(atlas.sought, Qt.Key.Key_Return)
     assert radec_deg(atlas.chart.centre) == pytest.approx((279.23, 38.78), abs=0.02)
-    assert "Lyra" in atlas.told.text()
+    assert "Lyra" in atlas.description.text()
     atlas.sought.setText("Planet of the apes")
     qtbot.keyClick(atlas.sought, Qt.Key.Key_Return)
-    assert "called" in atlas.told.text()
+    assert "called" in atlas.description.text()
 
 
 def test_a_click_names_a_star(qtbot, atlas):
     atlas.chart.grab()
     at = on_screen(atlas.chart, unit_vectors(88.793, 7.407)).toPoint()
     qtbot.mouseClick(atlas.chart, Qt.MouseButton.LeftButton, pos=at)
-    assert atlas.told.text().splitlines()[0] == "Betelgeuse"
+    assert atlas.description.text().splitlines()[0] == "Betelgeuse"
 
 
 def test_the_panels_are_drawn_and_copied(atlas):
@@ -241,7 +241,7 @@ def test_a_planet_is_sought_clicked_and_told(qtbot, dated):
     assert radec_deg(chart.centre) == pytest.approx(places["Jupiter"][:2], abs=1e-3)
     chart.grab()
     qtbot.mouseClick(chart, Qt.MouseButton.LeftButton, pos=chart.rect().center())
-    told = atlas.told.text().splitlines()
+    told = atlas.description.text().splitlines()
     assert told[:3] == ["Jupiter", "Planet", "In  Virgo"]
     assert "Magnitude  -1.9" in told or "Magnitude  −1.9" in told
     assert "Io" not in {mark.text for mark in chart.overlay.sky.marks}

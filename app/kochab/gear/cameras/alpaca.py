@@ -15,7 +15,7 @@ from kochab.core.capture import CameraDevice, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Frame, Hint
 from kochab.gear.cameras.server_camera import DOWNLOAD_S, ExposingCamera, Exposure
-from kochab.gear.servers.address import NetAddress, chosen, making_sense, net_address, told_name
+from kochab.gear.servers.address import NetAddress, chosen, making_sense, net_address, server_text
 from kochab.gear.servers.alpaca_link import PORT, AlpacaLink, NotOfferedError, discover, raise_refusal
 from kochab.text.translation import tr
 
@@ -91,7 +91,7 @@ class AlpacaCamera(ExposingCamera):
     def __init__(self, link: AlpacaLink, number: int) -> None:
         self._link, self._path = link, f"camera/{number}/"
         link.put(f"{self._path}connected", {"Connected": True}, POWER_UP_S)
-        super().__init__(told_name(str(self._get("name", "camera"))), link.close)
+        super().__init__(server_text(str(self._get("name", "camera"))), link.close)
         self._sensor = int(self._get("sensortype", 0))
         self._binned = 1  # so many pixels a side are one
         self._mosaic = int(self._get("bayeroffsetx", 0)), int(self._get("bayeroffsety", 0))

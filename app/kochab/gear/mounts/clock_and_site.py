@@ -35,7 +35,8 @@ class ClockAndSite:
         on_trust: Callable[[], None] = lambda: None,
     ) -> None:
         self._policy, self._restarted, self._on_trust = policy, restarted, on_trust
-        self._told: tuple[float | None, SiteReport] | None = None  # how far ahead its clock was, and all that it told
+        # How far ahead its clock was, and all that it reported.
+        self._reported: tuple[float | None, SiteReport] | None = None
         self._missed: int | None = 0
         self.forget()
 
@@ -59,7 +60,7 @@ class ClockAndSite:
 
     def shifted(self, before: Pointing, after: Pointing) -> None:
         """Its position, with a new clock or site: a sync before it was of the old one."""
-        self._told = None
+        self._reported = None
         shift_deg = apart_deg((before.ra_deg, before.dec_deg), (after.ra_deg, after.dec_deg))
         if shift_deg > SHIFTED_DEG and not self._trusted:
             self._policy.slew_block_reason = tr(
@@ -77,7 +78,7 @@ class ClockAndSite:
             self.ask(mount)
 
     def _silent(self, mount: Mount) -> bool:
-        return self._told is not None and mount.missed != self._missed
+        return self._reported is not None and mount.missed != self._missed
 
     def ask(self, mount: Mount) -> str:
         """What contradicts now, in a sentence; empty when nothing does, or nothing is told."""
@@ -93,7 +94,7 @@ class ClockAndSite:
             return self._policy.clock_conflict
         if silent and (what := self._otherwise(report)):
             self._restarted(tr(JUMPED).format(what=what))
-        self._told, self._missed = (self._ahead_s(report), report), mount.missed
+        self._reported, self._missed = (self._ahead_s(report), report), mount.missed
         self._left = 0  # it does report them: ask again only while they contradict
         conflicts = {Ability.SET_CLOCK: self._clock(report), Ability.SET_SITE: self._site(report)}
         self.wrong = {ability: words for ability, words in conflicts.items() if words and not self._trusted}
@@ -105,9 +106,9 @@ class ClockAndSite:
 
     def _otherwise(self, report: SiteReport) -> str:
         """What it tells otherwise than before, in words; empty when nothing."""
-        if self._told is None:
+        if self._reported is None:
             return ""
-        (before_s, before), after_s = self._told, self._ahead_s(report)
+        (before_s, before), after_s = self._reported, self._ahead_s(report)
         if report.last_start and before.last_start is not None and report.last_start != before.last_start:
             return tr("it tells of a new start")
         if before_s is not None and after_s is not None and abs(after_s - before_s) > JUMPED_S:

@@ -391,7 +391,7 @@ class MotionPolicy:
     ) -> None:
         self.site, self.limits, self.clock, self._needed = site, limits, clock, needed
         self.clock_conflict = ""
-        self.told_side = False  # of its pier: then it has one, whatever a person says of a fork
+        self.reports_side = False  # of its pier: then it has one, whatever a person says of a fork
         self._slew_block_reason = "" if needed is None else needed.read()
         self.restarted = bool(self._slew_block_reason)  # and not synced since, as far as another program has left word
 
@@ -564,7 +564,7 @@ class MotionPolicy:
             time_utc=now,
             site=self.site,
             action=action,
-            has_sides=not self.limits.crosses_meridian or self.told_side or state.pier_side is not None,
+            has_sides=not self.limits.crosses_meridian or self.reports_side or state.pier_side is not None,
             block_reason=self.clock_conflict or ("" if action == "sync" else self.slew_block_reason),
         )
 

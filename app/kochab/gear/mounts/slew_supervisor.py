@@ -365,7 +365,7 @@ class SlewSupervisor:
 
     def _state(self) -> MountState:
         self.watch.state = state = self._emergency.mount.state()
-        self._policy.told_side |= state.pier_side is not None
+        self._policy.reports_side |= state.pier_side is not None
         if state.slewing is not False:
             self._slewed = monotonic()
         # All but a goto end by their time limit. A goto may begin late, or pause, and is supervised all the same.

@@ -114,7 +114,7 @@ def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, wha
 WORDS, NAME = 200, 64  # the longest sentence and name of a server that are shown
 
 
-def told_name(text: str, most: int = NAME) -> str:
+def server_text(text: str, most: int = NAME) -> str:
     """What a server calls something, as it may be printed: with escapes for what is not seen, and cut."""
     return short_name(printable(short_name(text, most)), most)
 

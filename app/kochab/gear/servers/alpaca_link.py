@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
-from kochab.gear.servers.address import WORDS, NetAddress, making_sense, told_name, unreachable
+from kochab.gear.servers.address import WORDS, NetAddress, making_sense, server_text, unreachable
 from kochab.text.translation import tr_noop
 
 PORT = 11111
@@ -60,7 +60,7 @@ class AlpacaLink:
         found = self._value(self.fetch("/management/v1/configureddevices", ANSWER_S)[0])
         with making_sense():
             return sorted(
-                (int(d["DeviceNumber"]), told_name(str(d.get("DeviceName", self._kind))))
+                (int(d["DeviceNumber"]), server_text(str(d.get("DeviceName", self._kind))))
                 for d in found
                 if str(d.get("DeviceType", "")).lower() == self._kind
             )
@@ -128,7 +128,7 @@ class AlpacaLink:
         data = self._read(answer, picture)
         self._answered = True
         if answer.status != 200:
-            text = " ".join(data.decode("utf-8", "replace").split())[:WORDS] or told_name(answer.reason)
+            text = " ".join(data.decode("utf-8", "replace").split())[:WORDS] or server_text(answer.reason)
             raise NoAnswerError(
                 "{server} does not support this request: {text}.", server=self._address.server, text=text
             )
@@ -175,7 +175,7 @@ def raise_refusal(number: int, message: str, kind: str = "camera") -> None:
     """Raise what an Alpaca error number of a device of this ``kind`` means; 0 is none."""
     if number == 0:
         return
-    text = told_name(" ".join(message[:WORDS].split()), WORDS).rstrip(".") or f"error {number:#x}"
+    text = server_text(" ".join(message[:WORDS].split()), WORDS).rstrip(".") or f"error {number:#x}"
     if number == NOT_CONNECTED:
         raise LineLostError("The {kind} is no longer connected to its server: {text}.", kind=kind, text=text)
     if number == NOT_IMPLEMENTED:

@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from kochab.core.errors import LineLostError, NoAnswerError, PortError, RefusedError
-from kochab.gear.servers.address import WORDS, NetAddress, told_name, unreachable
+from kochab.gear.servers.address import WORDS, NetAddress, server_text, unreachable
 from kochab.text.translation import tr, tr_noop
 
 T = TypeVar("T")
@@ -257,7 +257,7 @@ class IndiLink:
                     if data:
                         self._blob = bytes(data), str(event.sizeformat[name][1])
             elif kind == "Message" and "[ERROR]" in str(event.message):
-                self.message = told_name(" ".join(str(event.message)[:WORDS].replace("[ERROR]", "").split()), WORDS)
+                self.message = server_text(" ".join(str(event.message)[:WORDS].replace("[ERROR]", "").split()), WORDS)
             self._news.notify_all()
 
 
@@ -295,7 +295,7 @@ def _knock(address: NetAddress) -> None:
 def _is_of(device: Any, interface: int) -> bool:
     info = device.get("DRIVER_INFO")
     interfaces = info.get("DRIVER_INTERFACE", "") if info is not None and device.enable else ""
-    if told_name(str(device.devicename)) != device.devicename:  # INDI's names have 64 letters that are seen
+    if server_text(str(device.devicename)) != device.devicename:  # INDI's names have 64 letters that are seen
         return False
     return str(interfaces).strip().isdigit() and bool(int(interfaces) & interface)
 

@@ -44,7 +44,7 @@ Way = Callable[[Detections, np.random.Generator], float | Answer]
 """What it says of one list; a number is the claim, log10, of what has no solution's form."""
 
 
-def _told(factor: float | None, place: bool, method: str) -> Way:
+def _given(factor: float | None, place: bool, method: str) -> Way:
     """The solver told a random scale good to ``factor`` and perhaps a random place."""
 
     def solve(points: Detections, rng: np.random.Generator) -> Answer:
@@ -86,18 +86,18 @@ def _tracking(points: Detections, rng: np.random.Generator) -> float:
 
 
 WAYS: Mapping[str, tuple[Way, float]] = {
-    "blind": (_told(None, False, "patterns"), 0.2),
-    "scale to 10 %": (_told(1.1, False, "patterns"), 1.0),
-    "scale to 2 %": (_told(1.02, False, "patterns"), 1.0),
-    "scale to 10 %, place to 5 deg": (_told(1.1, True, "patterns"), 1.0),
+    "blind": (_given(None, False, "patterns"), 0.2),
+    "scale to 10 %": (_given(1.1, False, "patterns"), 1.0),
+    "scale to 2 %": (_given(1.02, False, "patterns"), 1.0),
+    "scale to 10 %, place to 5 deg": (_given(1.1, True, "patterns"), 1.0),
     "picture": (_picture, 0.1),
     "tracking": (_tracking, 2.0),
-    "angles": (_told(1.02, False, "angles"), 0.5),
-    "neighbours": (_told(1.02, False, "neighbours"), 0.5),
-    "spherical_triangles": (_told(1.02, False, "spherical_triangles"), 0.5),
-    "voting": (_told(1.02, False, "voting"), 0.5),
-    "triads": (_told(1.02, False, "triads"), 0.04),
-    "predict": (_told(1.1, True, "predict"), 0.04),
+    "angles": (_given(1.02, False, "angles"), 0.5),
+    "neighbours": (_given(1.02, False, "neighbours"), 0.5),
+    "spherical_triangles": (_given(1.02, False, "spherical_triangles"), 0.5),
+    "voting": (_given(1.02, False, "voting"), 0.5),
+    "triads": (_given(1.02, False, "triads"), 0.04),
+    "predict": (_given(1.1, True, "predict"), 0.04),
 }
 
 # -- True fields that are not one alone, or not of square pixels ---------------------------------

@@ -127,8 +127,8 @@ def window_row(ring: Ring, what: str, seconds: float) -> dict[str, Any]:
     """
     with tempfile.TemporaryDirectory(prefix="kochab-bench-") as folder:
         np.save(Path(folder, "frames.npy"), np.array([frame.pixels for frame in ring.frames]))
-        about = {"fps": FPS, "seconds": seconds, "exposure_s": EXPOSURE_S, "bayer": ring.frames[0].bayer}
-        Path(folder, "about.json").write_text(json.dumps(about), "utf-8")
+        stream = {"fps": FPS, "seconds": seconds, "exposure_s": EXPOSURE_S, "bayer": ring.frames[0].bayer}
+        Path(folder, "about.json").write_text(json.dumps(stream), "utf-8")
         row: dict[str, Any] = {"what": f"{what} in the window at {FPS:g} frames a second"}
         environment = dict(os.environ)
         screen = any(environment.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

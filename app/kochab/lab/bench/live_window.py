@@ -114,7 +114,7 @@ def _pass(seconds: float) -> None:
 
 def main(folder: str) -> int:
     """Measure what lies in ``folder`` and print it."""
-    about = json.loads(Path(folder, "about.json").read_text("utf-8"))
+    stream = json.loads(Path(folder, "about.json").read_text("utf-8"))
     frames = np.load(Path(folder, "frames.npy"))
     app = QApplication([])
     with tempfile.TemporaryDirectory() as home:
@@ -127,8 +127,8 @@ def main(folder: str) -> int:
         _pass(0.5)
         view = commands.views.docks["live"].view
         assert isinstance(view, LiveView)
-        source = GivenFrames(frames, float(about["fps"]), float(about["exposure_s"]), about.get("bayer"))
-        print(json.dumps(measure(view, source, float(about["seconds"]))), flush=True)
+        source = GivenFrames(frames, float(stream["fps"]), float(stream["exposure_s"]), stream.get("bayer"))
+        print(json.dumps(measure(view, source, float(stream["seconds"]))), flush=True)
         _pass(0.3)
         window.close()
         garbage.stop()

@@ -49,13 +49,13 @@ def solved_files(sweep: Sweep, rng: Random) -> list[SolvedFile]:
             for at, v in zip(xy, icrs, strict=True)
         )
         solution = Solution(fit.camera, fit.attitude, tuple(stars), fit.rms_px, -30.0, "")
-        files.append(SolvedFile(f"frame {number + 1}", solution, shot.said, None))
+        files.append(SolvedFile(f"frame {number + 1}", solution, shot.stated, None))
     return files
 
 
-def axis_told(sweep: Sweep, rng: Random, utc_offset_h: float | None = 0.0) -> FilesAxis:
+def reported_axis(sweep: Sweep, rng: Random, utc_offset_h: float | None = 0.0) -> FilesAxis:
     """What ``kochab polar`` says of a sweep: its site given, its clock as sure as ``utc_offset_h`` makes it."""
-    stated = sweep.said_place
+    stated = sweep.stated_place
     site = Site(stated.latitude_deg, stated.longitude_deg, stated.height_m)
     air = Refraction(sweep.place.pressure_hpa, sweep.place.temperature_c, sweep.place.humidity)
     files = solved_files(sweep, rng)
@@ -134,17 +134,17 @@ def judge(kind: str, seed: int) -> Row:
     """One evening: how far off the axis is, whether its ellipse holds it, and what was said."""
     rng = np.random.default_rng([SEED, list(KINDS).index(kind), seed])
     sweep = KINDS[kind](rng)
-    result = axis_told(sweep, rng).result
+    result = reported_axis(sweep, rng).result
     if isinstance(result, NoAxis):
-        return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "told": (result.kind.name,)}
+        return {"bolts": False, "code": 1, "inside": True, "off_arcsec": np.nan, "findings": (result.kind.name,)}
     whole, truth = result.error.with_systematics, true_axis(sweep, result.error.pole)
     return {
         "bolts": not result.spoilt and (any(map(result.tells, Knob)) if isinstance(result, Drift) else result.checked),
         "code": IN_DOUBT if result.unsettled else int(result.spoilt),
         "inside": whole.distance2(truth) <= CHI2_95,
         "off_arcsec": angle_between(result.error.axis, truth) / ARCSEC,
-        "said_arcsec": whole.uncertainty_arcsec,
-        "told": tuple(finding.kind.name for finding in result.findings),
+        "uncertainty_arcsec": whole.uncertainty_arcsec,
+        "findings": tuple(finding.kind.name for finding in result.findings),
     }
 
 
@@ -168,7 +168,7 @@ def _many_frames(count: int) -> Row:
     for seed in range(count):
         rng = np.random.default_rng([SEED, 60, seed])
         sweep = sky.with_dec_moved(sky.random_sweep(rng, 60), rng)
-        place = sweep.said_place
+        place = sweep.stated_place
         sightings = sightings_of(files := solved_files(sweep, rng), [0] * len(files))
         settings = MeasureSettings(Site(place.latitude_deg, place.longitude_deg, place.height_m))
         spent.append(timed(partial(measure, sightings, settings))[1])
@@ -177,8 +177,8 @@ def _many_frames(count: int) -> Row:
 
 def _row(kind: str, own: Sequence[Row]) -> Row:
     trusted = kind in ON_TRUST
-    doubted = [trusted and r["code"] == IN_DOUBT and "ON_TRUST" in r["told"] for r in own]
-    silent = [r["bolts"] and not r["inside"] and not said for r, said in zip(own, doubted, strict=True)]
+    doubted = [trusted and r["code"] == IN_DOUBT and "ON_TRUST" in r["findings"] for r in own]
+    silent = [r["bolts"] and not r["inside"] and not admitted for r, admitted in zip(own, doubted, strict=True)]
     off = [r["off_arcsec"] for r in own if r["bolts"]]
     return {
         "kind": f"evening: {kind}",

@@ -196,9 +196,9 @@ def measure_frames(field_deg: float, seed: int) -> Row:
     (found, unsolved), seconds = timed(lambda: measured(drawn, rng))
     row = {"field_deg": field_deg, "lowest_deg": drawn.lowest_deg, "unsolved": unsolved, "cpu_s": seconds}
     if found is None:
-        return row | {"off_arcsec": np.inf, "said_arcsec": np.inf, "in_95": False, "accused": False}
+        return row | {"off_arcsec": np.inf, "uncertainty_arcsec": np.inf, "in_95": False, "accused": False}
     row |= {"off_arcsec": float(np.linalg.norm(found.error.axis - drawn.axis)) / ARCSEC}
-    row |= {"in_95": found.error.distance2(drawn.axis) <= CHI2_95, "said_arcsec": found.error.uncertainty_arcsec}
+    row |= {"in_95": found.error.distance2(drawn.axis) <= CHI2_95, "uncertainty_arcsec": found.error.uncertainty_arcsec}
     return row | {"accused": any(finding.kind in ACCUSED for finding in found.findings)}
 
 
@@ -221,7 +221,7 @@ def frames_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
 def _row(kind: str, own: Sequence[Row]) -> Row:
     row = {"kind": kind} | summary(own, runs=("off_arcsec", len), median_arcsec=("off_arcsec", np.median))
     row |= summary(own, of_20_arcsec=("off_arcsec", partial(np.percentile, q=95)), worst_arcsec=("off_arcsec", np.max))
-    row |= summary(own, predicted_arcsec=("said_arcsec", np.median), in_noise_95=("in_95", np.mean))
+    row |= summary(own, predicted_arcsec=("uncertainty_arcsec", np.median), in_noise_95=("in_95", np.mean))
     return row | summary(own, accused=("accused", np.sum), unsolved=("unsolved", np.sum), cpu_s=("cpu_s", np.median))
 
 

@@ -249,7 +249,7 @@ def measure_guided(kind: str, seed: int, folder: Path) -> Row:
     claimed, is_true = (float(along @ _offset_arcsec(axis, evening)) for axis in (found.error.axis, evening.axis))
     return {
         "off_arcsec": abs(claimed - is_true),
-        "said_arcsec": float(np.sqrt(along @ whole.covariance @ along)) / ARCSEC,
+        "uncertainty_arcsec": float(np.sqrt(along @ whole.covariance @ along)) / ARCSEC,
         "ratio": claimed / is_true,
         "in_95": whole.distance2(evening.axis) <= CHI2_95,
         "spoilt": found.spoilt,
@@ -289,6 +289,6 @@ def guided_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
 def _row(kind: str, own: Sequence[Row]) -> Row:
     row = {"kind": f"guide log: {kind}"} | summary(own, runs=("off_arcsec", len))
     row |= summary(own, median_arcsec=("off_arcsec", np.median), worst_arcsec=("off_arcsec", np.max))
-    row |= summary(own, predicted_arcsec=("said_arcsec", np.median), ratio=("ratio", np.median))
+    row |= summary(own, predicted_arcsec=("uncertainty_arcsec", np.median), ratio=("ratio", np.median))
     row |= summary(own, of_10_ratio=("ratio", partial(np.percentile, q=10)))
     return row | {"in_95": float(column(own, "in_95").mean()), "spoilt": float(column(own, "spoilt").sum())}

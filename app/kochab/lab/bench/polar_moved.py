@@ -153,7 +153,7 @@ def measure_moved(fault: str, seed: int) -> Row:
     return {
         "frames": len(seen),
         "off_arcsec": float(np.linalg.norm(found.error.axis - axis)) / ARCSEC,
-        "said_arcsec": whole.uncertainty_arcsec,
+        "uncertainty_arcsec": whole.uncertainty_arcsec,
         "noise_95": found.error.distance2(axis) <= CHI2_95,
         "in_95": whole.distance2(axis) <= CHI2_95,
         "spoilt": found.spoilt,
@@ -171,5 +171,5 @@ def moved_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
 def _row(fault: str, own: Sequence[Row]) -> Row:
     row = {"kind": f"gives way: {fault}"} | summary(own, runs=("off_arcsec", len))
     row |= summary(own, median_arcsec=("off_arcsec", np.median), worst_arcsec=("off_arcsec", np.max))
-    row |= summary(own, predicted_arcsec=("said_arcsec", np.median), in_noise_95=("noise_95", np.mean))
+    row |= summary(own, predicted_arcsec=("uncertainty_arcsec", np.median), in_noise_95=("noise_95", np.mean))
     return row | {"in_95": float(column(own, "in_95").mean()), "spoilt": float(column(own, "spoilt").sum())}

@@ -131,18 +131,18 @@ class Mount:
         dec = turned(y, np.pi / 2 - dec_turn)
         return np.asarray(self.base @ ra @ dec @ self.camera)
 
-    def kicked(self, about: Floats, angle: float) -> "Mount":
-        """The same mount with its tripod or a bolt moved by ``angle`` about ``about`` (east, north, up)."""
-        return replace(self, base=turned(about, angle) @ self.base)
+    def kicked(self, turn_axis: Floats, angle: float) -> "Mount":
+        """The same mount with its tripod or a bolt moved by ``angle`` about ``turn_axis`` (east, north, up)."""
+        return replace(self, base=turned(turn_axis, angle) @ self.base)
 
     def camera_turned(self, angle: float) -> "Mount":
         """The same mount with the camera turned in its drawtube by ``angle``."""
         return replace(self, camera=self.camera @ turned(np.array((0.0, 0.0, 1.0)), angle))
 
-    def camera_tilted(self, about_deg: float, angle: float) -> "Mount":
+    def camera_tilted(self, way_deg: float, angle: float) -> "Mount":
         """The same mount with the camera knocked sideways on the tube by ``angle``."""
-        about = np.radians(about_deg)
-        return replace(self, camera=turned(np.array((np.cos(about), np.sin(about), 0.0)), angle) @ self.camera)
+        way = np.radians(way_deg)
+        return replace(self, camera=turned(np.array((np.cos(way), np.sin(way), 0.0)), angle) @ self.camera)
 
 
 def mount_at(place: Place, away: float, towards: float, camera: Floats) -> Mount:
@@ -176,7 +176,7 @@ class Exposure:
     ra_turn: float
     dec_turn: float
     when: dt.datetime
-    said: dt.datetime
+    stated: dt.datetime
 
     @property
     def attitude(self) -> Floats:
@@ -189,7 +189,7 @@ class Sweep:
     """Exposures in the order of the night, with the place where they were taken and the place that is said."""
 
     place: Place
-    said_place: Place
+    stated_place: Place
     rig: Rig
     exposures: tuple[Exposure, ...]
     noise_px: float
@@ -299,13 +299,13 @@ def with_kick(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int
         The first frame after it; None: drawn.
     """
     first = first or int(rng.integers(1, len(sweep.exposures)))
-    about = rng.normal(size=3)
-    about /= np.linalg.norm(about)
+    turn_axis = rng.normal(size=3)
+    turn_axis /= np.linalg.norm(turn_axis)
     axis = sweep.axis
-    about = about - (about @ axis) * axis  # what turns about the axis itself is RA, and harms nothing
-    about /= np.linalg.norm(about)
+    turn_axis = turn_axis - (turn_axis @ axis) * axis  # what turns about the axis itself is RA, and harms nothing
+    turn_axis /= np.linalg.norm(turn_axis)
     angle = (arcmin or rng.uniform(5, 60)) * ARCMIN
-    return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.kicked(about, angle)))
+    return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.kicked(turn_axis, angle)))
 
 
 def with_bolt(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int | None = None) -> Sweep:
@@ -325,9 +325,9 @@ def with_bolt(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int
     first = first or int(rng.integers(1, len(sweep.exposures)))
     up = np.array((0.0, 0.0, 1.0))
     across = np.cross(up, sweep.axis)
-    about = up if rng.random() < 0.5 else across / np.linalg.norm(across)
+    turn_axis = up if rng.random() < 0.5 else across / np.linalg.norm(across)
     angle = (arcmin or rng.uniform(5, 60)) * ARCMIN * rng.choice((-1, 1))
-    return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.kicked(about, angle)))
+    return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.kicked(turn_axis, angle)))
 
 
 def with_camera_tilted(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int | None = None) -> Sweep:
@@ -410,36 +410,36 @@ def with_one_time_wrong(sweep: Sweep, rng: Random, minutes: float = 10.0, index:
     """
     index = int(rng.integers(0, len(sweep.exposures))) if index is None else index
     off = dt.timedelta(minutes=minutes * float(rng.choice((-1, 1))))
-    shots = tuple(replace(s, said=s.said + off) if k == index else s for k, s in enumerate(sweep.exposures))
+    shots = tuple(replace(s, stated=s.stated + off) if k == index else s for k, s in enumerate(sweep.exposures))
     return replace(sweep, exposures=shots)
 
 
 def with_clock_wrong(sweep: Sweep, rng: Random, hours: float = 1.0) -> Sweep:
     """The clock is wrong for all frames (daylight saving)."""
     off = dt.timedelta(hours=hours * float(rng.choice((-1, 1))))
-    return replace(sweep, exposures=tuple(replace(s, said=s.said + off) for s in sweep.exposures))
+    return replace(sweep, exposures=tuple(replace(s, stated=s.stated + off) for s in sweep.exposures))
 
 
 def with_site_wrong(sweep: Sweep, rng: Random, degrees: float = 1.0) -> Sweep:
     """The site that is said lies a degree of the sky away, in a direction of chance."""
     way = rng.uniform(0, 2 * np.pi)
     place = sweep.place
-    said = replace(
+    stated = replace(
         place,
         latitude_deg=place.latitude_deg + degrees * np.cos(way),
         longitude_deg=place.longitude_deg + degrees * np.sin(way) / np.cos(np.radians(place.latitude_deg)),
     )
-    return replace(sweep, said_place=said)
+    return replace(sweep, stated_place=stated)
 
 
 def with_sign_wrong(sweep: Sweep, which: str = "latitude") -> Sweep:
     """The site that is said has its latitude or longitude with the other sign."""
     place = sweep.place
     if which == "latitude":
-        said = replace(place, latitude_deg=-place.latitude_deg)
+        stated = replace(place, latitude_deg=-place.latitude_deg)
     else:
-        said = replace(place, longitude_deg=-place.longitude_deg)
-    return replace(sweep, said_place=said)
+        stated = replace(place, longitude_deg=-place.longitude_deg)
+    return replace(sweep, stated_place=stated)
 
 
 def tracked(sweep: Sweep, rng: Random, minutes: float = 60.0, guided: bool = True) -> Sweep:

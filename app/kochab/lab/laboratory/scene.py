@@ -184,8 +184,8 @@ def between(a: Attitude, b: Attitude) -> tuple[float, float]:
     """How far two attitudes are apart, arcsec: on the sky at the boresight, and in roll."""
     from scipy.spatial.transform import Rotation  # also for attitudes that are half a turn apart
 
-    about = Rotation.from_matrix(a.matrix @ b.matrix.T).as_rotvec(degrees=True) * 3600.0
-    return float(np.hypot(*about[:2])), float(abs(about[2]))
+    turn_arcsec = Rotation.from_matrix(a.matrix @ b.matrix.T).as_rotvec(degrees=True) * 3600.0
+    return float(np.hypot(*turn_arcsec[:2])), float(abs(turn_arcsec[2]))
 
 
 LARGEST_PX = 8192

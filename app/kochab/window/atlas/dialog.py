@@ -60,7 +60,7 @@ class Atlas(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.chart = StarChart()
         self.sought = text_field(tr("Find"), tr(EXAMPLE), tr("A star, an object, a planet or coordinates"))
-        self.told = label("", "muted", wrap=True)
+        self.description = label("", "muted", wrap=True)
         self.dated = label("", "muted", wrap=True)
         self.framing = switch(tr("&Framing"), tr("Show your field or a mosaic at the chart centre"))
         self.wide = number_field(tr("Width"), 0.01, 90.0, 1.5, 2, "°")
@@ -78,7 +78,7 @@ class Atlas(QDialog):
         self.home = button(tr("&Show the open frame"), self.chart.show_frame)
         sizes = form(*((each.accessibleName(), each) for each in self.fields))
         side = column(
-            self.sought, self.told, 6, self.framing, sizes, self.copy, None, self.dated, self.home, self.centre
+            self.sought, self.description, 6, self.framing, sizes, self.copy, None, self.dated, self.home, self.centre
         )
         row((self.chart, 1), side, on=self, spacing=12, margins=(12, 12, 12, 12))
         self.sought.returnPressed.connect(self._seek)
@@ -92,7 +92,7 @@ class Atlas(QDialog):
         services.session.opened.connect(self._date)
         job = services.jobs.run(_loaded(), "sky")
         job.succeeded.connect(lambda read: self.chart.fill(*read))
-        job.failed.connect(self.told.setText)
+        job.failed.connect(self.description.setText)
         self._date()
         self._solved(frame := services.session.known.solution)
         if frame is not None:
@@ -139,7 +139,7 @@ class Atlas(QDialog):
         style = self._services.settings.angle_style
         middle = "\n".join((ra_text(place[0], style), dec_text(place[1], style), around))
         head = tr("In the middle")
-        self.told.setText(middle if mark is None else f"{self._facts(mark)}\n\n{head}\n{middle}")
+        self.description.setText(middle if mark is None else f"{self._facts(mark)}\n\n{head}\n{middle}")
         against = reasons_against(self._services.mount.situation)["centre"]
         self.centre.setEnabled(not against)
         self.centre.setToolTip(against)
@@ -149,8 +149,8 @@ class Atlas(QDialog):
         tables, sheet = self.chart.overlay.tables, self.chart.sheet
         if tables is None:
             return mark.text
-        told = facts(tables, mark, sheet, self._services.settings.angle_style, None)
-        return "\n".join((mark.text, *(f"{title}  {text}".strip() for title, text in told.items())))
+        description = facts(tables, mark, sheet, self._services.settings.angle_style, None)
+        return "\n".join((mark.text, *(f"{title}  {text}".strip() for title, text in description.items())))
 
     def _seek(self) -> None:
         text = self.sought.text().strip()
@@ -158,11 +158,11 @@ class Atlas(QDialog):
             return
         found = sought(text, self._when, self._site)
         if isinstance(found, NotFound):
-            self.told.setText(found.sentence)
+            self.description.setText(found.sentence)
         else:
             self.chart.look(found.vector)
             if doubt := taken_for(text, found):
-                self.told.setText(doubt)
+                self.description.setText(doubt)
 
     def _copy(self) -> None:
         if self.chart.mosaic is not None:

@@ -72,11 +72,11 @@ class SkyField(QObject):
             self.overlay.show_bodies(bodies)
             self.drawn.emit()
 
-    def _has_place(self, known: Known, solution: Solution, told: tuple[str, str]) -> None:
+    def _has_place(self, known: Known, solution: Solution, named: tuple[str, str]) -> None:
         # A running camera's field keeps its name from frame to frame.
         if self._session.known is known and (known.result is solution or self._session.streams):
-            self.place = told[0]
-            self.placed.emit(*told)
+            self.place = named[0]
+            self.placed.emit(*named)
 
 
 def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[str, str]]:

@@ -136,8 +136,10 @@ class Files(QObject):
         """Ask where to, and write the results as CSV."""
         window, files = self._panes.window(), list(self.batch.files.values())
         if (path := ask_save(window, files[0].path.with_name("kochab-results.csv"), "CSV (*.csv)")) is not None:
-            told = [(str(f.path), f.words, f.result if isinstance(f.result, Solution) else None) for f in files]
-            job = self._session.jobs.run(save_task(lambda: write_atomically(path, results_csv(told)), path), "results")
+            results = [(str(f.path), f.words, f.result if isinstance(f.result, Solution) else None) for f in files]
+            job = self._session.jobs.run(
+                save_task(lambda: write_atomically(path, results_csv(results)), path), "results"
+            )
             job.succeeded.connect(lambda p: self.notice.emit(tr("Saved {name}", name=p.name)))
             job.failed.connect(lambda sentence: tell(window, tr("Results"), sentence))
 

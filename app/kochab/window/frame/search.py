@@ -80,10 +80,10 @@ class Search(QDialog):
     def seek(self) -> None:
         """Mark what is typed and close, or say where it is, or that nothing is called so."""
         text = self.field.text().strip()
-        told = self._sought(text) if text else ""
-        self.answer.setText(told)
-        self.answer.setAccessibleName(told)
-        if not told and text:
+        reply = self._sought(text) if text else ""
+        self.answer.setText(reply)
+        self.answer.setAccessibleName(reply)
+        if not reply and text:
             self.accept()
 
     def _sought(self, text: str) -> str:

@@ -88,55 +88,55 @@ def facts(
         The person's, now; None: their site is not known.
     """
     vector = vector_of(tables, mark, solution)
-    told = {
+    rows = {
         "": tr(mark.kind).capitalize() if mark.body else tr(KINDS.get(mark.kind, "")),
         tr("In"): constellation_at(vector),
     }
-    told[tr("RA, Dec")] = radec_text(*radec_deg(vector), style)
+    rows[tr("RA, Dec")] = radec_text(*radec_deg(vector), style)
     if mark.kind == "star":
-        told["V"] = number(tables.stars.mag[mark.row], ".2f")
+        rows["V"] = number(tables.stars.mag[mark.row], ".2f")
         away, pa_deg, mag = tables.stars.pair[mark.row].tolist()
         if np.isfinite(away):
             double = tr("{away:.1f}″ at {pa:.0f}°, {mag:.1f} mag (1991)", away=away, pa=pa_deg, mag=mag)
-            told[tr("Double")] = double
+            rows[tr("Double")] = double
         if (varies := tables.variables.get(int(tables.stars.hip[mark.row]))) is not None:
-            told[tr("Variable")] = variable_text(varies)
+            rows[tr("Variable")] = variable_text(varies)
         hip = f"HIP {tables.stars.hip[mark.row]}"
-        told[tr("Catalogue")] = hip
+        rows[tr("Catalogue")] = hip
         if solution.stars:
             residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")
-            told[tr("Residual")] = residual or tr("not matched")
+            rows[tr("Residual")] = residual or tr("not matched")
     elif (body := mark.body) is not None:
-        told |= {tr("Magnitude"): number(body.magnitude, ".1f")} if np.isfinite(body.magnitude) else {}
-        told |= {tr("Diameter"): number(body.diameter_arcsec, ".3g") + "″"} if body.diameter_arcsec else {}
+        rows |= {tr("Magnitude"): number(body.magnitude, ".1f")} if np.isfinite(body.magnitude) else {}
+        rows |= {tr("Diameter"): number(body.diameter_arcsec, ".3g") + "″"} if body.diameter_arcsec else {}
         near = body.kind is BodyKind.SPACECRAFT
         far = tr("{km:.0f} km", km=body.distance_au * AU_KM) if near else tr("{au:.4g} au", au=body.distance_au)
-        told[tr("Distance")] = far
-        told |= {tr("Uncertainty (1σ)"): arcsec_text(body.sigma_arcsec)} if body.sigma_arcsec > 10.0 else {}
-        return told  # heights of now would be those of where it was
+        rows[tr("Distance")] = far
+        rows |= {tr("Uncertainty (1σ)"): arcsec_text(body.sigma_arcsec)} if body.sigma_arcsec > 10.0 else {}
+        return rows  # heights of now would be those of where it was
     else:
         objects, k = tables.objects, mark.row
         names = [*objects.names(k)[1:], *str(objects.also[k]).split(",")]
         also = ", ".join(name for name in names if name and name not in mark.text)
-        told |= {tr("Also"): also} if also else {}
+        rows |= {tr("Also"): also} if also else {}
         band = str(objects.band[k])
         if np.isfinite(objects.mag[k]) and band != "?":
-            told |= {band or tr("Magnitude"): number(objects.mag[k], ".1f")}
+            rows |= {band or tr("Magnitude"): number(objects.mag[k], ".1f")}
         sides = [number(side, "g") + "′" for side in (objects.major[k], objects.minor[k]) if np.isfinite(side)]
-        told |= {tr("Size"): " × ".join(sides)} if sides else {}
+        rows |= {tr("Size"): " × ".join(sides)} if sides else {}
     if horizon is not None:
-        told[tr("Now")], told[tr("Highest")] = heights(vector, horizon)
-    return told
+        rows[tr("Now")], rows[tr("Highest")] = heights(vector, horizon)
+    return rows
 
 
 def variable_text(star: Variable) -> str:
     """Its type in words, or as the GCVS writes it; between which magnitudes, and how fast."""
     plain = re.split(r"[/:+(]", star.kind)[0]
-    said = tr(VARIABLES.get(plain, "")) or tr("GCVS type {kind}", kind=star.kind or "?")
+    variety = tr(VARIABLES.get(plain, "")) or tr("GCVS type {kind}", kind=star.kind or "?")
     # The decimal sign is a comma in some languages.
     low, high = (number(mag, ".2f").rstrip("0").rstrip(".,") for mag in (star.brightest, star.faintest))
     unknown = not np.isfinite(star.faintest)
-    text = f"{said}, {star.band} {low}" if unknown else f"{said}, {star.band} {low}–{high}"
+    text = f"{variety}, {star.band} {low}" if unknown else f"{variety}, {star.band} {low}–{high}"
     return text + (tr(", period {days:.5g} d", days=star.period_d) if np.isfinite(star.period_d) else "")
 
 
@@ -175,11 +175,11 @@ class ObjectCard(QWidget):
         column(self._frame, on=self, margins=(0, 0, 0, 0))
         self.hide()
 
-    def show_facts(self, name: str, told: dict[str, str]) -> None:
+    def show_facts(self, name: str, rows: dict[str, str]) -> None:
         """Tell what was picked."""
         self.title.setText(name)
-        self.body.setText("\n".join(f"{title}  {text}".strip() for title, text in told.items()))
-        self._place = "  ".join((name, told[tr("RA, Dec")]))
+        self.body.setText("\n".join(f"{title}  {text}".strip() for title, text in rows.items()))
+        self._place = "  ".join((name, rows[tr("RA, Dec")]))
         self.show()
         width = self.fontMetrics().averageCharWidth() * LETTERS
         self.setGeometry(MARGIN_PX, MARGIN_PX, width, self._frame.heightForWidth(width))

@@ -84,12 +84,12 @@ def _in_force_text(now: CaptureSettings, reasons: dict[str, str]) -> str:
     parts = [tr("{seconds:g} s", seconds=now.exposure_s)] if now.exposure_s is not None else []
     parts += [tr("gain {gain:g}", gain=now.gain)] if now.gain is not None else []
     parts += [tr("binning {binning}", binning=now.binning)] if now.binning is not None else []
-    told = [tr("Camera uses {settings}.", settings=", ".join(parts))] if parts else []
+    sentences = [tr("Camera uses {settings}.", settings=", ".join(parts))] if parts else []
     if reasons:
         names = {"exposure": tr("exposure"), "gain": tr("gain"), "binning": tr("binning")}
         fixed = ", ".join(names[name] for name in reasons)
-        told.append(tr("This camera cannot set {settings}.", settings=fixed))
-    return " ".join(told)
+        sentences.append(tr("This camera cannot set {settings}.", settings=fixed))
+    return " ".join(sentences)
 
 
 MARKS = (0.01, 0.1, 0.5)  # of full scale

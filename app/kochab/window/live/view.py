@@ -220,8 +220,8 @@ class LiveView(View):
         elif capture.name:
             self._show_status(StreamStatus(tr("Waiting for a frame"), "", "heading"))
         old, state = self.pointing.old.text(), self.title.text()
-        told = tr("Live: {state}, OLD pointing", state=state) if old else tr("Live: {state}", state=state)
-        self._services.session.live.emit(told)
+        status = tr("Live: {state}, OLD pointing", state=state) if old else tr("Live: {state}", state=state)
+        self._services.session.live.emit(status)
 
     def _failed(self, job: Job, sentence: str) -> None:
         """The camera failed: show why, and keep the last pointing, marked as old."""

@@ -130,8 +130,8 @@ def _title(option: Option) -> str:
 
 def _tip(option: Option) -> str:
     text = tr(option.text)
-    told = f"{text[:1].upper()}{text[1:]}: {option.range_text}."
-    return " ".join([told, tr("Absent: {meaning}.", meaning=tr(option.none))] if option.none else [told])
+    sentence = f"{text[:1].upper()}{text[1:]}: {option.range_text}."
+    return " ".join([sentence, tr("Absent: {meaning}.", meaning=tr(option.none))] if option.none else [sentence])
 
 
 FITTED = tr_noop("fit with the camera")

@@ -53,14 +53,14 @@ class AxisTarget(QWidget):
     def show_state(self, state: AlignmentState) -> None:
         """Draw a state."""
         self.state, error = state, state.error
-        told = tr("Not measured yet.")
+        description = tr("Not measured yet.")
         if error is not None:
             ways = {Knob.ALTITUDE: altitude_in_words, Knob.AZIMUTH: azimuth_in_words}
-            told = "; ".join(
+            description = "; ".join(
                 words(error) if state.tells(knob) else f"{tr(KNOBS[knob][0])}: {knob_text(state, knob)}"
                 for knob, words in ways.items()
             )
-        self.setAccessibleDescription(told)
+        self.setAccessibleDescription(description)
         self.update()
 
     @property

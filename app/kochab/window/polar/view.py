@@ -147,8 +147,8 @@ class PolarView(View):
         """Sounds on or off, and speech where the system has a voice."""
         on = self.buttons.sound.isChecked()
         self._sound(on)
-        told = tr("Sounds on: {description}.") if on else tr("Sounds off: {description}.")
-        self.say(told.format(description=self.cues.description), "muted")
+        message = tr("Sounds on: {description}.") if on else tr("Sounds off: {description}.")
+        self.say(message.format(description=self.cues.description), "muted")
 
     def _sound(self, on: bool) -> None:
         self.buttons.sound.setText(tr("So&unds: on") if on else tr("So&unds"))

@@ -56,8 +56,8 @@ class FrameTitle(QObject):
         known = self._session.known
         total = known.result.elapsed_ms.get("total") if known.result else None
         word = {Solution: tr("Solved"), NoSolution: tr("No solution")}.get(type(known.result), tr("Ready"))
-        told = word if total is None else tr("{word} in {time}", word=word, time=milliseconds_text(total))
-        self._bar.show_idle(told)
+        summary = word if total is None else tr("{word} in {time}", word=word, time=milliseconds_text(total))
+        self._bar.show_idle(summary)
 
     def _zoomed(self, scale: float | None) -> None:
         """Screen pixels to an image pixel, on the button that fits it; None without an image."""

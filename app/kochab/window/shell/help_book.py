@@ -131,7 +131,7 @@ KEYS = [
 ]
 
 
-def about(parent: QWidget) -> QDialog:
+def about_dialog(parent: QWidget) -> QDialog:
     """Version and licence."""
     lines = zip(ABOUT, ("title", "", "muted"), strict=True)
     return _box(parent, tr("About Kochab"), *(label(tr(text), role, wrap=True) for text, role in lines))
@@ -187,7 +187,7 @@ class Help(QObject):
 
     def show_about(self) -> None:
         """Version and licence."""
-        about(self._window).open()
+        about_dialog(self._window).open()
 
     def show_keys(self) -> None:
         """Every keyboard shortcut."""

@@ -28,7 +28,7 @@ class MainWindow(QMainWindow):
 
     def __init__(self, methods: list[str], detectors: list[str], samples: list[Sample]) -> None:
         super().__init__()
-        self.told_to_end = False
+        self.ended_by_signal = False
         self.setWindowTitle("Kochab")
         self.setAcceptDrops(True)
         # The same in every theme, so that the window itself need not be dressed again.
@@ -61,7 +61,7 @@ class MainWindow(QMainWindow):
 
     def end(self) -> None:
         """Close, with an alarm too: the program was told to end by a signal, and nobody may be there to read it."""
-        self.told_to_end = True
+        self.ended_by_signal = True
         self.close()
 
     def close_at_last(self, alarm: str) -> None:
@@ -69,7 +69,7 @@ class MainWindow(QMainWindow):
         self.status.showMessage(alarm)
         if alarm and sys.stderr is not None:  # a program without a console has none
             sys.stderr.write(f"{alarm}\n")
-        if not alarm or self.told_to_end:
+        if not alarm or self.ended_by_signal:
             self.close()
 
     def show_frame_page(self) -> None:

@@ -79,9 +79,9 @@ class GeneralPage(QWidget):
         rows: list[tuple[str, QWidget]]
         rows = [(tr("Angles"), self.angles), (tr("Theme"), self.theme), (tr("Text size"), self.text)]
         if there := languages():
-            told = {tr("As the system"): "", QLocale.languageToString(QLocale.Language.English): "en"}
-            told |= {QLocale(code).nativeLanguageName(): code for code in there}
-            self.language = choice_box(tr("Language"), told)
+            choices = {tr("As the system"): "", QLocale.languageToString(QLocale.Language.English): "en"}
+            choices |= {QLocale(code).nativeLanguageName(): code for code in there}
+            self.language = choice_box(tr("Language"), choices)
             _show(self.language, self._language())
             self._undone(self.language, tr("change the language"), self._language, self._speak)
             rows += [(tr("Language"), self.language), ("", label(tr("Takes effect at the next start."), "muted"))]
@@ -246,7 +246,7 @@ class EquipmentPage(QWidget):
     def _keep(self) -> None:
         try:
             focal, pixel, site = (field.text().strip() for field in (self.focal, self.pixel, self.site))
-            told = {
+            values = {
                 "focal_length_mm": parse_positive(focal, tr("The focal length"), FOCAL_MM) if focal else None,
                 "pixel_size_um": parse_positive(pixel, tr("The pixel size"), PIXEL_UM) if pixel else None,
                 "site": parse_site(site) if site else None,
@@ -255,7 +255,7 @@ class EquipmentPage(QWidget):
             self.wrong.emit(str(error))
             return
         self.wrong.emit("")
-        self._equipment.keep(**told)
+        self._equipment.keep(**values)
 
 
 class FoldersPage(QWidget):

@@ -29,9 +29,9 @@ class TopBar(QFrame):
         self.menus = QMenuBar(self)
         self.menus.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         self.name, self.doing = ElidedLabel(), ElidedLabel(tr("Ready"))
-        for text, role, said in ((self.name, "strong", tr("File")), (self.doing, "muted", tr("State"))):
+        for text, role, purpose in ((self.name, "strong", tr("File")), (self.doing, "muted", tr("State"))):
             text.setProperty("role", role)
-            text.setAccessibleDescription(said)
+            text.setAccessibleDescription(purpose)
             text.setTextFormat(Qt.TextFormat.PlainText)
         self.progress = ProgressBar(tr("Progress"))
         self.progress.setFixedWidth(110)

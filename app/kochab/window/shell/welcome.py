@@ -48,9 +48,9 @@ def samples(folder: Path | None = None) -> list[Sample]:
     found, place = [], {name: i for i, name in enumerate(texts)}
     for path in sorted(folder.iterdir(), key=lambda p: (place.get(p.name, len(place)), p.name)):
         if path.suffix.lower() in suffixes():
-            about = texts.get(path.name, {})
-            title = about.get("title") or path.stem.replace("_", " ").replace("-", " ").capitalize()
-            found.append(Sample(path, title, about.get("text", "")))
+            entry = texts.get(path.name, {})
+            title = entry.get("title") or path.stem.replace("_", " ").replace("-", " ").capitalize()
+            found.append(Sample(path, title, entry.get("text", "")))
     return found
 
 

@@ -147,8 +147,8 @@ def _by_day(files: Sequence[SolvedFile], site: Site) -> Iterator[PolarFinding]:
 
 def _other_site(error: PolarError, site: Site, theirs: Site | None) -> Iterator[PolarFinding]:
     if theirs is not None and (angle := _apart_arcsec(error, site, theirs)):
-        said = [f"{number(s.latitude_deg, '.2f')}°, {number(s.longitude_deg, '.2f')}°" for s in (theirs, site)]
-        text = tr(OTHER_SITE, theirs=said[0], given=said[1], angle=angle_in_words(angle))
+        sites = [f"{number(s.latitude_deg, '.2f')}°, {number(s.longitude_deg, '.2f')}°" for s in (theirs, site)]
+        text = tr(OTHER_SITE, theirs=sites[0], given=sites[1], angle=angle_in_words(angle))
         yield PolarFinding(PolarFindingKind.SITE_OR_TIME, text, spoils=True)
 
 
@@ -193,8 +193,8 @@ def _on_trust(
         for known, turn in ((clock_known or not clock_given, hour_deg), (twice, DEGREE))
     )
     if degree or hour:
-        told = (TRUSTED if hour else TRUSTED_SITE) if degree else TRUSTED_CLOCK
-        text = tr(told, degree=angle_in_words(degree), hour=angle_in_words(hour))
+        sentence = (TRUSTED if hour else TRUSTED_SITE) if degree else TRUSTED_CLOCK
+        text = tr(sentence, degree=angle_in_words(degree), hour=angle_in_words(hour))
         yield PolarFinding(PolarFindingKind.ON_TRUST, text, unsettled=bool(hour) or site_given)
     if twice or clock_known:
         return
@@ -254,8 +254,8 @@ def horizon_agrees(files: Sequence[SolvedFile], site: Site) -> bool:
     wrong shows, but near the pole.
     """
     seen = _horizons(files, site)
-    told = [abs(file.aim.ra_dec_deg[1]) for file in files if file.aim is not None]
-    return bool(seen) and all(one.apart_deg < AGREES_DEG for one in seen) and min(told) < TELLS_DEG
+    aimed_deg = [abs(file.aim.ra_dec_deg[1]) for file in files if file.aim is not None]
+    return bool(seen) and all(one.apart_deg < AGREES_DEG for one in seen) and min(aimed_deg) < TELLS_DEG
 
 
 def _apart_arcsec(error: PolarError, site: Site, other: Site) -> float:

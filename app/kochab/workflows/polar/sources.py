@@ -73,8 +73,8 @@ def solve_polar_file(path: str | Path, options: SolveOptions) -> Task[SolvedFile
     hint = solved.frame.hint
     time_utc = hint.time_utc or sharpcap_time(Path(path))
     header = solved.frame.header
-    told = unsigned_longitude(header), aim_from_keywords(header), zone_from_keywords(header)
-    return SolvedFile(str(path), solved.result, time_utc, hint.site, solved.frame.warnings, *told)
+    from_header = unsigned_longitude(header), aim_from_keywords(header), zone_from_keywords(header)
+    return SolvedFile(str(path), solved.result, time_utc, hint.site, solved.frame.warnings, *from_header)
 
 
 def sharpcap_time(path: Path) -> datetime | None:

@@ -227,7 +227,7 @@ def align_camera(request: AlignmentRequest, tools: AlignmentTools, guard: Guard 
         if request.hand is AxisTurnedBy.NOBODY:
             drifting = measure_drifting(source, settings, tools.controls, request.guided)
             drift = yield from _with_each_step(drifting, doubted)
-            yield doubted(_told(drift, request, ""))
+            yield doubted(_final_update(drift, request, ""))
             return _kept(drift, request, tools)
         motors, tutor = (yield from _motors(request, practice, opened)), _tutor(request, site)
         task = align(source, turner, settings, options_of(request), tools.controls, tutor, tools.keep, motors)
@@ -345,7 +345,7 @@ def measure_files(request: AlignmentRequest, tools: AlignmentTools) -> Task[Hist
     notes = {tr_n("{n} frame: {warning}", "{n} frames: {warning}", n, warning=w): None for w, n in warnings.items()}
     if axis.last is not None and request.site is None:  # the set-up did not know the site
         notes[tr("Last measured here, {night}.", night=axis.last)] = None
-    yield _told(result, request, "\n".join(notes))
+    yield _final_update(result, request, "\n".join(notes))
     return history
 
 
@@ -436,7 +436,7 @@ def _solved(
     return solved
 
 
-def _told(result: Measurement | Drift, request: AlignmentRequest, notes: str) -> PolarUpdate:
+def _final_update(result: Measurement | Drift, request: AlignmentRequest, notes: str) -> PolarUpdate:
     findings = tuple(sorted(result.findings, key=lambda finding: not finding.spoils))
     spoilt = tr("Unusable: don't adjust. {findings}", findings=findings[0].text) if result.spoilt else ""
     if isinstance(result, Drift):

@@ -10,7 +10,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, Epoch, MountState, PierSide, Pointing, SiteReport, TrackingRate
 from kochab.gear.mounts import Diagnosis, MountSettings
 from kochab.gear.mounts.drivers.server_mount import ServerMount, site_of
-from kochab.gear.servers.address import chosen, making_sense, net_address, told_name
+from kochab.gear.servers.address import chosen, making_sense, net_address, server_text
 from kochab.gear.servers.alpaca_link import ANSWER_S, PORT, AlpacaLink, discover
 from kochab.text.translation import tr, tr_noop
 
@@ -104,7 +104,7 @@ class AlpacaMount(ServerMount):
 
     def identify(self) -> str:
         """Its name on the server."""
-        return told_name(str(self._get("name", "Alpaca telescope")))
+        return server_text(str(self._get("name", "Alpaca telescope")))
 
     @making_sense()
     def read_position(self) -> Pointing:

@@ -114,8 +114,8 @@ class IndiMount(ServerMount):
 
             patience_s = POWER_UP_S if unread() else CALL_S if new else self._poll_s
             # LX200 Basic tells of 0 h, 0 deg while it connects, before it has asked its mount.
-            link.wait(lambda: bool(self._told(self._at, asked)) and not unread(), patience_s)
-            if unread() and not self._told(self._at, asked):
+            link.wait(lambda: bool(self._states_since(self._at, asked)) and not unread(), patience_s)
+            if unread() and not self._states_since(self._at, asked):
                 raise silent
             if new:  # INDI's EXOS-2 driver has no goto before it has seen that its mount tracks
                 link.wait(lambda: device.state(self._at) != "Idle", BEGINS_S)
@@ -150,9 +150,9 @@ class IndiMount(ServerMount):
         self._count_missed(asked)
         # A driver reports a place about once a second: what it has now may be older than the motion.
         if asked < self._unsettled_s or self._device.state(self._at) == "Busy":
-            self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+            self._link.wait(lambda: bool(self._states_since(self._at, asked)), self._poll_s)
         # An Alert that only answered a refused order says nothing about the place.
-        if self._device.state(self._at) == "Alert" and self._told(self._at, self._refused_s):
+        if self._device.state(self._at) == "Alert" and self._states_since(self._at, self._refused_s):
             raise NoAnswerError(
                 "{name} gets no position from its mount{message}.",
                 name=self._device.name,
@@ -178,7 +178,7 @@ class IndiMount(ServerMount):
         if not on:
             return
         sent = self._device.send(vector, {on: "On"})  # as it is: nothing changes by it
-        if not self._link.wait(lambda: bool(self._told(vector, sent)), CALL_S):
+        if not self._link.wait(lambda: bool(self._states_since(vector, sent)), CALL_S):
             raise NoAnswerError("{name} does not answer: is its mount switched on?", name=self._device.name)
 
     def _require_news(self) -> None:
@@ -221,14 +221,16 @@ class IndiMount(ServerMount):
         """Since the last look the driver may have failed to read its mount, and have read it again meanwhile."""
         since, self._looked_s = max(self._looked_s, self._refused_s), now
         if self._device.state(self._at) != "Alert":  # one that lasts is counted where the place is asked for
-            self.missed += sum(state == "Alert" for _, state in self._told(self._at, since))
+            self.missed += sum(state == "Alert" for _, state in self._states_since(self._at, since))
 
     def state(self) -> MountState:
         """As the driver shows it, and whoever else moves the mount."""
         self._device.check()
         state, on = self._device.state, self._on
         states = [state(vector) for vector in (self._at, *MOVES, "TELESCOPE_PARK")]
-        silent = states[0] not in KNOWN or (states[0] == "Alert" and bool(self._told(self._at, self._refused_s)))
+        silent = states[0] not in KNOWN or (
+            states[0] == "Alert" and bool(self._states_since(self._at, self._refused_s))
+        )
         slewing = True if "Busy" in states else None if silent else False
         parked = on("TELESCOPE_PARK", "PARK")
         stood_s = self._stood_s()
@@ -266,9 +268,9 @@ class IndiMount(ServerMount):
     def _runs_on(self, sent_s: float, ra_deg: float, dec_deg: float) -> bool:
         """Whether a goto that its driver calls over goes on by its place, or is yet to begin."""
         ra, dec = self._device.number(self._at, "RA"), self._device.number(self._at, "DEC")
-        about = ra is not None and dec is not None and apart_deg((ra * 15.0, dec), (ra_deg, dec_deg)) < ABOUT_DEG
+        near = ra is not None and dec is not None and apart_deg((ra * 15.0, dec), (ra_deg, dec_deg)) < ABOUT_DEG
         since_s = max(self._moved_s, sent_s)
-        return monotonic() - since_s < (self._poll_s if about or self._moved_s > sent_s else BEGINS_S)
+        return monotonic() - since_s < (self._poll_s if near or self._moved_s > sent_s else BEGINS_S)
 
     def _moved_since(self, since_s: float) -> bool:
         self._stood_s()
@@ -289,7 +291,7 @@ class IndiMount(ServerMount):
     def _next_place(self) -> tuple[float | None, float | None]:
         """Hours and degrees as they are told next; what is not told anew has not changed."""
         asked = monotonic()
-        self._link.wait(lambda: bool(self._told(self._at, asked)), self._poll_s)
+        self._link.wait(lambda: bool(self._states_since(self._at, asked)), self._poll_s)
         return self._device.number(self._at, "RA"), self._device.number(self._at, "DEC")
 
     def altaz_deg(self) -> None:
@@ -304,7 +306,7 @@ class IndiMount(ServerMount):
         if latitude is not None and longitude is not None and (latitude or longitude):
             site = site_of(latitude, longitude, number("GEOGRAPHIC_COORD", "ELEV") or 0.0)
         utc, offset = self._device.value("TIME_UTC", "UTC"), self._device.value("TIME_UTC", "OFFSET")
-        messages, time_utc = self._told("TIME_UTC", 0.0), None
+        messages, time_utc = self._states_since("TIME_UTC", 0.0), None
         if utc and messages:
             time_utc = datetime.fromisoformat(utc.strip()).replace(tzinfo=UTC)
             time_utc += timedelta(seconds=monotonic() - messages[-1][0])
@@ -346,7 +348,7 @@ class IndiMount(ServerMount):
             self._unsettled_s = sent + SETTLES_S
 
             def taken() -> bool:
-                states = {state for _, state in self._told(self._at, sent)}
+                states = {state for _, state in self._states_since(self._at, sent)}
                 if "Alert" in states or (ability is Ability.GOTO and "Busy" in states):
                     return True
                 # A sync, or a goto so short that its Busy was missed, shows by the place itself.
@@ -378,7 +380,7 @@ class IndiMount(ServerMount):
         for axis in moving:
             self._device.send(axis, dict.fromkeys(self._link.members(self._device.name, axis), "Off"))
         self._unsettled_s, self._goes = sent + SETTLES_S, None
-        self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S)
+        self._link.wait(lambda: bool(self._states_since(vector, sent)), STOP_S)
         try:
             self._answered(vector, sent, "stop")
         except RefusedError as error:  # so that the Stop is tried again
@@ -411,7 +413,7 @@ class IndiMount(ServerMount):
 
     def _end_move(self, vector: str, member: str) -> None:
         sent = self._device.send(vector, {member: "Off"})
-        if not self._link.wait(lambda: bool(self._told(vector, sent)), STOP_S):
+        if not self._link.wait(lambda: bool(self._states_since(vector, sent)), STOP_S):
             raise NoAnswerError("{name} does not answer to the end of a move.", name=self._device.name)
 
     def _set_rate(self, rate_deg_s: float) -> None:
@@ -461,19 +463,19 @@ class IndiMount(ServerMount):
     def _begin(self, vector: str, members: dict[str, str], what: str) -> None:
         """Order something and see that the driver has taken it."""
         sent = self._device.send(vector, members)
-        self._link.wait(lambda: bool(self._told(vector, sent)), SET_S)
+        self._link.wait(lambda: bool(self._states_since(vector, sent)), SET_S)
         self._answered(vector, sent, what)
 
     def _answered(self, vector: str, sent_s: float, what: str) -> None:
         """Raise `DeviceError` when the driver has refused what was sent, taken it late, or not answered at all."""
-        told = self._told(vector, sent_s)
+        answers = self._states_since(vector, sent_s)
         words = {"name": self._device.name, "what": tr(what), "message": self._device.message()}
-        if not told:
+        if not answers:
             raise NoAnswerError("{name} does not answer to a {what} on its INDI server{message}.", **words)
-        if "Alert" in (state for _, state in told):
+        if "Alert" in (state for _, state in answers):
             self._refused_s = monotonic()
             raise RefusedError("{name} refuses the {what}{message}.", **words)
-        if (late_s := told[0][0] - sent_s) > SLOW_S:
+        if (late_s := answers[0][0] - sent_s) > SLOW_S:
             self.missed += 1
             if what in MOTIONS:  # INDI's StarGo driver sends on after its mount's silence, to one that just woke up
                 raise NoAnswerError(
@@ -482,7 +484,7 @@ class IndiMount(ServerMount):
                     **words,
                 )
 
-    def _told(self, vector: str, since_s: float) -> list[tuple[float, str]]:
+    def _states_since(self, vector: str, since_s: float) -> list[tuple[float, str]]:
         return self._link.heard_since(self._device.name, vector, since_s)
 
     def _on(self, vector: str, member: str) -> bool | None:
