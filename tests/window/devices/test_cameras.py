@@ -66,7 +66,7 @@ def test_what_live_chooses_the_mount_uses(qtbot, commands):
     qtbot.waitUntil(lambda: live.camera.box.found.count() == 2)
     pick(live.camera.box.found, "indi:1/b")
     assert mount.camera.box.selection == CameraSelection("indi", "indi:1/b", 2.0)
-    assert mount.control.camera.selection == mount.camera.box.selection
+    assert mount.control.telescope.camera.selection == mount.camera.box.selection
 
 
 def test_what_is_being_typed_stays_until_another_camera_is_chosen(commands):
@@ -128,10 +128,10 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     )
     qtbot.waitUntil(lambda: len(live.display.moments) > 2, timeout=15_000)
     mount.control.use_camera(CameraSelection("indi", "one"))
-    eye = mount.control.camera
+    eye = mount.control.telescope.camera
     frame = eye.next_frame(5.0)
     assert isinstance(frame, Frame)
-    mount.control._posted.emit(None, FrameTaken(frame))
+    mount.control.connection.heard.emit(FrameTaken(frame))
     drawn = live.display.queue
     assert live.stream is not None
     assert drawn is not None
@@ -142,7 +142,7 @@ def test_the_mount_looks_through_a_camera_that_runs_and_it_goes_on(qtbot, comman
     assert eye.next_frame(5.0) is not None
     eye.close()
     assert made[0].closed == 1
-    mount.control._posted.emit(None, FrameTaken(frame))  # now it is shown in its place
+    mount.control.connection.heard.emit(FrameTaken(frame))  # now it is shown in its place
     assert commands.session.known.frame is frame
 
 
@@ -151,16 +151,16 @@ def test_an_exposure_that_another_view_has_set_is_told_and_can_be_changed_for_bo
     cameras = mount._services.cameras
     live = cameras.open("indi", "one", CaptureSettings(exposure_s=0.5))
     mount.control.use_camera(CameraSelection("indi", "one", 2.0))
-    mount.control.camera.next_frame(1.0)
+    mount.control.telescope.camera.next_frame(1.0)
     assert live.in_force.exposure_s == 0.5, "not taken away from whoever watches it"
     mount._show()
     assert "at 0.5 s" in mount.camera.box.status.text()
     assert not mount.camera.box.status.isHidden()
-    before = mount.control.camera
+    before = mount.control.telescope.camera
     mount.camera.box.exposure.setValue(3.0)
     mount.camera.box.exposure.editingFinished.emit()
     before.close()
-    eye = mount.control.camera
+    eye = mount.control.telescope.camera
     eye.next_frame(1.0)
     assert live.in_force.exposure_s == 3.0
     mount._show()
@@ -178,7 +178,7 @@ def test_an_alignment_has_the_exposure_it_was_begun_with(made, commands):
     eye = MountCamera(CameraSelection("indi", "one", 2.0), cameras.open, insists=True)
     eye.next_frame(1.0)
     assert live.in_force.exposure_s == 2.0
-    assert eye.exposure_told == ""
+    assert eye.exposure_note == ""
     eye.close()
     live.next_frame(1.0)  # one may be waiting that came for both
     live.next_frame(1.0)
@@ -189,10 +189,10 @@ def test_an_alignment_has_the_exposure_it_was_begun_with(made, commands):
 def test_a_camera_that_exposes_otherwise_by_itself_says_so(made, commands):
     cameras = view_of(commands, "mount")._services.cameras
     eye = MountCamera(CameraSelection("indi", "one", 2.0), cameras.open)
-    assert eye.exposure_told == "", "nothing is known before it is open"
+    assert eye.exposure_note == "", "nothing is known before it is open"
     eye.next_frame(1.0)
     eye.configure(CaptureSettings(exposure_s=1.0))
-    assert eye.exposure_told == "The camera uses 1 s exposures."
+    assert eye.exposure_note == "The camera uses 1 s exposures."
     eye.close()
 
 

@@ -24,8 +24,8 @@ from kochab.gear.mount_events import (
     PositionReport,
 )
 from kochab.polar.error import Knob
-from kochab.window.devices.mount_control import MountTask
 from kochab.window.devices.mount_status import ALARM, MountStatus, mount_status_text
+from kochab.window.devices.mount_task import MountTask
 from kochab.window.mount.pointing import state_text
 from kochab.window.polar.alignment_run import OTHER_SKY, mount_is_still
 from kochab.workflows.session.alignment import AxisTurnedBy, FrameSource

@@ -163,7 +163,7 @@ def test_a_direction_held_goes_on_step_by_step_without_frames(qtbot, opened, mon
         frames, orders = [], held.mount.view.orders
         selection = CameraSelection("simulated", "wide")
         monkeypatch.setattr(
-            held.mount.control, "camera", SimpleNamespace(selection=selection, exposure_told="", close=int)
+            held.mount.control.telescope, "camera", SimpleNamespace(selection=selection, exposure_note="", close=int)
         )
         monkeypatch.setattr(orders, "take_frame", lambda: frames.append(len(frames)))
         held.pad.step.setCurrentText("1′")

@@ -58,7 +58,7 @@ def test_what_was_chosen_is_in_force_from_the_first_motion_after_a_restart(qtbot
     view = commands.views.docks["mount"].view
     assert view.meridian.currentText() == Meridian.FLIPS
     with simulated("nexstar") as bench:
-        guard = port_opening(MountSelection(bench.port, "nexstar"), SITE, view.control.limits)()
+        guard = port_opening(MountSelection(bench.port, "nexstar"), SITE, view.control.kept.limits)()
         with guard:
             assert guard.limits == limits_at(Meridian.FLIPS)
             assert guard.limits.allow_flip

@@ -36,10 +36,10 @@ def test_a_new_name_keeps_what_is_used_now_and_another_brings_its_own(view, sett
     choose(view, "Newton")
     assert view.connect_box.chosen_port == "COM3"
     assert settings.site == Site(48.0, 11.0)
-    assert view.control.limits.allow_flip
+    assert view.control.kept.limits.allow_flip
     choose(view, "Refractor")
     assert (view.connect_box.chosen_port, settings.site) == ("COM9", None)
-    assert view.control.limits.lowest_altitude_deg == 25.0
+    assert view.control.kept.limits.lowest_altitude_deg == 25.0
     assert view.camera.box.selection == CameraSelection("folder", "/frames")
 
 

@@ -1,7 +1,5 @@
 """The mount of a window: every view gives its orders here and is told of their end."""
 
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -9,8 +7,7 @@ from PySide6.QtCore import QObject, Signal
 
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
-from kochab.core.progress import Progress, Task
-from kochab.core.solution import Solution, SolveNow
+from kochab.core.solution import Solution
 from kochab.gear.actions import MountSituation, reason_against_order
 from kochab.gear.mount_events import (
     Connected,
@@ -27,56 +24,30 @@ from kochab.gear.mount_events import (
     StopFailed,
     Stopped,
 )
-from kochab.gear.mount_line import MakeTask, MountLine, SurvivesLineLoss, never
-from kochab.gear.mounts.guard import Guard
-from kochab.gear.mounts.motion_plan import Limits
-from kochab.gear.profiles import current_profile, keep_profile
+from kochab.gear.mount_line import MakeTask, SurvivesLineLoss, never
+from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection, Opening, Practice, PracticeOpening, port_opening
 from kochab.pointing.disagreement import MountSighting
 from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import Cameras
+from kochab.window.devices.mount_camera import TelescopeCamera
+from kochab.window.devices.mount_connection import MountConnection
+from kochab.window.devices.mount_limits import SiteAndLimits
+from kochab.window.devices.mount_task import MountTask
 from kochab.window.frame.session import Session
-from kochab.window.job import Job, Jobs
+from kochab.window.job import Jobs
 from kochab.window.settings import WindowSettings
-from kochab.workflows.session.mount_camera import MountCamera, close_camera, frame_solver
 from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.solve_frame import SolvedFrame
-
-
-class MountTask(QObject):
-    """One order, with a job's signals: ``succeeded``, ``failed`` or ``cancelled``, then ``finished``."""
-
-    succeeded = Signal(object)
-    failed = Signal(str)
-    cancelled = Signal()
-    finished = Signal()
-
-    def __init__(self, name: str, stop: Callable[[], None], parent: QObject) -> None:
-        super().__init__(parent)
-        self.name = name
-        self._stop = stop
-
-    def cancel(self) -> None:
-        """Stop the mount and end what is under way."""
-        self._stop()
-
-    def end(self, event: OrderDone | OrderFailed) -> None:
-        """Emit how it ended."""
-        if isinstance(event, OrderDone):
-            self.succeeded.emit(event.result)
-        elif event.stopped:
-            self.cancelled.emit()
-        else:
-            self.failed.emit(event.sentence)
-        self.finished.emit()
-        self.deleteLater()
-
 
 PRACTISE_LATER = tr_noop("A mount is connected. Disconnect it before you practise.")
 
 
 class MountControl(QObject):
-    """Connects the mount, one open line at a time, gives it orders and keeps what is known of it, for all views."""
+    """Connects the mount, gives it orders and keeps what is known of it, for all views.
+
+    Its line is `connection`, its camera `telescope`, what is kept of site and limits `kept`.
+    """
 
     changed = Signal()
     message = Signal(str, str)  # a sentence and its role
@@ -84,30 +55,28 @@ class MountControl(QObject):
     ended = Signal(object)  # OrderDone or OrderFailed, after every order
     stopping = Signal()
     window_released = Signal(str)  # it may close now; the alarm, empty where the mount stands
-    _posted = Signal(object, object)  # a line, and its MountEvent or SolvedFrame
 
     def __init__(
         self, settings: WindowSettings, session: Session, jobs: Jobs, wiring: Wiring, cameras: Cameras
     ) -> None:
         super().__init__(jobs)
         self.known = MountSnapshot()
-        self.camera: MountCamera | None = None
         self.sightings: tuple[MountSighting, ...] = ()  # the offsets seen since the last sync
-        self._session, self._shown = session, 0  # and how many of the camera's frames it was given
         self.by_hand = False  # a person turns the RA axis for a polar alignment
-        self._settings, self._jobs, self._wiring, self._cameras = settings, jobs, wiring, cameras
-        self._line: MountLine | None = None
-        self._opening: Opening | None = None
-        self._job: Job | None = None  # it runs the line, also while that is being closed
+        self.connection = MountConnection(jobs)
+        self.telescope = TelescopeCamera(self.connection, session, cameras)
+        self.kept = SiteAndLimits(settings, self.connection, lambda: self.known)
+        self._settings, self._session, self._wiring, self._cameras = settings, session, wiring, cameras
         self._tasks: dict[str, MountTask] = {}
         self._holds_window = False
-        self._posted.connect(self._receive)
+        self.connection.heard.connect(self._hear)
+        self.connection.closed.connect(self._closed)
         # Sent before the jobs are abandoned: a mount must not move on when its window is gone.
         jobs.closing.connect(self.stop)
 
     def connect_mount(self, selection: MountSelection) -> None:
         """Open a mount."""
-        self.begin(port_opening(selection, self._settings.site, self.limits), selection.port)
+        self.begin(port_opening(selection, self.kept.site, self.kept.limits), selection.port)
 
     def practise(self) -> None:
         """Start a simulated telescope and connect to it."""
@@ -118,42 +87,29 @@ class MountControl(QObject):
         if start is None:
             self.message.emit(tr("No simulated telescope in this program."), "wrong")
             return
-        # The line is made by `begin`, so it is asked for only when an event comes.
-        self.begin(PracticeOpening(start, lambda event: self._post(self._line, event), self.limits), "")
+        self.begin(PracticeOpening(start, self.connection.post, self.kept.limits), "")
         self.known.practice = True
         self.changed.emit()
 
     @property
     def practice(self) -> Practice | None:
         """The practice telescope that is connected, once it has started."""
-        return self._opening.practice if self._opening is not None else None
+        opening = self.connection.opening
+        return opening.practice if opening is not None else None
 
     def begin(self, opening: Opening, port: str) -> None:
         """Open a line; the one before is closed."""
         self.disconnect_mount()
         self.known = MountSnapshot("connecting", port)
-
-        def over() -> None:  # in the line's thread
-            self.close_camera()
-            opening.over()
-
-        line = MountLine(opening, lambda event: self._post(line, event), over)
-        self._line, self._opening = line, opening
-        self._job = job = self._jobs.run(line.run(), "mount")
-        # A line never succeeds: it serves orders until it is cancelled or fails.
-        job.failed.connect(lambda sentence: self._closed(job, sentence))
-        job.cancelled.connect(lambda: self._closed(job, ""))
+        self.connection.begin(opening, self.telescope.close)
         self.message.emit(tr("Connecting…"), "muted")
         self.changed.emit()
 
     def disconnect_mount(self) -> None:
         """Stop what moves and close the port; a practice telescope ends with it."""
-        if self._job is None:
+        if not self.connection.open:
             return
-        if self._line is not None:
-            self._line.stop()
-        # The Stop goes out in a thread of its own; the line ends when it comes to its next yield.
-        self._job.cancel()
+        self.connection.end()
         self.stopping.emit()
         self.known.phase = "leaving"
         self.changed.emit()
@@ -163,25 +119,20 @@ class MountControl(QObject):
 
         The reason goes to ``why``.
         """
-        moves = self._line is not None and self._line.may_move
-        if self._job is None or self._holds_window or not (moves or self.known.phase == "leaving"):
+        moves = self.connection.may_move or self.known.phase == "leaving"
+        if not self.connection.open or self._holds_window or not moves:
             return
         self._holds_window = True
         why.append(tr("Stopping the mount. The window closes when it stands; close it again not to wait."))
         if self.known.phase != "leaving":
             self.disconnect_mount()
 
-    def _closed(self, job: Job, sentence: str) -> None:
+    def _closed(self, sentence: str, farewell: str) -> None:
         """The line is closed: by a person, or for a reason."""
-        # A later line has taken its place.
-        if job is not self._job:
-            return
-        farewell = self._opening.farewell if self._opening is not None else ""
-        self._job = self._line = self._opening = None
         before, self.known = self.known, MountSnapshot(alarm=self.known.alarm)
         if before.practice:
             # The simulated camera ends with its telescope; the profile's own comes back.
-            saved, camera = current_profile(self._settings).camera, self.camera
+            saved, camera = current_profile(self._settings).camera, self.telescope.camera
             self.use_camera(saved if saved.source else None)
             if camera is not None:
                 self._cameras.forget(camera.selection.source, camera.selection.address)
@@ -204,12 +155,13 @@ class MountControl(QObject):
         whether it waits for a lost line or ends. RefusedError says that no mount is connected, or what is under way.
         """
         why = reason_against_order(name, self.situation)
-        if self._line is None or why:
+        line = self.connection.line
+        if line is None or why:
             raise RefusedError(why)
         # Now, not when the line begins it: a second press must be refused meanwhile.
         self.known.busy = name
         self._tasks[name] = task = MountTask(name, self.stop, self)
-        self._line.order(name, make, survives_line_loss)
+        line.order(name, make, survives_line_loss)
         self.changed.emit()
         return task
 
@@ -222,8 +174,7 @@ class MountControl(QObject):
 
     def stop(self) -> None:
         """Stop the mount now and end every order; never waits."""
-        if self._line is not None:
-            self._line.stop()
+        self.connection.stop()
         self.stopping.emit()
 
     def set_by_hand(self, by_hand: bool) -> None:
@@ -232,23 +183,9 @@ class MountControl(QObject):
         self.changed.emit()
 
     def use_camera(self, selection: CameraSelection | None) -> None:
-        """Use this camera from now on; another exposure of the same holds for the other views that use it, too."""
-        before, new = self.camera, None
-        if before is not None and selection == before.selection:
-            return
-        if selection is not None:
-            same = before is not None and before.selection.camera == selection.camera
-            new = MountCamera(selection, self._cameras.open, insists=same)
-        self.camera = new
-        if before is not None and self._line is not None:
-            # In the line's thread, which opened it and may be taking a frame just now.
-            self._line.order("camera", lambda _: close_camera(before))
-        self.changed.emit()
-
-    def close_camera(self) -> None:
-        """Close the camera until the next frame; in the thread of the line."""
-        if self.camera is not None:
-            self.camera.close()
+        """Use this camera from now on."""
+        if self.telescope.use(selection):
+            self.changed.emit()
 
     @property
     def solution(self) -> Solution | None:
@@ -257,68 +194,38 @@ class MountControl(QObject):
 
     def use_site(self, site: Site | None) -> None:
         """Keep the site; the horizon limit goes by it from the next connection on."""
-        self._settings.keep_site(site)
+        self.kept.use_site(site)
         self.compare_site()
 
     def compare_site(self) -> None:
-        """Tell of a new site: the guard keeps the old one, by which its driver finds time, pole and pier side."""
-        connected = self.known.connected
-        if connected is not None and not self.known.practice and connected.site != self._settings.site:
-            self.message.emit(tr("Disconnect the mount and connect it again to use the new site."), "wrong")
+        """Tell what a new site needs while a mount is connected."""
+        if note := self.kept.site_note():
+            self.message.emit(note, "wrong")
 
     def use_limits(self, **changes: Any) -> None:
         """Keep these limits in the profile, by its names, and go by them from the next motion on."""
-        keep_profile(self._settings, **changes)
-        limits = self.limits
-
-        def use(guard: Guard) -> Task[None]:
-            yield Progress(tr_noop("limits"))
-            guard.limits = limits
-
-        if self._line is not None:
-            self._line.order("limits", use)
+        self.kept.use_limits(**changes)
         self.changed.emit()
-
-    @property
-    def limits(self) -> Limits:
-        """The limits of the next guard."""
-        return current_profile(self._settings).limits
-
-    def solver(self, guard: Guard) -> SolveNow:
-        """Takes and solves a frame in the line's thread, and shows it in this one."""
-        # Those of the moment of the order, whatever is connected or chosen when it is carried out.
-        line, camera = self._line, self.camera
-        if camera is None:
-            raise RefusedError("No camera is chosen.")
-        return frame_solver(camera, guard, lambda event: self._post(line, event))
 
     @property
     def situation(self) -> MountSituation:
         """What decides which actions are possible now."""
         known = self.known
         lacks = known.connected.lacks if known.connected is not None else None
-        has = self.camera is not None, self.solution is not None
+        has = self.telescope.camera is not None, self.solution is not None
         if (report := known.report) is None:
             return MountSituation(known.phase, lacks, None, known.user, *has, by_hand=self.by_hand)
         now = MountSituation(known.phase, lacks, report.state, known.user, *has, report.can_undo, self.by_hand)
         return replace(now, clock_conflict=report.clock_conflict, slew_block_reason=report.slew_block_reason)
 
-    def _post(self, line: MountLine | None, event: object) -> None:
-        """Pass an event on from the line's threads."""
-        with suppress(RuntimeError):  # the window is gone
-            self._posted.emit(line, event)
-
-    def _receive(self, line: MountLine | None, event: object) -> None:
-        # Of a line that is being closed only its end matters, and whether the mount stands.
-        if line is not self._line and not isinstance(event, StopFailed):
-            return
+    def _hear(self, event: object) -> None:
+        # Of a line that is being closed only matters whether the mount stands.
         if self.known.phase == "leaving" and not isinstance(event, StopFailed | StandsStill):
             return
         self.known.hear(event)
         match event:
-            case FrameTaken() if not self._session.streams:  # else the Live view shows this frame, too
-                self._shown += 1
-                self._session.show(event.frame, tr("Camera frame {number}", number=self._shown))
+            case FrameTaken():
+                self.telescope.show(event)
             case SolvedFrame():
                 self._session.answer(event)
             case PracticeStarted():

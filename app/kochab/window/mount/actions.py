@@ -89,27 +89,27 @@ class MountActions(QObject):
 
     def take_frame(self) -> None:
         """Take a frame, show and solve it."""
-        solver = self._control.solver
+        solver = self._control.telescope.solver
         self._control.ask("take_frame", lambda guard: solver(guard)())
 
     def offer_sync(self) -> None:
         """Show what a sync would do; without a camera it uses the open frame."""
         # Read in the window's thread; the functions below run in the line's.
-        solver, solution = self._control.solver, self._control.solution
+        solver, solution = self._control.telescope.solver, self._control.solution
 
         def offer_of_frame(guard: Guard) -> Task[SyncOffer]:
             assert solution is not None
             yield Progress(tr_noop("sync"))
             return offer_of(guard, solution)
 
-        if self._control.camera is not None:
+        if self._control.telescope.camera is not None:
             self._control.ask("sync", lambda guard: offer_sync(guard, solver(guard)))
         elif solution is not None:
             self._control.ask("sync", offer_of_frame)
 
     def diagnose(self) -> None:
         """Find the cause of the mount's offset."""
-        solver, before = self._control.solver, self._control.sightings
+        solver, before = self._control.telescope.solver, self._control.sightings
         self._control.ask("diagnose", lambda guard: why_they_disagree(guard, solver(guard), before))
 
     def use_model(self) -> None:
@@ -151,7 +151,7 @@ class MountActions(QObject):
 
     def centre(self, text: str, tolerance_arcsec: float) -> None:
         """Slew there, plate solve and correct until it is centred."""
-        solver = self._control.solver
+        solver = self._control.telescope.solver
         self._control.ask("centre", lambda guard: centre_typed(guard, solver(guard), text, tolerance_arcsec))
 
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
@@ -208,7 +208,7 @@ class MountActions(QObject):
             return
         self._answered(word.name, word.result)
         moved = action(word.name).frame_after and not isinstance(word.result, FlipQuestion)
-        if moved and self.auto_frame and not self.held and self._control.camera is not None:
+        if moved and self.auto_frame and not self.held and self._control.telescope.camera is not None:
             self.take_frame()
 
     def _answered(self, name: str, result: Any) -> None:

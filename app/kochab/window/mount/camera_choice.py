@@ -37,13 +37,13 @@ class CameraChoice(QObject):
 
     def show(self) -> None:
         """Show the mount's camera as it is in use."""
-        camera = self._control.camera
+        camera = self._control.telescope.camera
         selection = None if camera is None else camera.selection
         # Not whenever the fields differ: this runs twice a second, and a person may be typing in them.
         if selection != self._shown:
             self._shown = selection
             self.box.show_selection(selection or CameraSelection("", "", self.box.exposure.value()))
-        self.box.show_note("" if camera is None else camera.exposure_told)
+        self.box.show_note("" if camera is None else camera.exposure_note)
 
     def _use(self, selection: CameraSelection | None) -> None:
         if not self._control.known.practice:

@@ -157,7 +157,7 @@ class MountView(View):
 
     def _use_limits(self, changes: dict[str, Any]) -> None:
         self.control.use_limits(**changes)
-        self.limits.show_limits(self.control.limits)
+        self.limits.show_limits(self.control.kept.limits)
 
     def _use_profile(self) -> None:
         if self.control.known.phase != "off":  # its camera is in use

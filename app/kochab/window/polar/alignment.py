@@ -10,7 +10,7 @@ from kochab.core.progress import Progress
 from kochab.gear.session import Practice
 from kochab.polar.report import History
 from kochab.text.translation import tr
-from kochab.window.devices.mount_control import MountTask
+from kochab.window.devices.mount_task import MountTask
 from kochab.window.job import Job
 from kochab.window.polar.alignment_run import AlignmentRun, PracticeAdjuster
 from kochab.window.services import Services

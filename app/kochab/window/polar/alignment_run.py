@@ -15,7 +15,8 @@ from kochab.polar.error import Knob
 from kochab.polar.report import History
 from kochab.polar.tutor import Instruction
 from kochab.text.translation import tr, tr_noop
-from kochab.window.devices.mount_control import PRACTISE_LATER, MountTask
+from kochab.window.devices.mount_control import PRACTISE_LATER
+from kochab.window.devices.mount_task import MountTask
 from kochab.window.job import Job
 from kochab.window.services import Services
 from kochab.workflows.polar.sources import SolvedFile
@@ -58,8 +59,10 @@ class AlignmentRun(QObject):
         self.controls = PolarControls()
         self._services, self._request = services, request
         self._mount = mount = services.mount
-        told, start = (self.step.emit, self.kept.emit, self.practising.emit), services.wiring.practice
-        self._tools = AlignmentTools(self.controls, *told, start, lambda: mount.practice, services.cameras.open, solved)
+        signals, start = (self.step.emit, self.kept.emit, self.practising.emit), services.wiring.practice
+        self._tools = AlignmentTools(
+            self.controls, *signals, start, lambda: mount.practice, services.cameras.open, solved
+        )
 
     def start(self) -> Job | MountTask:
         """Start; the job returned tells of its end and can be cancelled. KochabError says why it cannot start now."""
@@ -107,7 +110,7 @@ class AlignmentRun(QObject):
 
     def _on_line(self, guard: Guard) -> Task[History]:
         """Run in the mount's thread; closes the Mount view's camera, which the alignment may need."""
-        self._mount.close_camera()
+        self._mount.telescope.close()
         return alignment_task(self._request, self._tools, guard)
 
 

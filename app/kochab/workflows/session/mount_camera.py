@@ -43,7 +43,7 @@ class MountCamera(CameraSource):
         return CaptureLimits() if self._camera is None else self._camera.limits
 
     @property
-    def exposure_told(self) -> str:
+    def exposure_note(self) -> str:
         """What is to be known of an exposure that is not the one asked for; empty when it is."""
         camera = self._camera
         settings = None if camera is None else camera.in_force
@@ -87,7 +87,7 @@ class MountCamera(CameraSource):
             settings = CaptureSettings(exposure_s=self.selection.exposure_s)
             self._camera = opened(self.selection.source, self.selection.address, settings)
             self.name = self._camera.name
-            if self.insists and self.exposure_told:
+            if self.insists and self.exposure_note:
                 self._camera.configure(settings)
         return self._camera
 
