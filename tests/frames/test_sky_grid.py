@@ -11,7 +11,7 @@ from kochab.core.attitude import attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Solution
-from kochab.frames.sky_grid import grid_lines
+from kochab.frames.sky_grid import GridLine, grid_lines
 from kochab.sky.horizon import STANDARD_REFRACTION as AIR
 from kochab.sky.horizon import Horizon
 
@@ -111,3 +111,12 @@ def test_the_text_of_a_line_says_which_grid_it_belongs_to():
     assert {text.split()[0] for text in texts} == {"az", "alt"}
     assert any(text.startswith("alt +5") for text in texts)
     assert all(text.endswith("°") for text in texts)
+
+
+def test_the_equator_has_no_sign():
+    assert [GridLine("dec", value, 5.0, np.zeros((2, 2))).text for value in (0.0, -1e-9, 5.0, -5.0)] == [
+        "0°",
+        "0°",
+        "+5°",
+        "−5°",
+    ]

@@ -37,6 +37,12 @@ def test_one_place_in_every_spelling(text):
     assert parse_place(text) == pytest.approx(M42, abs=0.01)
 
 
+def test_two_numbers_with_decimal_commas_are_degrees_without_a_sign_too():
+    assert parse_place("10,5 40,5") == pytest.approx((10.5, 40.5))
+    assert parse_place("10,5 +40,5") == pytest.approx((10.5, 40.5))
+    assert parse_place("10 5 40 5") == pytest.approx((151.25, 40.0 + 5.0 / 60.0))
+
+
 @pytest.mark.parametrize(
     "text",
     [

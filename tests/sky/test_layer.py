@@ -6,7 +6,17 @@ import pytest
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.solution import Solution
-from kochab.sky.layer import GAP_PX, MOST, View, faintest_of, in_frame, labels, outlined
+from kochab.sky.layer import (
+    GAP_PX,
+    MOST,
+    View,
+    around_text,
+    constellation_labels,
+    faintest_of,
+    in_frame,
+    labels,
+    outlined,
+)
 from kochab.sky.sky_tables import sky_tables
 
 SIZE = (1500, 1000)
@@ -238,3 +248,43 @@ def test_every_outline_is_about_its_own_object(tables):
         assert away.min() < max(np.ptp(away), np.radians(1.5)), tables.texts[row]
     merope = tables.objects.name.tolist().index("IC 349")
     assert tables.objects.major[merope] < 1.0  # arcmin: not the 26 of NGC 1435 around it
+
+
+def on_screen(tables, solution, amount=0.5):
+    sky = in_frame(tables, solution)
+    view = View(1.0, 0.0, 0.0, (4.0, 4.0, SIZE[0] - 4.0, SIZE[1] - 4.0))
+    return sky, view, labels(sky, view, faintest_of(view, solution), text_size, amount=amount)
+
+
+@pytest.mark.parametrize("fov", [10.0, 30.0, 60.0])
+def test_stars_to_fourth_magnitude_are_named_however_wide_the_frame_is(tables, fov):
+    """24 in 100 were, of frames of 30 degrees and more; names that find no room are left out."""
+    rng, total, named = np.random.default_rng(1), 0, 0
+    for _ in range(20):
+        place = rng.uniform(0.0, 360.0), float(np.degrees(np.arcsin(rng.uniform(-1.0, 1.0))))
+        sky, _, shown = on_screen(tables, solution_at(*place, rng.uniform(-180.0, 180.0), fov))
+        bright = {m.row for m in sky.marks if m.kind == "star" and tables.stars.mag[m.row] < 4.0}
+        total += len(bright)
+        named += len(bright & {label.mark.row for label in shown if label.mark.kind == "star"})
+    assert total > 15
+    assert named > 0.88 * total
+
+
+def test_figures_say_which_constellation_they_are(tables):
+    """Half of Orion is enough; a field with one star of a figure has no name of it; none lies over another name."""
+    sky, view, shown = on_screen(tables, solution_at(84.0, 0.0, 20.0, 35.0))
+    boxes = [label.box for label in shown]
+    found = dict(constellation_labels(sky, view, text_size, boxes))
+    assert {"ORION", "LEPUS"} <= {*found}
+    x, y, w, h = found["ORION"]
+    assert not any(x < u + a and u < x + w and y < v + b and v < y + h for u, v, a, b in boxes)
+    middle = np.array([x + w / 2.0, y + h / 2.0])
+    orion = next(vectors for name, vectors in tables.constellations if name == "Orion")
+    assert np.hypot(*(solution_at(84.0, 0.0, 20.0, 35.0).pixels_of(orion).mean(axis=0) - middle)) < 350.0
+    assert in_frame(tables, solution_at(10.68, 41.27, 0.0, 2.0)).constellations == ()
+
+
+def test_a_frame_within_an_object_says_so(tables):
+    assert around_text(tables, solution_at(97.98, 4.94, 0.0, 0.4)) == "within Rosette Nebula"
+    assert around_text(tables, solution_at(56.7, 24.1, 0.0, 0.3)) == "within Pleiades"
+    assert around_text(tables, solution_at(10.68, 41.27, 0.0, 6.0)) == ""

@@ -299,3 +299,26 @@ def test_the_bodies_of_the_persons_elements_are_looked_for(name, tmp_path, monke
     table = shipped_small_bodies()
     annotate(Frame(rgb()[..., 0]), solution(), tmp_path / name, [table])
     assert asked == [[table]]
+
+
+@pytest.mark.parametrize("roll_deg", [-170.0, -90.0, -45.0, 0.0, 30.0, 90.0, 135.0])
+@pytest.mark.parametrize("width", [480, 1280])
+def test_the_compass_stays_in_the_frame_and_off_every_name_and_the_credit(roll_deg, width):
+    """It touched the frame's edge, names and the credit line where an arrow pointed up or down."""
+    focal = width / 2.0 / np.tan(np.radians(20.0))
+    camera = Camera.centred(width, width, float(focal))
+    made = drawing_of(Solution(camera, attitude_from(84.0, 0.0, roll_deg), (), 0.2, -30.0, ""))
+
+    def box(word):
+        (x, y), text, _ = word
+        left, top, right, bottom = font_of(made.letter).getbbox(text)
+        return x + left, y + top, x + right, y + bottom
+
+    arrows = [word for word in made.words if word[1] in ("N", "E")]
+    others = [word for word in made.words if word not in arrows]
+    assert len(arrows) == 2
+    for a, b, c, d in map(box, arrows):
+        assert a >= 0.0
+        assert d <= width
+        for u, v, w, h in map(box, others):
+            assert not (a < w and u < c and b < h and v < d)

@@ -39,8 +39,8 @@ class GridLine:
         if self.kind in NAMED:
             return tr(NAMED[self.kind])
         units, whole_deg, turn = ("hms", 15.0, 24) if self.kind == "ra" else ("°′″", 1.0, 360)
-        sign = "" if self.kind in ("ra", "az") else "−" if self.value_deg < 0 else "+"
-        minutes, s = divmod(round(abs(self.value_deg) / whole_deg * 3600.0), 60)
+        minutes, s = divmod(seconds := round(abs(self.value_deg) / whole_deg * 3600.0), 60)
+        sign = "" if self.kind in ("ra", "az") or not seconds else "−" if self.value_deg < 0 else "+"
         whole, m = divmod(minutes, 60)
         places = 3 if s or self.step_deg < whole_deg / 60.0 else 2 if m or self.step_deg < whole_deg else 1
         value = " ".join((f"{sign}{whole % turn}{units[0]}", f"{m:02d}{units[1]}", f"{s:02d}{units[2]}")[:places])

@@ -52,6 +52,8 @@ def _sexagesimal(digits: str) -> float | None:
 def _halves(text: str) -> list[tuple[str, str]]:
     """The ways to part it: at the one comma or semicolon, before a sign, in the middle of an even count of words."""
     found = []
+    if (decimal := re.fullmatch(r"(\d+,\d+)\s+([+-]?\d+,\d+)", text)) is not None:  # as "83,822 -5,391": degrees
+        found.append((decimal[1].replace(",", "."), decimal[2].replace(",", ".")))
     parts = re.split(r"\s*[,;]\s*", text)
     if len(parts) == 2:
         found.append((parts[0], parts[1]))

@@ -14,6 +14,7 @@ from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
 from kochab.core.solution import Solution
 from kochab.sky.sky_tables import EPOCH, SkyTables
+from kochab.text.translation import tr
 
 if TYPE_CHECKING:
     from kochab.sky.solar_system import Body
@@ -33,10 +34,13 @@ MOST_RADII = 1.0  # of the view: a larger outline says nothing
 POINTS = 48  # of an ellipse
 SAMPLES = 16  # of a line across the half diagonal
 WAYS = np.array([[1, 0], [1, -1], [-1, 0], [0, -1], [0, 1], [-1, -1], [1, 1], [-1, 1]], dtype=np.float64)
+AROUND_FIGURE = ((0, 0), (0, 1), (0, -1), (0, 2), (0, -2), (1, 0), (-1, 0), (1, 2), (-1, 2), (1, -2), (-1, -2))
 GAP_PX, STAR_PX = 4.0, 5.0  # from an outline and from a star to the name
 APART_PX = 5.0  # between two names on a line
 DOT_PX = 6.0  # so small on the screen, an object has its short name alone
 AREA_PX2 = 22_000.0  # of the screen for each name, in the middle of the scale
+LEAST_FIGURE = 2  # stars of a figure in a frame that has the constellation's name
+TO_MAG = 4.0  # the frame's stars down to it are named, however wide it is
 BEST = 400  # candidates that are looked at for a view
 
 MARKS = (
@@ -131,11 +135,15 @@ class Mark:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkyInFrame:
-    """What one frame holds: marks by rank, the best first, and lines (N, 2) px by what they are."""
+    """What one frame holds: marks by rank, the best first, and lines (N, 2) px by what they are.
+
+    ``constellations`` are names and the middle (2,) px of what the frame has of their figures.
+    """
 
     marks: tuple[Mark, ...]
     lines: dict[str, tuple[Floats, ...]]
     places: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    constellations: tuple[tuple[str, Floats], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +175,40 @@ def in_frame(tables: SkyTables, solution: Solution, year: float = EPOCH, also: I
     if marks and marks[0].mag > NAMELESS:
         marks[0] = replace(marks[0], mag=NAMELESS)
     lines = {kind: tuple(_lines(solution, chains, centre, reach)) for kind, chains in tables.lines.items()}
-    return SkyInFrame(tuple(marks), lines, np.array([mark.xy for mark in marks]).reshape(-1, 2))
+    places = np.array([mark.xy for mark in marks]).reshape(-1, 2)
+    return SkyInFrame(tuple(marks), lines, places, tuple(_constellations(tables, solution, centre, reach)))
+
+
+def _constellations(
+    tables: SkyTables, solution: Solution, centre: Floats, reach: float
+) -> Iterable[tuple[str, Floats]]:
+    """Of every figure that has two stars and more in the frame its name, and the middle of these."""
+    for name, vectors in tables.constellations:
+        near = np.unique(vectors[in_reach(vectors, centre, reach)], axis=0)
+        xy = solution.pixels_of(near) if len(near) >= LEAST_FIGURE else near[:, :2]
+        seen = xy[inside(solution, xy)] if len(near) >= LEAST_FIGURE else xy[:0]
+        if len(seen) >= LEAST_FIGURE:
+            yield name, seen.mean(axis=0)
+
+
+def around(tables: SkyTables, solution: Solution) -> Ints:
+    """Rows of the objects that the whole frame lies in, the smallest first."""
+    objects = tables.objects
+    smaller = np.where(np.isfinite(objects.minor), objects.minor, objects.major)
+    gap = np.arccos(np.clip(objects.vector @ solution.centre_vector, -1.0, 1.0))
+    # a circle of its smaller diameter, for that of its parts which the table's ellipse has
+    rows = np.flatnonzero(np.nan_to_num(np.radians(smaller / 120.0)) >= gap + solution.radius_rad)
+    return np.asarray(rows[np.argsort(objects.major[rows], kind="stable")])
+
+
+def around_text(tables: SkyTables, solution: Solution) -> str:
+    """What is said of the smallest object with a name that the whole frame lies in; nothing where there is none."""
+    objects = tables.objects
+    for row in around(tables, solution).tolist():
+        if objects.common[row] or objects.messier[row]:
+            name = str(objects.common[row]).partition(",")[0] or objects.designation(row)
+            return tr("within {name}", name=name)
+    return ""
 
 
 def in_reach(vectors: Floats, centre: Floats, reach_rad: float) -> Bools:
@@ -292,7 +333,7 @@ def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: flo
     across = max(x1 - x0, y1 - y0, 1.0) / view.scale * solution.camera.scale_arcsec_px / 3600.0
     wide = float(np.log10(np.clip(across, 0.05, 180.0)))
     return {
-        "star": 12.0 - 4.2 * wide + 8.0 * (stars - 0.5),
+        "star": max(12.0 - 4.2 * wide, 1.2 * TO_MAG + 2.0) + 8.0 * (stars - 0.5),
         "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5),
         "body": BODIES,
     }
@@ -409,6 +450,38 @@ def labels(
                 boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
                 count += 1
     return chosen
+
+
+def constellation_labels(
+    sky: SkyInFrame, view: View, text_size: TextSize, taken: Iterable[tuple[float, float, float, float]]
+) -> list[tuple[str, tuple[float, float, float, float]]]:
+    """The names of constellations and their boxes, at the middle of what is seen of a figure or beside it.
+
+    Parameters
+    ----------
+    sky : SkyInFrame
+        What the frame holds.
+    view : View
+        What is seen of it.
+    text_size : TextSize
+        Width and height of a text, px.
+    taken : iterable of (float, float, float, float)
+        Boxes (x, y, w, h) that names leave free.
+    """
+    boxes, found = [*taken], []
+    x0, y0, x1, y1 = view.bounds
+    for name, xy in sky.constellations:
+        width, height = text_size(name.upper())
+        middle = view.to_screen(xy) - (width / 2.0, height / 2.0)
+        for way in AROUND_FIGURE:
+            x, y = (middle + np.multiply(way, (0.6 * width, 1.5 * height))).tolist()
+            if not (x0 <= x <= x1 - width and y0 <= y <= y1 - height):
+                continue
+            if not any(x < u + w and u < x + width and y < v + h and v < y + height for u, v, w, h in boxes):
+                found.append((name.upper(), (x, y, width, height)))
+                boxes.append((x, y, width, height))
+                break
+    return found
 
 
 def _outline(mark: Mark, view: View, at: Floats) -> Floats:

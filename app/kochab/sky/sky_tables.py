@@ -9,6 +9,7 @@ import numpy as np
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.sky.landmarks import constellation_names
 from kochab.sky.names import SkyObjects, StarNames, read_objects
 
 OBLIQUITY = np.radians(84381.406 / 3600.0)  # of the ecliptic at J2000, IAU 2006
@@ -68,6 +69,7 @@ class SkyTables:
     variables: dict[int, Variable]
     lines: dict[str, tuple[Floats, ...]]
     outlines: dict[int, tuple[Floats, ...]]
+    constellations: tuple[tuple[str, Floats], ...] = ()
 
 
 def _named_stars(names: StarNames) -> NamedStars:
@@ -126,6 +128,14 @@ def _figures(path: Path, stars: NamedStars, names: StarNames) -> tuple[Floats, .
         raise CatalogueError("The list of constellation figures {path} is missing or damaged.", path=path) from None
 
 
+def _constellations(path: Path, figures: tuple[Floats, ...]) -> tuple[tuple[str, Floats], ...]:
+    """The stars (N, 3) of each constellation's figure by its name; ``figures`` are the chains of the file's lines."""
+    full, found = constellation_names(), dict[str, list[Floats]]()
+    for line, chain in zip(path.read_text("utf-8").splitlines()[1:], figures, strict=True):
+        found.setdefault(line.split("\t")[0].split(" ")[0], []).append(chain)
+    return tuple((full.get(short, short), np.concatenate(chains)) for short, chains in found.items())
+
+
 def _circle(pole: Floats) -> Floats:
     """The great circle (73, 3) about a pole."""
     first = np.cross(pole, [0.0, 0.0, 1.0])
@@ -167,12 +177,14 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
             closed = np.vstack([shape, shape[:1]])  # many end a side short of where they began
             outlines[row_of[name]] = (*outlines.get(row_of[name], ()), closed)
     pole = np.array([0.0, -np.sin(OBLIQUITY), np.cos(OBLIQUITY)])
+    figures = _figures(folder / "lines.tsv", stars, names)
     lines = {
-        "figures": _figures(folder / "lines.tsv", stars, names),
+        "figures": figures,
         "boundaries": tuple(shape for _, shape in _chains(folder / "boundaries.tsv")),
         "ecliptic": (_circle(pole),),
         "galactic": (_circle(unit_vectors(*GALACTIC_POLE_DEG)),),
     }
     texts = ((objects.designation(row), name.partition(",")[0]) for row, name in enumerate(objects.common.tolist()))
     names_of = tuple((short, f"{short} {name}".strip()) for short, name in texts)
-    return SkyTables(objects, ranks_of(objects), names_of, stars, _variables(folder / "variables.tsv"), lines, outlines)
+    variables, called = _variables(folder / "variables.tsv"), _constellations(folder / "lines.tsv", figures)
+    return SkyTables(objects, ranks_of(objects), names_of, stars, variables, lines, outlines, called)

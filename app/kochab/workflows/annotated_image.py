@@ -40,6 +40,8 @@ from kochab.sky.layer import (
     Mark,
     View,
     among,
+    around_text,
+    constellation_labels,
     in_frame,
     labels,
     outlined,
@@ -146,7 +148,8 @@ def drawing_of(
         left, _, right, bottom = font_of(letter).getbbox(text)
         return (right - left + 2) * scale, (bottom + 2) * scale
 
-    sky, grids = in_frame(sky_tables(), solution, year, bodies), _grids(solution, layers, horizon)
+    tables = sky_tables()
+    sky, grids = in_frame(tables, solution, year, bodies), _grids(solution, layers, horizon)
     lines = {kind: [part for one in drawn for part in pieces(one.xy)] for kind, drawn in grids.items()}
     lines |= {kind: [*parts] for kind, parts in sky.lines.items() if layers.on[kind]}
     for kind, parts in lines.items():
@@ -157,6 +160,10 @@ def drawing_of(
     # What labels must leave free: the credit line, and the compass.
     taken = [(0.0, view.bounds[3] - 1.6 * LETTER_PX, size(CREDIT)[0] + LETTER_PX, 1.6 * LETTER_PX + 4.0)]
     taken += [_compass_box(view)] if layers.on["compass"] else []
+    if layers.on["objects"] and (within := around_text(tables, solution)):
+        corner = (view.bounds[0] + 4.0, view.bounds[1] + 4.0, *size(within))
+        taken.append(corner)
+        made.words.append(((corner[0] / scale, corner[1] / scale), within, _ink(layers, "objects", "nebula")))
     shown = labels(sky, view, ranks, size, taken, layers.density)
     for mark in outlined(sky, view, ranks):
         made.strokes += [(shape, f"{ink_of(mark)}{OUTLINE:02x}", line) for shape in mark.shapes]
@@ -174,6 +181,9 @@ def drawing_of(
                 boxes = [*taken, *(box for box, _, _ in words)]
                 if not any(x < u + w and u < x + width and y < v + h and v < y + height for u, v, w, h in boxes):
                     words.append(((x, y, width, height), one.text, ink))
+    boxes = [*taken, *(box for box, _, _ in words)]
+    named = constellation_labels(sky, view, size, boxes) if layers.on["figures"] else []
+    words += [(box, text, _ink(layers, "figures", "figure")) for text, box in named]
     made.words += [((x / scale - 0.5, y / scale - 0.5), text, ink) for (x, y, _, _), text, ink in words]
     if layers.on["compass"]:
         _draw_compass(made, solution)
@@ -245,15 +255,19 @@ def dated_drawing(
     return drawing_of(solution, year_of(frame.hint.time_utc), bodies, layers, horizon, detected)
 
 
+ARROW, RIGHT, UP = 2.6, 1.9, 2.4  # letters long; the arrows' origin from the left and from below, arrows' lengths
+
+
 def _compass_box(view: View) -> tuple[float, float, float, float]:
-    """Where the arrows are, screen px: at the lower left, with the credit line below."""
-    bottom = view.bounds[3]
-    return 0.0, bottom - 5.0 * LETTER_PX - 30.0, 110.0, 5.0 * LETTER_PX + 40.0
+    """Where the arrows and their letters are, screen px: at the lower left, above the credit line."""
+    length, bottom = ARROW * LETTER_PX, view.bounds[3] + 4.0
+    top = bottom - (UP + 1.3) * length - LETTER_PX
+    return 0.0, top, (RIGHT + 1.3) * length + LETTER_PX, bottom - top
 
 
 def _draw_compass(made: Drawing, solution: Solution) -> None:
-    length = 2.6 * made.letter
-    middle = np.array([1.5 * length, made.height - 2.0 * length])
+    length = ARROW * made.letter
+    middle = np.array([RIGHT * length, made.height - UP * length])
     for way, name, ink in zip(compass(solution), "NE", (NORTH, EAST), strict=True):
         side = np.array([-way[1], way[0]]) * length * 0.12
         tip, back = middle + length * way, middle + 0.75 * length * way

@@ -11,7 +11,7 @@ from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.export import csv_text, ds9_regions
 from kochab.sky.frame_bodies import body_marks
-from kochab.sky.layer import DOT_PX, FAMILIES, in_frame
+from kochab.sky.layer import DOT_PX, FAMILIES, around, in_frame
 from kochab.sky.sky_tables import sky_tables
 from kochab.sky.solar_system import Moving
 from kochab.workflows.annotated_image import INKS
@@ -72,14 +72,11 @@ def _object(row: int, x: float, y: float, name: str, larger: bool = False) -> Fr
 
 def _larger(solution: Solution, named: set[str]) -> list[FrameObject]:
     """The objects that the whole frame lies in, the smallest first."""
-    objects = sky_tables().objects
-    smaller = np.where(np.isfinite(objects.minor), objects.minor, objects.major)
-    gap = np.arccos(np.clip(objects.vector @ solution.centre_vector, -1.0, 1.0))
-    # a circle of its smaller diameter, for that of its parts which the table's ellipse has
-    rows = np.flatnonzero(np.nan_to_num(np.radians(smaller / 120.0)) >= gap + solution.radius_rad)
+    tables = sky_tables()
+    rows = around(tables, solution)
+    objects = tables.objects
     xy = solution.pixels_of(objects.vector[rows])
-    order = np.argsort(objects.major[rows], kind="stable")
-    at = zip(rows[order], xy[order], strict=True)
+    at = zip(rows, xy, strict=True)
     found = [_object(int(row), float(x), float(y), objects.designation(int(row)), True) for row, (x, y) in at]
     return [one for one in found if one.name not in named]
 

@@ -25,8 +25,11 @@ from kochab.sky.layer import (
     Layers,
     Mark,
     SkyInFrame,
+    TextSize,
     View,
     among,
+    around_text,
+    constellation_labels,
     in_frame,
     mark_at,
     outlined,
@@ -432,6 +435,20 @@ class Overlay:
                 brush.pen(brush.ink_of(label.mark), 1.2, OUTLINE)
                 brush.painter.drawEllipse(QPointF(*view.to_screen(label.mark.xy).tolist()), DOT_PX, DOT_PX)
             brush.draw(QPointF(x, y), label.text, brush.ink_of(label.mark))
+        self._draw_wholes(brush, solution, seen, size)
+
+    def _draw_wholes(self, brush: Brush, solution: Solution, seen: View, size: TextSize) -> None:
+        """The constellations' names, and in a corner the object that the whole frame lies in."""
+        assert self.sky is not None, "drawn"
+        assert self.tables is not None, "drawn"
+        if self.layers.on["objects"] and (within := around_text(self.tables, solution)):
+            corner = QRectF(seen.bounds[0] + 8.0, seen.bounds[1] + 8.0, *size(within))
+            brush.space.taken.append(corner)
+            brush.draw(corner.topLeft(), within, brush.ink("objects", "nebula"))
+        taken = [(box.x(), box.y(), box.width(), box.height()) for box in brush.space.taken]
+        for text, box in constellation_labels(self.sky, seen, size, taken) if self.layers.on["figures"] else ():
+            brush.space.taken.append(QRectF(*box))
+            brush.draw(QPointF(box[0], box[1]), text, brush.ink("figures", "figure"))
 
     def _grid(self, view: Viewport, solution: Solution) -> dict[str, list[GridLine]]:
         """The lines of the grids that are on; that of the horizon only where and when the frame says so."""
