@@ -108,6 +108,15 @@ def shared_frames() -> Path:
 
 
 @pytest.fixture(scope="session")
+def frames_reach() -> Path:
+    """Real pictures that are hard to solve, with what is known of them; the test is skipped without."""
+    folder = REPOSITORY.parent / "shared" / "frames-reach"
+    if not folder.is_dir():
+        pytest.skip("the hard frames (../shared/frames-reach) are not beside this checkout")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def shared_series() -> Path:
     """Real series of frames with their truths, beside the checkout; the test is skipped without."""
     folder = REPOSITORY.parent / "shared" / "series"

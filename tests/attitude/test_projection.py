@@ -6,28 +6,34 @@ import numpy as np
 import pytest
 
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian, sane
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 
 CAMERA = Camera(3000, 2000, 2500.0, 1480.0, 1010.0, -0.11, 0.03, 0.004, -0.003)
+FISHEYE = FisheyeCamera(3000, 2000, 1000.0, 1480.0, 1010.0, -0.02, 0.003, 0.004, -0.003)
+
+
+@pytest.fixture(params=[CAMERA, FISHEYE], ids=["gnomonic", "fisheye"])
+def lens(request: pytest.FixtureRequest) -> Camera:
+    return request.param
 
 
 @pytest.fixture
-def vectors() -> np.ndarray:
+def vectors(lens: Camera) -> np.ndarray:
     pixels = np.random.default_rng(1).uniform([0, 0], [2999, 1999], (40, 2))
-    return CAMERA.unproject(pixels)
+    return lens.unproject(pixels)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_pixels_are_the_cameras_own(vectors: np.ndarray, mirrored: bool) -> None:
-    camera = replace(CAMERA, mirrored=mirrored)
+def test_pixels_are_the_cameras_own(lens: Camera, vectors: np.ndarray, mirrored: bool) -> None:
+    camera = replace(lens, mirrored=mirrored)
     pixels, _ = project_with_jacobian(camera, vectors)
     np.testing.assert_allclose(pixels, camera.project(vectors), atol=1e-9)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("index", range(len(PARAMETERS)), ids=PARAMETERS)
-def test_each_column_is_the_difference(vectors: np.ndarray, index: int, mirrored: bool) -> None:
-    camera = replace(CAMERA, mirrored=mirrored)
+def test_each_column_is_the_difference(lens: Camera, vectors: np.ndarray, index: int, mirrored: bool) -> None:
+    camera = replace(lens, mirrored=mirrored)
     _, jacobian = project_with_jacobian(camera, vectors)
     size = 1e-6
     step = np.zeros(len(PARAMETERS))
@@ -39,6 +45,13 @@ def test_each_column_is_the_difference(vectors: np.ndarray, index: int, mirrored
 
     difference = (shifted(size) - shifted(-size)) / (2 * size)
     np.testing.assert_allclose(jacobian[:, :, index], difference, atol=2e-3, rtol=1e-6)
+
+
+def test_what_lies_beyond_the_circle_of_a_fisheye_lens_folds_nothing() -> None:
+    """A stereographic lens: r is theta (1 + theta^2 / 12 + ...), far from it in a corner where there is no sky."""
+    lens = FisheyeCamera.centred(1600, 1600, 400.0)
+    assert sane(replace(lens, k1=1 / 12, k2=1 / 120))
+    assert not sane(replace(lens, k1=-0.3))
 
 
 def test_distortion_that_folds_the_frame_is_not_sane() -> None:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import attitude_from
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.solution import Solution
 
 small = st.floats(-0.01, 0.01)
@@ -37,6 +37,26 @@ def test_pixels_come_back(camera):
     vectors = camera.unproject(pixels)
     assert np.allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=1e-12)
     assert np.abs(camera.project(vectors) - pixels).max() < 1e-5
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_fisheye_lens_sees_what_stands_behind_it(mirrored):
+    """100 deg to the right of the axis and 30 deg below it, from the definition; both ways."""
+    lens = FisheyeCamera(2000, 2000, 500.0, 1010.0, 990.0, mirrored=mirrored)
+    side, down = np.radians(100.0), np.radians(30.0)
+    sky = np.array([[np.sin(side), 0.0, np.cos(side)], [0.0, np.sin(down), np.cos(down)], [0.0, 0.0, 1.0]])
+    sign = -1.0 if mirrored else 1.0
+    pixels = np.array([[1010.0 + sign * 500.0 * side, 990.0], [1010.0, 990.0 + 500.0 * down], [1010.0, 990.0]])
+    assert np.allclose(lens.project(sky), pixels, rtol=0.0, atol=1e-9)
+    assert np.allclose(lens.unproject(pixels), sky, rtol=0.0, atol=1e-12)
+    assert lens.fov_deg == pytest.approx((np.degrees(4.0), np.degrees(4.0)))
+    assert lens.sides_px(lens.focal_px, np.array(lens.fov_deg)) == pytest.approx([2000.0, 2000.0])
+
+
+def test_a_bent_fisheye_s_pixels_come_back():
+    lens = FisheyeCamera(1600, 1600, 480.0, 803.0, 795.0, -0.03, 0.004, 1e-3, -2e-3)
+    pixels = grid(lens)
+    assert np.abs(lens.project(lens.unproject(pixels)) - pixels).max() < 1e-6
 
 
 @pytest.mark.parametrize("k1", [-0.12, 0.15])
@@ -103,7 +123,7 @@ def test_field_and_scale():
 @pytest.mark.parametrize("k2", [5e-324, 2e-316, -2e-316, 1e-200])
 def test_a_distortion_smaller_than_numbers_can_hold_bounds_no_field(k2):
     plain, bent = (Camera(64, 64, 3666.8, 31.5, 31.5, k2=k) for k in (0.0, k2))
-    assert bent.reach == plain.reach
+    assert bent.reach_rad == plain.reach_rad
 
 
 @given(cameras(), st.floats(-180, 180), st.floats(-85, 85))

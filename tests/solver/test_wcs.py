@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kochab.core.attitude import attitude_from, unit_vectors
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.errors import FrameError
 from kochab.core.solution import Solution
 from kochab.core.wcs import wcs_cards
@@ -79,6 +79,23 @@ def test_sky_to_pixels_inverts_distortion(mirrored):
     offsets = np.array(foc) + 1.0 - header.wcs.crpix[:, None]
     back = header.sip_foc2pix(*offsets, 1)
     np.testing.assert_allclose(np.transpose(back) - 1.0, pixels, atol=0.1)
+
+
+@pytest.mark.parametrize("lens", [{}, {"k1": -0.03, "k2": 0.004}, {"k1": 0.083, "k2": 0.008, "p1": 2e-3}])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_whole_sky_is_read_back_by_astropy(mirrored, lens):
+    """1,200 px of a lens that shows 180 deg down the frame; ARC of paper II is the projection without distortion."""
+    camera = FisheyeCamera(WIDTH, HEIGHT, HEIGHT / np.pi, 603.0, 395.0, mirrored=mirrored, **lens)
+    answer = Solution(camera, attitude_from(200.0, 51.0, 33.0), (), 0.3, -30.0, "test")
+    header = header_of(answer)
+    assert header["CTYPE1"].startswith("RA---ARC")
+    pixels = grid()
+    pixels = pixels[np.hypot(*(pixels - [603.0, 395.0]).T) < HEIGHT / 2]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        ra, dec = WCS(header).all_pix2world(pixels[:, 0], pixels[:, 1], 0)
+    off = np.linalg.norm(unit_vectors(ra, dec) - answer.sky_at(pixels), axis=1) * camera.focal_px
+    assert off.max() < 0.3
 
 
 def test_an_ideal_lens_needs_no_sip():

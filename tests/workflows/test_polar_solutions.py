@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from kochab.cli.main import main
 from kochab.core.attitude import Attitude
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.errors import FrameError
 from kochab.core.frame import Site
 from kochab.core.solution import NamedStar, Solution
@@ -89,6 +89,20 @@ def test_a_wcs_is_the_map_it_says(tmp_path, mirrored):
     assert file.result.camera.mirrored is mirrored
     assert apart_px(one, file.result) < 0.05
     assert file.result.attitude.sigma_arcsec[0] == pytest.approx(0.2 * one.camera.scale_arcsec_px, rel=0.05)
+
+
+def test_a_fisheye_comes_back_as_one(tmp_path):
+    lens = FisheyeCamera(1600, 1200, 480.0, 803.0, 595.0, -0.02, 0.003)
+    one = solution(10.0, lens)
+    (tmp_path / "night.json").write_text(json.dumps(as_json("a.fits", one)) + "\n")
+    write_wcs(one, tmp_path / "a.wcs")
+    picture(tmp_path / "a.fits", BEGUN)
+    (of_json,) = solved_before(tmp_path / "night.json")
+    assert of_json.result.camera == lens
+    (of_wcs,) = solved_before(tmp_path / "a.wcs")
+    assert isinstance(of_wcs.result.camera, FisheyeCamera)
+    pixels = np.array([[800.0, 600.0], [300.0, 200.0], [1200.0, 1000.0]])
+    assert np.abs(of_wcs.result.pixels_of(one.sky_at(pixels)) - pixels).max() < 0.3
 
 
 def test_a_header_of_another_program_needs_no_picture(tmp_path):

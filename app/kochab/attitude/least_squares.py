@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Indices
 from kochab.core.attitude import small_rotation
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.solution import Matches
 
 # -- Least squares of one step: normal equations with the columns scaled to one length ---------
@@ -92,15 +92,19 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     change; in memory a parameter's lie together. The model is that of ``kochab.core.camera`` (Brown
     1966, Photogramm. Eng. 32, 444).
     """
-    flat = vectors[:, :2].T / np.maximum(vectors[:, 2], NEAREST)
+    fisheye = isinstance(camera, FisheyeCamera)
+    flat = camera.plane(vectors).T if fisheye else vectors[:, :2].T / np.maximum(vectors[:, 2], NEAREST)
     u, v = flat
     square = flat * flat
     uu, vv = square
     uv, r2 = u * v, uu + vv
     jacobian = np.empty((len(PARAMETERS), 2, len(u)))
     turn = jacobian[:3]
-    turn[0, 0], turn[0, 1] = -uv, -1.0 - vv
-    turn[1, 0], turn[1, 1] = 1.0 + uu, uv
+    if fisheye:
+        turn[0], turn[1] = _turned_fisheye(flat, r2)
+    else:
+        turn[0, 0], turn[0, 1] = -uv, -1.0 - vv
+        turn[1, 0], turn[1, 1] = 1.0 + uu, uv
     turn[2, 0], turn[2, 1] = -v, u
     bent = flat
     if camera.distorted:
@@ -123,11 +127,25 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     return pixels.T, jacobian.T
 
 
+def _turned_fisheye(flat: Floats, r2: Floats) -> tuple[Floats, Floats]:
+    """How points (2, N) of the equidistant plane move when the camera's axes turn about x, and about y.
+
+    At theta from the axis a turn along the radius moves a point by as much, one across it by theta / tan(theta).
+    """
+    theta = np.sqrt(r2)
+    across = np.where(theta > 1e-6, theta / np.tan(np.maximum(theta, 1e-6)), 1.0)
+    along = (1.0 - across) / np.maximum(r2, 1e-12)
+    u, v = flat
+    about_x = np.stack([-along * u * v, -(across + along * v * v)])
+    about_y = np.stack([across + along * u * u, along * u * v])
+    return about_x, about_y
+
+
 def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]:
     """The camera and the attitude matrix (3, 3) after a ``step`` (10,) of the parameters."""
     x, y, z, focal, cx, cy, k1, k2, p1, p2 = step.tolist()
     c = camera
-    after = Camera(
+    after = type(c)(
         c.width,
         c.height,
         # A step may change the focal length by a factor of e at most: far from the minimum steps run away.
@@ -154,6 +172,8 @@ def sane(camera: Camera) -> bool:
     w, h = camera.width - 1.0, camera.height - 1.0
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h]])
     ray = (corners - [camera.cx, camera.cy]) / camera.focal_px
+    if isinstance(camera, FisheyeCamera):  # a corner may lie beyond the lens's circle, where nothing is seen
+        ray = ray * np.minimum(1.0, FISHEYE_RAD / np.hypot(*ray.T))[:, None]
     ray = ray * np.linspace(0.05, 1.0, 24)[:, None, None]
     u, v = ray[..., 0], ray[..., 1]
     r2 = u * u + v * v
@@ -164,6 +184,8 @@ def sane(camera: Camera) -> bool:
     return bool(np.all(grows) and np.all(np.abs(shift) + tangential < 0.4))
 
 
+FISHEYE_RAD = math.radians(92.0)
+"""So far from the axis fisheye lenses show stars: one that looks up shows them to the horizon."""
 FOCAL = PARAMETERS.index("log_focal")
 STEPS = 8
 FAR = 2.0
@@ -195,7 +217,8 @@ class FitState:
     def residuals(self) -> Floats:
         """Recorded minus computed pixels (M, 2) of every match."""
         vectors = self.matches.vectors @ self.matrix.T
-        np.maximum(vectors[:, 2], NEAREST, out=vectors[:, 2])
+        if not isinstance(self.camera, FisheyeCamera):
+            np.maximum(vectors[:, 2], NEAREST, out=vectors[:, 2])
         return self.matches.xy - self.camera.project(vectors)
 
     def slopes(self) -> tuple[Floats, Floats]:
@@ -356,7 +379,7 @@ def without_distortion(state: FitState) -> FitState:
 
 def undistorted(camera: Camera) -> Camera:
     """The same camera without distortion, its axis in the frame's middle."""
-    return Camera.centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
+    return type(camera).centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
 
 
 def _plain_but(state: FitState, free: Indices) -> FitState:
@@ -367,6 +390,7 @@ def _plain_but(state: FitState, free: Indices) -> FitState:
 
 
 def _centre_plausible(camera: Camera) -> bool:
-    """Whether the principal point is inside the frame's middle half."""
+    """Whether the principal point is inside the middle half of the frame; of a wide one, often a crop, two thirds."""
     middle_x, middle_y = (camera.width - 1) / 2, (camera.height - 1) / 2
-    return abs(camera.cx - middle_x) < camera.width / 4 and (abs(camera.cy - middle_y) < camera.height / 4)
+    share = 1 / 3 if max(camera.width, camera.height) > camera.focal_px else 1 / 4
+    return abs(camera.cx - middle_x) < camera.width * share and abs(camera.cy - middle_y) < camera.height * share

@@ -9,9 +9,14 @@ Camera axes: x right, y down, z out along the boresight. A point of the tangent 
 
 and the pixel is ``x = cx + s f ud, y = cy + f vd`` with ``s = -1`` for a mirrored frame, else +1. A mirrored camera's
 x axis therefore points to the left of the screen, so that the attitude stays a proper rotation.
+
+Behind a fisheye lens the point is ``(u, v) = theta (X, Y) / hypot(X, Y)``, theta the angle from the boresight: the
+equidistant projection, bent by the same terms (Kannala and Brandt 2006, IEEE Trans. PAMI 28, 1335, whose odd powers of
+theta these are).
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +28,9 @@ FIELDS = 1.5  # how far beside the frame places are told, in half diagonals
 @dataclass(frozen=True, slots=True)
 class Camera:
     """Optics of one frame; lengths in px, pixel (0, 0) is the centre of the first pixel."""
+
+    projection: ClassVar[str] = "gnomonic"
+    widest_deg: ClassVar[float] = 180.0
 
     width: int
     height: int
@@ -61,12 +69,14 @@ class Camera:
         w, h = np.degrees(2.0 * np.arctan(np.array([self.width, self.height]) / (2.0 * self.focal_px)))
         return float(w), float(h)
 
+    @classmethod
+    def sides_px(cls, focal_px: float, fov_deg: Floats) -> Floats:
+        """The sides (2,) px of a frame with this focal length and field, as :attr:`fov_deg` says it."""
+        return np.asarray(2.0 * focal_px * np.tan(np.radians(fov_deg) / 2.0))
+
     def project(self, vectors: Floats) -> Floats:
         """Pixels (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""
-        v = np.asarray(vectors, dtype=np.float64)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # At 90° off axis u and v grow without bound; what lies behind must not be seen mirrored in front.
-            uv = np.where(v[..., 2:] > 1e-6, v[..., :2] / v[..., 2:], np.nan)
+        uv = self.plane(np.asarray(vectors, dtype=np.float64))
         return self._pixels(self.bent(uv) if self.distorted else uv)
 
     def unproject(self, pixels: Floats) -> Floats:
@@ -74,7 +84,16 @@ class Camera:
         p = np.asarray(pixels, dtype=np.float64)
         sign = -1.0 if self.mirrored else 1.0
         uvd = np.stack([sign * (p[..., 0] - self.cx), p[..., 1] - self.cy], axis=-1) / self.focal_px
-        uv = self._straighten(uvd) if self.distorted else uvd
+        return self.rays(self._straighten(uvd) if self.distorted else uvd)
+
+    def plane(self, vectors: Floats) -> Floats:
+        """Ideal points (u, v) (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # At 90° off axis u and v grow without bound; what lies behind must not be seen mirrored in front.
+            return np.where(vectors[..., 2:] > 1e-6, vectors[..., :2] / vectors[..., 2:], np.nan)
+
+    def rays(self, uv: Floats) -> Floats:
+        """Unit vectors (N, 3) in camera axes of ideal points (N, 2)."""
         out = np.concatenate([uv, np.ones_like(uv[..., :1])], axis=-1)
         return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))
 
@@ -84,19 +103,27 @@ class Camera:
         return any((self.k1, self.k2, self.p1, self.p2))
 
     @property
-    def reach(self) -> float:
-        """The tangent of the angle from the optical axis up to which a direction may be asked for.
+    def reach_rad(self) -> float:
+        """The angle from the optical axis up to which a direction may be asked for.
 
         That is half again as far as the frame's farthest corner, or where the distortion turns back: 1 + 3 k1 r2 +
         5 k2 r2^2, the derivative of the recorded radius, is zero there.
         """
         corners = np.array([[x, y] for x in (-0.5, self.width - 0.5) for y in (-0.5, self.height - 0.5)])
-        far = float(np.arccos(np.clip(self.unproject(corners)[:, 2].min(), 0.0, 1.0)))
+        far = float(np.arccos(np.clip(self.unproject(corners)[:, 2].min(), -1.0, 1.0)))
         # Solved for 1 / r2, whose leading factor is 1 however small k1 and k2 are; only real, positive ones are radii.
         turns = np.roots([1.0, 3.0 * self.k1, 5.0 * self.k2])
         nearest = turns.real[(np.abs(turns.imag) < 1e-12) & (turns.real > 0.0)].max(initial=0.0)
-        at_most = float(np.tan(min(FIELDS * far, np.radians(89.0))))
-        return min(at_most, float(nearest**-0.5)) if nearest > 0.0 else at_most
+        at_most = min(FIELDS * far, self._widest_rad)
+        return min(at_most, self._off_axis_rad(float(nearest**-0.5))) if nearest > 0.0 else at_most
+
+    @property
+    def _widest_rad(self) -> float:
+        return float(np.radians(89.0))
+
+    def _off_axis_rad(self, radius: float) -> float:
+        """The angle from the optical axis of an ideal point so far from it."""
+        return float(np.arctan(radius))
 
     def bent(self, uv: Floats) -> Floats:
         """The recorded points of the tangent plane (..., 2) of ideal ones."""
@@ -138,6 +165,48 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True)
+class FisheyeCamera(Camera):
+    """A fisheye lens, of up to the whole sky: pixels from the axis are as angles from it, but for the distortion."""
+
+    projection: ClassVar[str] = "equidistant"
+    widest_deg: ClassVar[float] = 720.0  # beside the lens's circle there is frame, but no sky
+
+    @property
+    def fov_deg(self) -> tuple[float, float]:
+        """Width and height of the undistorted field, edge to edge."""
+        w, h = np.degrees(np.array([self.width, self.height]) / self.focal_px)
+        return float(w), float(h)
+
+    @classmethod
+    def sides_px(cls, focal_px: float, fov_deg: Floats) -> Floats:
+        """The sides (2,) px of a frame with this focal length and field."""
+        return np.asarray(focal_px * np.radians(fov_deg))
+
+    def plane(self, vectors: Floats) -> Floats:
+        """Ideal points (u, v) (N, 2) of unit vectors (N, 3) in camera axes, radians from the axis."""
+        across = np.hypot(vectors[..., 0], vectors[..., 1])
+        theta = np.arctan2(across, vectors[..., 2])
+        return np.asarray(vectors[..., :2] * (theta / np.maximum(across, 1e-15))[..., None])
+
+    def rays(self, uv: Floats) -> Floats:
+        """Unit vectors (N, 3) in camera axes of ideal points (N, 2); farther than 180 deg they stand behind."""
+        theta = np.minimum(np.hypot(uv[..., 0], uv[..., 1]), np.pi)
+        across = uv * np.sinc(theta / np.pi)[..., None]
+        return np.concatenate([across, np.cos(theta)[..., None]], axis=-1)
+
+    @property
+    def _widest_rad(self) -> float:
+        return float(np.radians(120.0))
+
+    def _off_axis_rad(self, radius: float) -> float:
+        return radius
+
+
+PROJECTIONS: dict[str, type[Camera]] = {kind.projection: kind for kind in (Camera, FisheyeCamera)}
+"""The models of a lens by the name that files give them."""
+
+
+@dataclass(frozen=True, slots=True)
 class ChartCamera(Camera):
     """A stereographic chart of up to a hemisphere: small circles stay circles, and little is stretched.
 
@@ -151,9 +220,9 @@ class ChartCamera(Camera):
         return cls(width, height, focal_px, (width - 1) / 2, (height - 1) / 2)
 
     @property
-    def reach(self) -> float:
+    def reach_rad(self) -> float:
         """A quarter of the sky to each side."""
-        return 1e9
+        return float(np.pi / 2.0)
 
     def project(self, vectors: Floats) -> Floats:
         """Pixels (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""

@@ -148,7 +148,8 @@ class Solution:
         seen = np.asarray(vectors) @ self.attitude.matrix.T
         pixels = self.camera.project(seen)
         # Beyond reach the polynomial would fold stars from 70° away back into the frame.
-        pixels[np.hypot(seen[..., 0], seen[..., 1]) > self.camera.reach * seen[..., 2]] = np.nan
+        off_axis_rad = np.arctan2(np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2])
+        pixels[off_axis_rad > self.camera.reach_rad] = np.nan
         return pixels
 
     @property

@@ -1,6 +1,7 @@
-"""A pointing as a FITS world coordinate system: TAN, with SIP where the lens distorts.
+"""A pointing as a FITS world coordinate system: TAN, ARC behind a fisheye lens, with SIP where the lens distorts.
 
-After Calabretta and Greisen 2002 (FITS paper II, gnomonic projection) and Shupe et al. 2005 (the
+After Calabretta and Greisen 2002 (FITS paper II, the gnomonic projection and the
+zenithal equidistant one) and Shupe et al. 2005 (the
 SIP convention). FITS counts pixels from 1 and so do ``CRPIX1`` and ``CRPIX2`` here; its rows are
 the array's, so that a frame read from FITS and its file share their pixels.
 """
@@ -11,7 +12,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, east_north
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 
 if TYPE_CHECKING:
     from astropy.wcs import WCS
@@ -21,6 +22,8 @@ Term = tuple[int, int]
 _GOOD_PX = 0.005
 _ORDERS = range(3, 10)  # SIP allows 2 to 9
 _GRID = 41
+_FISHEYE_RAD = 1.75
+"""Farther from the axis, 100 deg, is the frame beside a fisheye lens's circle, which shows no sky."""
 
 
 def wcs_cards(camera: Camera, attitude: Attitude) -> list[tuple[str, Any, str]]:
@@ -31,11 +34,12 @@ def wcs_cards(camera: Camera, attitude: Attitude) -> list[tuple[str, Any, str]]:
     """
     ra, dec = attitude.ra_dec_deg
     cd = _cd_matrix(camera, attitude)
+    code = "ARC" if isinstance(camera, FisheyeCamera) else "TAN"
     sip = "-SIP" if camera.distorted else ""
     cards: list[tuple[str, Any, str]] = [
         ("WCSAXES", 2, "celestial axes"),
-        ("CTYPE1", f"RA---TAN{sip}", "gnomonic projection"),
-        ("CTYPE2", f"DEC--TAN{sip}", "gnomonic projection"),
+        ("CTYPE1", f"RA---{code}{sip}", f"{camera.projection} projection"),
+        ("CTYPE2", f"DEC--{code}{sip}", f"{camera.projection} projection"),
         ("CUNIT1", "deg", ""),
         ("CUNIT2", "deg", ""),
         ("RADESYS", "ICRS", ""),
@@ -95,12 +99,15 @@ def _grids(camera: Camera) -> tuple[Floats, Floats]:
     x, y = np.meshgrid(place * camera.width - 0.5, place * camera.height - 0.5)
     pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(pixels)
-    flat = rays[:, :2] / rays[:, 2:]
+    flat = camera.plane(rays)
     # Beyond the fold of a barrel lens nothing was ever recorded: there is nothing to fit there.
     seen = np.hypot(*flat.T) < 0.9 * _fold_radius(camera)
     seen &= np.abs(camera.project(rays) - pixels).max(axis=1) < _GOOD_PX
+    fisheye = isinstance(camera, FisheyeCamera)
+    if fisheye:
+        seen &= np.hypot(*flat.T) < _FISHEYE_RAD
     # With fewer than half the points the polynomial would be free over most of the frame.
-    if np.count_nonzero(seen) > len(seen) // 2:
+    if fisheye or np.count_nonzero(seen) > len(seen) // 2:
         pixels, flat = pixels[seen], flat[seen]
     sign = np.array([-1.0 if camera.mirrored else 1.0, 1.0])
     return pixels - np.array([camera.cx, camera.cy]), sign * camera.focal_px * flat

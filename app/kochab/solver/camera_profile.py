@@ -21,7 +21,7 @@ from kochab.attitude import FLOOR_PX, wahba
 from kochab.attitude.least_squares import PARAMETERS, moved, project_with_jacobian
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
-from kochab.core.camera import Camera
+from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
@@ -229,6 +229,7 @@ def save_profile(profile: Profile, folder: Path | None = None) -> Path:
         "format": PROFILE_FORMAT,
         "name": profile.name,
         "frames": profile.frames,
+        "projection": camera.projection,
         "camera": asdict(camera),
         "sigma": profile.sigma,
         "terms": list(TERMS),
@@ -267,7 +268,7 @@ def load_profile(name: str, width: int, height: int, folder: Path | None = None)
     try:
         content = read_json(path)
         information = np.array(content["information"], dtype=np.float64)
-        camera = Camera(**content["camera"])
+        camera = PROJECTIONS[content.get("projection", Camera.projection)](**content["camera"])
         profile = Profile(name, camera, information, int(content["frames"]))
         if content["terms"] != list(TERMS) or information.shape != (len(TERMS), len(TERMS)):
             raise ValueError("other terms")

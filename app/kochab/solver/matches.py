@@ -1,6 +1,6 @@
 """From the few identified stars to every star of the frame that the catalogue names."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -8,11 +8,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kochab.attitude import wahba
 from kochab.attitude.fit import Fit, FocalPrior, refine
 from kochab.attitude.least_squares import undistorted
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, radec_deg
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections
 from kochab.core.pairing import close_pairs, mutual_nearest
 from kochab.core.solution import Identification, Matches, NamedStar
@@ -146,6 +147,35 @@ def extend(
     if not fit.rms_px <= LARGEST_TOLERANCE_PX:  # farther than any match was taken from: it ran away
         fit = min(last(distortion=False), fit, key=lambda f: f.rms_px)
     return _inliers(matches, fit)
+
+
+WIDE, WIDER = 0.6, 0.9
+"""Half the frame's larger side over the focal length: lenses of 84 deg and more may be fisheyes, poor ones of 62."""
+POOR_LENS = 0.0004
+"""Residuals of this RMS, over the frame's larger side, doubt the model of the lens."""
+BETTER, AS_MANY = 0.7, 0.97
+"""A fisheye's residuals are so much smaller, and its stars no fewer than that, where the frame is one."""
+
+
+def behind_its_lens(
+    grow: Callable[[Identification], tuple[Matches, Fit]], found: Identification
+) -> tuple[Matches, Fit]:
+    """Matches and fit as ``grow`` makes them of what was found, by the model of a lens that the stars support.
+
+    A wide frame is tried as a fisheye's as well; that is believed where it holds clearly more stars, or holds them
+    clearly better.
+    """
+    matches, fit = grow(found)
+    camera, side = fit.camera, max(fit.camera.width, fit.camera.height)
+    wide = WIDER if fit.rms_px < POOR_LENS * side else WIDE
+    if isinstance(camera, FisheyeCamera) or side < 2.0 * wide * camera.focal_px:
+        return matches, fit
+    fisheye = FisheyeCamera.centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
+    at = refine(found.matches, fisheye, wahba(fisheye.unproject(found.matches.xy), found.matches.vectors))
+    more, other = grow(replace(found, camera=at.camera, attitude=at.attitude))
+    closer = other.rms_px < BETTER * fit.rms_px and len(more) >= AS_MANY * len(matches)
+    fuller = len(more) * AS_MANY > len(matches) and other.rms_px * AS_MANY < fit.rms_px
+    return (more, other) if closer or fuller else (matches, fit)
 
 
 def match_errors(

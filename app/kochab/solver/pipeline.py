@@ -23,10 +23,13 @@ from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, StarCatalogue, named_st
 from kochab.text.translation import tr
 
 if TYPE_CHECKING:
+    from kochab.detection.auto import AutoDetector
     from kochab.sky import Catalogue
 
 
 logger = logging.getLogger(__name__)
+FEWEST_FOR_PARTS, MORE = 30, 1.1
+"""So many stars are worth a look at parts of the frame, and so many times as many in them another search."""
 FEWEST_TO_TRY = 3
 """With fewer stars than a triangle no method has anything to look for."""
 
@@ -73,7 +76,7 @@ def solve_frame(frame: Frame, options: SolveOptions | None = None) -> Task[Solut
 def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms: float = 0.0) -> Task[Examined]:
     """As :func:`solve_frame`, and also hand back the detections, for who wants to draw them."""
     from kochab.detection import DETECTORS
-    from kochab.detection.auto import AutoDetector, single_pixels
+    from kochab.detection.auto import AutoDetector
 
     options = options or SolveOptions()
     clock = Stopwatch(options.timeout_s, read_ms)
@@ -83,17 +86,35 @@ def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms:
         detections = detector.detect(frame)
     hint = merged_hint(with_field(options, frame.width), frame.hint if options.use_header else None)
     request = _Request(detections, replace(options, hint=hint), clock, frame)
-    result = yield from _solve(request)
-    few = len(detections) < FEWEST_STARS
-    if few and isinstance(result, NoSolution) and isinstance(detector, AutoDetector):
-        # stars of a sharp lens may be single pixels, which the detector takes for hot ones
-        points = single_pixels(frame, detector)
-        if len(points) >= FEWEST_STARS:
-            second = yield from _solve(replace(request, detections=points, n_star_lists=2))
+    result = yield from _solve(request, _searches(request))
+    if isinstance(result, NoSolution) and isinstance(detector, AutoDetector) and result.reason is not Reason.TIMED_OUT:
+        for again, searches in _second_lists(request, detector):
+            second = yield from _solve(again, searches)
             if isinstance(second, Solution):
-                detections, result = points, second
+                detections, result = again.detections, second
     _log(result)
     return Examined(detections, result)
+
+
+def _second_lists(
+    request: _Request, detector: "AutoDetector"
+) -> Iterator[tuple[_Request, Iterator[Task[Identification | NoSolution]]]]:
+    """Another list of the same frame's stars and the searches to make in it, where the first may not have been all."""
+    from kochab.detection.auto import single_pixels
+    from kochab.detection.tiles import detect_in_tiles
+
+    count = len(request.detections)
+    assert request.frame is not None
+    if count < FEWEST_STARS:
+        # stars of a sharp lens may be single pixels, which the detector takes for hot ones
+        points = replace(request, detections=single_pixels(request.frame, detector), n_star_lists=2)
+        if len(points.detections) >= FEWEST_STARS:
+            yield points, _searches(points)
+    elif count >= FEWEST_FOR_PARTS and _may_climb(request):
+        with request.clock.stage("detect"):
+            parts = replace(request, detections=detect_in_tiles(request.frame, detector), n_star_lists=2)
+        if len(parts.detections) > MORE * count:
+            yield parts, iter([_climb(parts)])
 
 
 def solve_detections(
@@ -110,7 +131,8 @@ def solve_detections(
     options = options or SolveOptions()
     if options.fov_deg is not None:
         options = replace(options, hint=with_field(options, detections.width))
-    result = yield from _solve(_Request(detections, options, Stopwatch(options.timeout_s, read_ms)))
+    request = _Request(detections, options, Stopwatch(options.timeout_s, read_ms))
+    result = yield from _solve(request, _searches(request))
     _log(result)
     return result
 
@@ -151,8 +173,10 @@ def year_of(moment: datetime | None) -> float:
     return 2000.0 + (moment - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 31557600.0
 
 
-def _solve(request: _Request) -> Task[Solution | NoSolution]:
-    """Identify the stars and refine the pointing, or say why there is none."""
+def _solve(
+    request: _Request, searches_to_make: Iterator[Task[Identification | NoSolution]]
+) -> Task[Solution | NoSolution]:
+    """Identify the stars by one search after another and refine the pointing, or say why there is none."""
     from kochab.identification import IDENTIFIERS
 
     # a wrong name is told before the search, not after it
@@ -163,7 +187,7 @@ def _solve(request: _Request) -> Task[Solution | NoSolution]:
     refusal: NoSolution | None = None
     searches = 0
     try:
-        for search in _searches(request):
+        for search in searches_to_make:
             found = yield from search
             # one that lacked what it needs looked at nothing, and had no chance of error
             searches += isinstance(found, Identification) or found.searched
@@ -209,6 +233,15 @@ def _searches(request: _Request) -> Iterator[Task[Identification | NoSolution]]:
             yield _identify(request, None)
     if options.method == DEFAULT_METHOD:
         yield _identify_few(request)
+    if _may_climb(request):
+        yield _climb(request)
+
+
+def _may_climb(request: _Request) -> bool:
+    """Whether windows of the frame may be asked, which believe no hint."""
+    options = request.options
+    blind = options.hint is None or not options.hint.helps or options.blind_after_hint
+    return options.method == DEFAULT_METHOD and blind
 
 
 def _identify_few(request: _Request) -> Task[Identification | NoSolution]:
@@ -219,6 +252,13 @@ def _identify_few(request: _Request) -> Task[Identification | NoSolution]:
         found = identify_few(request.detections, request.options.hint, _catalogue(), request.year)
     # as one that tried nothing, so that the refusal of the search before stands
     return found or NoSolution(Reason.NO_PATTERN_AGREED, "", "nothing")
+
+
+def _climb(request: _Request) -> Task[Identification | NoSolution]:
+    from kochab.solver.window_ladder import climb
+
+    with request.clock.stage("identify"):
+        return (yield from request.clock.watch(climb(request.detections, request.year)))
 
 
 @cache
@@ -241,6 +281,7 @@ def _identify(request: _Request, hint: Hint | None) -> Task[Identification | NoS
 
 def _conclude(request: _Request, found: Identification) -> Solution | NoSolution:
     from kochab.solver.matches import (
+        behind_its_lens,
         centroid_sigma,
         extend,
         match_errors,
@@ -253,9 +294,8 @@ def _conclude(request: _Request, found: Identification) -> Solution | NoSolution
     usable = request.detections.take(slice(0, options.max_stars))
     scale = options.hint.focal_px if options.hint else None
     focal = FocalPrior.of_range(*scale) if scale else None  # the fit drops it if the stars contradict it
-    matches, fit = extend(
-        usable, found, catalogue, year, distortion=options.distortion, focal=focal, worst_px=options.worst_px
-    )
+    grow = partial(extend, distortion=options.distortion, focal=focal, worst_px=options.worst_px)
+    matches, fit = behind_its_lens(partial(grow, usable, catalogue=catalogue, year=year), found)
     # the stars are right even so, but the pointing may be turned by degrees
     stretched = stretch(usable, matches, fit, catalogue, year)
     if stretched is not None:

@@ -41,7 +41,7 @@ def _solved(file: str, s: "Solution") -> Json:
         "mirrored": camera.mirrored,
         "fov_deg": list(camera.fov_deg),
         "scale_arcsec_px": camera.scale_arcsec_px,
-        "camera": {name: float(getattr(camera, name)) for name in terms},
+        "camera": {"projection": camera.projection, **{name: float(getattr(camera, name)) for name in terms}},
         "matches": len(s.stars),
         "detections": s.detections,
         "rms_px": s.rms_px,

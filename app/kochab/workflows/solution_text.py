@@ -5,6 +5,7 @@ import io
 import math
 from collections.abc import Iterable, Mapping
 
+from kochab.core.camera import FisheyeCamera
 from kochab.core.solution import NoSolution, Solution
 from kochab.text.angle_text import (
     AngleStyle,
@@ -77,11 +78,12 @@ def _rotation(s: Solution, spec: str) -> str:
 
 
 def camera_text(s: Solution) -> str:
-    """Focal length and whether distortion was fitted."""
+    """Focal length, whether distortion was fitted, and whether the lens is a fisheye."""
     c = s.camera
+    text = tr("f = {focal:.1f} px, no distortion fitted", focal=c.focal_px)
     if c.distorted:
-        return tr("f = {focal:.1f} px, k1 = {k1}", focal=c.focal_px, k1=number(c.k1, "+.4g").replace("-", "−"))
-    return tr("f = {focal:.1f} px, no distortion fitted", focal=c.focal_px)
+        text = tr("f = {focal:.1f} px, k1 = {k1}", focal=c.focal_px, k1=number(c.k1, "+.4g").replace("-", "−"))
+    return tr("fisheye, {camera}", camera=text) if isinstance(c, FisheyeCamera) else text
 
 
 def times_text(elapsed_ms: Mapping[str, float]) -> str:

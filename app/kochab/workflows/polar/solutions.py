@@ -12,7 +12,7 @@ import numpy as np
 
 from kochab.attitude.fit import refine
 from kochab.core.attitude import ARCSEC, Attitude, unit_vectors
-from kochab.core.camera import Camera
+from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import Task
@@ -137,13 +137,16 @@ def _of_map(sky_deg: Any, width: int, height: int) -> Solution:
     scale = float(np.sqrt(np.linalg.norm(np.cross(right - here, below - here))))
     if not (np.isfinite(sky).all() and FINEST_RAD_PX < scale < 1.0):
         raise ValueError("no map of the sky")
-    camera = Camera.centred(width, height, 1.0 / scale, bool(np.cross(right - here, below - here) @ here < 0.0))
-    number = np.arange(len(pixels))
-    start = Attitude(best_rotation(sky, camera.unproject(pixels)))
-    with np.errstate(all="ignore"):  # of a map that no camera has anything may come
-        fit = refine(Matches(number, number, pixels, sky), camera, start)
-        off_px = np.linalg.norm(fit.camera.project(sky @ fit.attitude.matrix.T) - pixels, axis=1)
-    if not np.median(off_px) < WORST_MAP_PX:  # NaN too
+    mirrored, number = bool(np.cross(right - here, below - here) @ here < 0.0), np.arange(len(pixels))
+    for lens in PROJECTIONS.values():
+        camera = lens.centred(width, height, 1.0 / scale, mirrored)
+        start = Attitude(best_rotation(sky, camera.unproject(pixels)))
+        with np.errstate(all="ignore"):  # of a map that no camera has anything may come
+            fit = refine(Matches(number, number, pixels, sky), camera, start)
+            off_px = np.linalg.norm(fit.camera.project(sky @ fit.attitude.matrix.T) - pixels, axis=1)
+        if np.median(off_px) < WORST_MAP_PX:
+            break
+    else:  # NaN too
         raise ValueError("no camera's map")
     sigma = SIGMA_PX * np.array([scale, scale, 4.0 / width])
     attitude = Attitude(fit.attitude.matrix, np.diag(sigma**2))
@@ -196,17 +199,16 @@ def _solution(row: Mapping[str, Any]) -> Solution:
 def _camera(row: Mapping[str, Any]) -> Camera:
     """The camera of a line; ValueError when it is none."""
     camera_numbers = {name: float(row["camera"][name]) for name in ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")}
+    lens = PROJECTIONS[row["camera"].get("projection", Camera.projection)]
     fov_deg = np.array(row["fov_deg"], dtype=np.float64)
     if fov_deg.shape != (2,) or not (
-        camera_numbers["focal_px"] > 0.0 and (fov_deg > 0.0).all() and (fov_deg < 180.0).all()
+        camera_numbers["focal_px"] > 0.0 and (fov_deg > 0.0).all() and (fov_deg < lens.widest_deg).all()
     ):
         raise ValueError("camera")
-    width, height = (
-        round(float(side)) for side in 2.0 * camera_numbers["focal_px"] * np.tan(np.radians(fov_deg / 2.0))
-    )
+    width, height = map(round, lens.sides_px(camera_numbers["focal_px"], fov_deg).tolist())
     if not 2 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
         raise ValueError("fov_deg")
-    return Camera(width, height, **camera_numbers, mirrored=bool(row["mirrored"]))
+    return lens(width, height, **camera_numbers, mirrored=bool(row["mirrored"]))
 
 
 def _star(given: Mapping[str, Any]) -> NamedStar:

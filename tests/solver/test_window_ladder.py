@@ -1,0 +1,136 @@
+"""Windows of a frame, when the whole finds no pattern: pictures, captions, roofs and whole skies."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import apart_deg, attitude_from, radec_deg
+from kochab.core.camera import Camera, FisheyeCamera
+from kochab.core.frame import Detections, Hint
+from kochab.core.progress import run
+from kochab.core.solution import Identification, NoSolution, Solution
+from kochab.frames import read_frame
+from kochab.identification.patterns import Patterns
+from kochab.solver import SolveOptions, pipeline, window_ladder
+from kochab.solver.pipeline import solve_detections, solve_frame
+from tests.solver.fields import YEAR, photograph
+from tests.solver.whole_skies import RADII, solved
+
+REACHED = {
+    "AllskyTe__html_documentation_explanations_Stretch_10x30.png",
+    "DESIHIGH__attic_images_Amazon.jpg",
+    "DESIHIGH__attic_images_MilkyWay.jpg",
+    "UNISvalb__Test_images_LYR_Sony_111220_200933.jpg",
+    "asky__data_Toscano1_2025_6_21_01_39_45_UTC.jpeg",
+    "emijrp__images_iridium8.jpg",
+    "indiall__testing_blob_detection_test_no_clouds.jpg",
+    "jakeschu__public_images_gallery_cygnus_loop.jpg",
+    "jbsco__docs_images_01-input-tree-occlusion.jpg",
+    "stic6021__app_assets_images_home_page_background.jpg",
+    "stic6021__es_EN_HD_images_landscape_ForestCanyonOverlook_2020Jul19.jpg",
+    "stic6021__p_assets_images_EN_HD_images_portrait_NavyHill_2021Apr29.jpg",
+    "teuben__www_gallery_meteor_Meteor_20191028.png",
+    "tjallsky__html_documentation_explanations_Stretch_20x10.png",
+}
+
+
+@pytest.mark.parametrize("name", sorted(REACHED))
+def test_pictures_that_failed_as_a_whole_are_where_others_say(frames_reach, name):
+    truth = json.loads((frames_reach / "truth.json").read_text())[name]
+    answer = run(solve_frame(read_frame(str(frames_reach / name))))
+    assert isinstance(answer, Solution), answer
+    pixel = np.array([truth.get("pixel", [(answer.camera.width - 1) / 2, (answer.camera.height - 1) / 2])], dtype=float)
+    place = radec_deg(answer.sky_at(pixel)[0])
+    assert apart_deg(place, (truth["ra_deg"], truth["dec_deg"])) < truth["tol_deg"]
+
+
+def spoilt(kind, seed):
+    """The brightest 90 stars of a field of 24 deg, and what is brighter still and no star; the field's truth."""
+    rng = np.random.default_rng([seed, 7])
+    camera = Camera.centred(1600, 1000, 1600 / 2 / math.tan(math.radians(12.0)))
+    field = photograph(camera, attitude_from(rng.uniform(0, 360), rng.uniform(-70, 70), rng.uniform(-180, 180)), 90)
+    d, bright = field.detections, 10.0 * field.detections.flux.max()
+    if kind == "captions":  # four lines of forty letters
+        xy = np.concatenate([np.stack([rng.uniform(40, 900, 40), np.full(40, y)], 1) for y in (880, 910, 940, 970)])
+        kept = np.ones(len(d), bool)
+    else:  # a roof over two fifths, with lit windows
+        xy, kept = rng.uniform([0, 600], [1600, 1000], (60, 2)), d.xy[:, 1] < 600
+    places = np.concatenate([d.xy[kept], xy])
+    flux = np.concatenate([d.flux[kept], bright * rng.uniform(1, 2, len(xy))])
+    return Detections.from_list(places, 1600, 1000, flux), field.attitude
+
+
+@pytest.mark.parametrize("kind", ["captions", "roof"])
+def test_captions_and_roofs_hide_no_sky(kind, monkeypatch):
+    lists = [spoilt(kind, seed) for seed in range(6)]
+    answers = [run(solve_detections(d)) for d, _ in lists]
+    right = [
+        isinstance(a, Solution) and apart_deg(a.ra_dec_deg, t.ra_dec_deg) < 0.05
+        for a, (_, t) in zip(answers, lists, strict=True)
+    ]
+    wrong = [isinstance(a, Solution) and not ok for a, ok in zip(answers, right, strict=True)]
+    assert sum(right) >= 5
+    assert not any(wrong)
+    monkeypatch.setattr(pipeline, "_may_climb", lambda request: False)
+    alone = [isinstance(run(solve_detections(d)), Solution) for d, _ in lists]
+    assert sum(alone) < sum(right)
+
+
+@pytest.mark.parametrize(("projection", "field_deg"), [(kind, deg) for kind in RADII for deg in (100.0, 170.0)])
+def test_whole_skies_of_four_projections_are_found(projection, field_deg):
+    answers = [solved(projection, field_deg, seed) for seed in (11, 12)]
+    assert all(off_deg < 0.3 for _, off_deg in answers), answers
+    if field_deg > 150.0:
+        assert all(isinstance(a.camera, FisheyeCamera) and len(a.stars) > 60 for a, _ in answers)
+
+
+def test_every_window_asked_is_one_more_chance_of_a_false_alarm(monkeypatch):
+    detections, _ = spoilt("captions", 1)
+    bounds, searches = [], []
+    identify = Patterns.identify
+
+    def told(self, own, hint=None, year=YEAR):
+        searches.append(own)
+        answer = yield from identify(self, own, hint, year)
+        if isinstance(answer, Identification):
+            bounds.append((len(searches), answer.log10_false_alarm))
+        return answer
+
+    monkeypatch.setattr(Patterns, "identify", told)
+    found = run(window_ladder.climb(detections, YEAR))
+    assert isinstance(found, Identification)
+    assert found.log10_false_alarm == pytest.approx(min(bound + math.log10(asked) for asked, bound in bounds), abs=1e-9)
+
+
+def test_two_windows_of_one_frame_agree_and_others_do_not():
+    field = photograph(Camera.centred(1600, 1000, 1500.0), attitude_from(84.0, -2.0, 25.0), 300)
+    windows = list(window_ladder._windows(field.detections))
+    method = Patterns()
+    found = [(w, a) for w in windows if isinstance(a := run(method.identify(w.detections)), Identification)]
+    assert len(found) >= 4
+    assert all(window_ladder._agree(a, b) for a in found for b in found if a is not b)
+    window, answer = found[0]
+    for changed in (
+        replace(answer, attitude=attitude_from(200.0, 30.0, 25.0)),
+        replace(answer, camera=replace(answer.camera, mirrored=not answer.camera.mirrored)),
+        replace(answer, camera=replace(answer.camera, focal_px=2.0 * answer.camera.focal_px)),
+    ):
+        assert not window_ladder._agree((window, changed), found[1])
+
+
+def test_a_person_who_trusts_a_hint_alone_gets_no_windows():
+    detections, truth = spoilt("captions", 1)
+    far = (truth.ra_dec_deg[0] + 90.0, -truth.ra_dec_deg[1], 5.0)
+    hint = Hint(scale_arcsec_px=(50.0, 60.0), centre_deg=far)
+    answer = run(solve_detections(detections, SolveOptions(hint=hint, blind_after_hint=False)))
+    assert isinstance(answer, NoSolution)
+
+
+def test_noise_climbs_to_nothing():
+    rng = np.random.default_rng(5)
+    for count in (60, 300):
+        answer = run(solve_detections(Detections.from_list(rng.uniform(0, [1600, 1000], (count, 2)), 1600, 1000)))
+        assert isinstance(answer, NoSolution)
