@@ -48,11 +48,10 @@ run: system $(STAMP)
 # Quick checks first, so that a slip is told within seconds; with -j the slow one goes on beside the
 # making of patterns. Then three processes more than there are cores: many tests wait for lines, screens
 # and exposures. A process that is done takes over from the others.
-# Two processes a core: four fifths of the time they wait for INDI's drivers and for mounts that move.
 test: SYSTEM = test
 test: system style types $(if $(filter tests,$(TESTS)),patterns)
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
-	  -n $$($(BIN)/python -c "import os; print(min(8, 2 * (os.cpu_count() or 2)))") --dist worksteal $(TESTS)
+	  -n auto --maxprocesses 8 --dist worksteal $(TESTS)
 
 smoke: $(STAMP)
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m tests.smoke
