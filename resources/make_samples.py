@@ -1,7 +1,7 @@
 """Make the sample frames: the shipped catalogue, seen by the project's own simulated cameras.
 
 Run as ``python -m resources.make_samples``; the same catalogue gives the same pictures. Nobody's
-photograph is in them, so they carry the project's own licence.
+photograph is in them, so they carry the project's own licence; the one real photograph lies beside them.
 """
 
 import json
@@ -46,6 +46,13 @@ class Sample:
     colour: bool = False
 
 
+PHOTOGRAPH = {
+    "milky-way.jpg": {
+        "title": "The Milky Way in Aquila and Scutum",
+        "text": "A real photograph: GranaSAT star tracker, 10 s, 27° wide (MIT)",
+    }
+}
+"""The first sample, not made here: ``README.md`` says where it comes from."""
 SAMPLES = (
     Sample(
         "orion.png", "Orion", "50 mm lens on a tripod, mono, 15° wide",
@@ -76,7 +83,7 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     for number, sample in enumerate(SAMPLES):
         _save(sample, _exposure(sample, seed=1000 + number))
-    told = {s.file: {"title": s.title, "text": s.text} for s in SAMPLES}
+    told = PHOTOGRAPH | {s.file: {"title": s.title, "text": s.text} for s in SAMPLES}
     text = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
     (FOLDER / "samples.json").write_text(text, encoding="utf-8", newline="\n")
 

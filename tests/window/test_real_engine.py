@@ -10,6 +10,7 @@ from kochab.window.shell.welcome import samples
 
 LIMIT_MS = 60_000
 SHOWS = {
+    "milky-way": "Aquila",
     "orion": "M 42 in Orion",
     "pleiades": "M 45 in Taurus",
     "southern-cross": "Crux",

@@ -5,6 +5,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 
+from kochab.folders import data_folder
 from kochab.window.image.thumbnails import HEIGHT, WIDTH, as_pixmap, thumbnail
 from kochab.window.shell.welcome import Sample, samples
 
@@ -35,6 +36,16 @@ def test_the_shipped_samples_have_titles_and_texts():
     shipped = samples()
     assert len(shipped) >= 3
     assert all(s.title and s.text for s in shipped)
+
+
+def test_the_first_sample_is_a_small_real_photograph_with_its_credit_and_licence():
+    first = samples()[0]
+    assert "GranaSAT" in first.text
+    assert "MIT" in first.text
+    assert first.path.stat().st_size < 400_000
+    provenance = (data_folder("resources") / "README.md").read_text("utf-8")
+    assert f"samples/{first.path.name}" in provenance
+    assert "copyright (c) 2020 Iris García" in provenance
 
 
 def test_thumbnails_show_stars_on_a_dark_sky():

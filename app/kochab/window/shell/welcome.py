@@ -54,7 +54,7 @@ def samples(folder: Path | None = None) -> list[Sample]:
     return found
 
 
-MOST_SHOWN = 5
+MOST_SHOWN = 6
 INVITATION = tr_noop("Open an image of the night sky to see where it points and which stars are in it.")
 READS = tr_noop("Or drop a file on this window: {formats}. No focal length or coordinates needed.")
 
@@ -86,7 +86,10 @@ class Welcome(Page):
         self.samples = [self._sample(s, i) for i, s in enumerate(samples[:MOST_SHOWN])]
         offer: list[Part] = []
         if self.samples:
-            heading = label(tr("Try a sample"), "heading"), label(tr("Simulated images."), "muted")
+            heading = (
+                label(tr("Try a sample"), "heading"),
+                label(tr("A real photograph, and simulated images."), "muted"),
+            )
             offer = [8, styled_frame("rule"), *heading, *self.samples]
         self._inside = page()
         self._inside.setMaximumWidth(WIDEST_PX)
