@@ -22,6 +22,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("kochab.cli.solve:add_identify_parser", "plate solve lists of star positions"),
     "detect": ("kochab.cli.solve:add_detect_parser", "find the stars of a frame"),
     "find": ("kochab.cli.find:add_parser", "where a star, an object or a body is"),
+    "chart": ("kochab.cli.chart:add_parser", "a finder chart or an annotated image to print, as PDF"),
     "catalog": ("kochab.cli.catalog:add_parser", "star catalogues: info, build, import, coverage"),
     "live": ("kochab.cli.live:add_parser", "plate solve a camera's frames as they arrive"),
     "camera": ("kochab.cli.live:add_camera_parser", "list cameras, take a frame"),

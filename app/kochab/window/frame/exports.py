@@ -24,6 +24,7 @@ from kochab.window.image.overlay import Overlay
 from kochab.window.settings import WindowSettings
 from kochab.workflows.annotated_image import annotate, write_stellarium
 from kochab.workflows.frame_objects import objects_csv, objects_of, sky_regions
+from kochab.workflows.printed_sheet import write_sheet
 from kochab.workflows.solution_json import as_json, to_line
 
 Write = Callable[[Frame, Solution, Path], None]
@@ -72,6 +73,10 @@ EXPORTS = (
         "-stellarium.ssc",
         tr_noop("Stellarium script (*.ssc)"),
         write_stellarium,
+    ),
+    Export("print", tr_noop("&Print sheet (A4)…"), "-a4.pdf", "PDF (*.pdf)", write_sheet),
+    Export(
+        "letter", tr_noop("Print sheet (&Letter)…"), "-letter.pdf", "PDF (*.pdf)", partial(write_sheet, paper="letter")
     ),
     Export("picture", tr_noop("Annotated &image…"), "-annotated.png", PICTURES, annotate),
     Export(

@@ -12,7 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
 from kochab.sky.landmarks import constellation_at
-from kochab.sky.layer import Mark
+from kochab.sky.layer import KINDS, Mark
 from kochab.sky.sky_tables import SkyTables, Variable
 from kochab.sky.solar_system import AU_KM, BodyKind
 from kochab.text.angle_text import AngleStyle, arcsec_text, radec_text
@@ -22,25 +22,6 @@ from kochab.window.widgets import button, column, copy_text, label, row, styled_
 if TYPE_CHECKING:
     from kochab.sky.horizon import Horizon
 
-KINDS = {
-    "G": tr_noop("Galaxy"),
-    "GPair": tr_noop("Pair of galaxies"),
-    "GTrpl": tr_noop("Triplet of galaxies"),
-    "GGroup": tr_noop("Group of galaxies"),
-    "GalCl": tr_noop("Cluster of galaxies"),
-    "OCl": tr_noop("Open cluster"),
-    "GCl": tr_noop("Globular cluster"),
-    "*Ass": tr_noop("Association of stars"),
-    "Cl+N": tr_noop("Cluster with nebula"),
-    "DrkN": tr_noop("Dark nebula"),
-    "RfN": tr_noop("Reflection nebula"),
-    "EmN": tr_noop("Emission nebula"),
-    "HII": tr_noop("Emission nebula"),
-    "Neb": tr_noop("Nebula"),
-    "PN": tr_noop("Planetary nebula"),
-    "SNR": tr_noop("Supernova remnant"),
-    "star": tr_noop("Star"),
-}
 VARIABLES = {
     "M": tr_noop("Mira star"),
     **dict.fromkeys(("SR", "SRA", "SRB", "SRC", "SRD", "SRS"), tr_noop("semiregular")),
