@@ -53,6 +53,16 @@ def test_a_fisheye_lens_sees_what_stands_behind_it(mirrored):
     assert lens.sides_px(lens.focal_px, np.array(lens.fov_deg)) == pytest.approx([2000.0, 2000.0])
 
 
+def test_nothing_is_drawn_beside_the_circle_of_a_fisheye_lens():
+    """Corners of a square frame about the lens's circle lie 127 deg off the axis, where it sees nothing."""
+    solution = Solution(
+        FisheyeCamera.centred(1000, 1000, 1000 / np.pi), attitude_from(0.0, 0.0, 0.0), (), 0.2, -30.0, ""
+    )
+    angles = np.radians([0.0, 60.0, 89.0, 100.0, 127.0])
+    sky = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(5)])
+    assert np.isfinite(solution.pixels_of(sky)[:, 0]).tolist() == [True, True, True, False, False]
+
+
 def test_a_bent_fisheye_s_pixels_come_back():
     lens = FisheyeCamera(1600, 1600, 480.0, 803.0, 795.0, -0.03, 0.004, 1e-3, -2e-3)
     pixels = grid(lens)

@@ -196,7 +196,7 @@ class FisheyeCamera(Camera):
 
     @property
     def _widest_rad(self) -> float:
-        return float(np.radians(120.0))
+        return float(np.radians(95.0))  # a lens that looks up shows the horizon, and refraction a little more
 
     def _off_axis_rad(self, radius: float) -> float:
         return radius
