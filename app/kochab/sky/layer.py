@@ -57,6 +57,7 @@ WAYS = np.array([[1, 0], [1, -1], [-1, 0], [0, -1], [0, 1], [-1, -1], [1, 1], [-
 AROUND_FIGURE = ((0, 0), (0, 1), (0, -1), (0, 2), (0, -2), (1, 0), (-1, 0), (1, 2), (-1, 2), (1, -2), (-1, -2))
 GAP_PX, STAR_PX = 4.0, 5.0  # from an outline and from a star to the name
 APART_PX = 5.0  # between two names on a line
+TWIN_PX = 3.0  # so near on the screen, two stars are one, with one name
 DOT_PX = 6.0  # so small on the screen, an object has its short name alone
 AREA_PX2 = 22_000.0  # of the screen for each name, in the middle of the scale
 LEAST_FIGURE = 2  # stars of a figure in a frame that has the constellation's name
@@ -438,12 +439,15 @@ def labels(
     chosen: list[Label] = []
     spots = at[seen[: 2 * most]]  # which a name rather leaves free
     used: set[str] = set()
+    named: list[Floats] = []  # places of the stars that have a name
     for number in seen[:BEST].tolist():
         mark = sky.marks[number]
         if len(chosen) >= most or count >= len(boxes) - 2:
             break
         if mark.mag > faintest.get(mark.group, -np.inf):
             continue
+        if mark.kind == "star" and any(np.hypot(*(at[number] - spot)) < TWIN_PX for spot in named):
+            continue  # Toliman beside Rigil Kentaurus: on the screen one star
         common = mark.text.removeprefix(mark.short).strip()
         dot = mark.kind != "star" and mark.radius * view.scale < DOT_PX
         text = mark.short if dot or common in used else mark.text
@@ -465,6 +469,7 @@ def labels(
             boxes[count] = free
             count += 1
             chosen.append(Label(text, (free[0], free[1], width, height), mark))
+            named += [at[number]] if mark.kind == "star" else []
             if mark.radius * view.scale < DOT_PX:  # no other name over the spot itself
                 px, py = at[number].tolist()
                 boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
