@@ -10,7 +10,7 @@ from functools import partial
 import pytest
 
 from kochab.core.errors import DeviceError
-from kochab.core.mount import Ability
+from kochab.core.mount import Ability, Direction
 from kochab.core.progress import run
 from kochab.gear.mount_events import StandsStill, StopFailed
 from kochab.gear.mount_line import MountLine
@@ -18,6 +18,7 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.sync_needed import SyncNeeded
+from kochab.workflows.nudge import nudge
 from tests.boards import Night, served, virtual_time
 from tests.boards.sky import sidereal_deg
 
@@ -195,6 +196,24 @@ def test_a_restart_that_one_command_saw_forbids_the_slew_of_the_next(board, tmp_
         assert not board.false_slews()
         second.clock_and_site.trust()  # what --trust-mount does
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mount_that_woke_up_and_was_nudged_cannot_be_synced_either(board, guard) -> None:
+    """Three degrees from its home it no longer says that it is there, and no sync tells the side of its pier."""
+    guard.position()
+    board.cut_power(0.5)
+    board.timing.sleep(20.0)
+    guard.position()
+    assert "Sync first" in guard.policy.slew_block_reason
+    guard.limits = Limits()
+    for _ in range(40):
+        if guard.position().dec_deg < 87.5:
+            break
+        run(nudge(guard, Direction.SOUTH, 3600.0, rate_deg_s=1.0))
+    assert 80.0 < guard.position().dec_deg < 88.0
+    guard.allow_large_sync = True
+    told = said(lambda: guard.sync(*board.radec_deg(), by_hand=True, confirmed=True))
+    assert "can't set the pier side" in told
 
 
 # -- The end of a session ----------------------------------------------------------------------

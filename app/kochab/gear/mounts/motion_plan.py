@@ -112,7 +112,7 @@ class Plan:
     ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
     ``block_reason`` is why the mount's clock, site or pointing must not be relied upon. ``by_hand_deg`` is what this
     night's syncs by hand have shifted it by. ``has_sides``: it has told of a side of its pier, or is not said to be a
-    fork.
+    fork. ``restarted``: it was switched off and on, and not synced since.
     """
 
     start_deg: tuple[float, float]
@@ -132,6 +132,7 @@ class Plan:
     by_hand_deg: Degrees = (0.0, 0.0)
     park_altitude_deg: float | None = None
     has_sides: bool = True
+    restarted: bool = False
 
     @property
     def start(self) -> Floats:

@@ -37,6 +37,7 @@ AHEAD_S = 60.0  # tracking ends so long before its limit
 HOME_DEG, NOISE_DEG, TURNED_DEG = 2.0, 0.3, 20.0  # distances from the pole; hour angle from ±90
 PARKED_DEG = 1.0  # as exactly as a mount parks
 NUDGE_DEG = 5.0  # the longest move while the mount's clock or site is in doubt
+NUDGED_DEG = 3.0 * NUDGE_DEG  # how far from its home a mount that was restarted may have been nudged since
 
 
 def readiness(plan: Plan) -> Findings:
@@ -278,7 +279,8 @@ def sync_step(plan: Plan) -> Findings:
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
     # Switched on with its tube anywhere a mount reports its home: a sync would tell it the place, not the pier side.
-    at_home = 90.0 - abs(plan.start_deg[1]) < HOME_DEG and plan.has_sides
+    nearest_deg = NUDGED_DEG if plan.restarted else HOME_DEG
+    at_home = 90.0 - abs(plan.start_deg[1]) < nearest_deg and plan.has_sides
     if at_home and step > limits.confirm_sync_deg and not guessed:
         yield refuse(
             "Mount thinks it is at home, {step:.0f}° from where it points. A sync can't set the pier side: switch it"
@@ -564,6 +566,7 @@ class MotionPolicy:
             time_utc=now,
             site=self.site,
             action=action,
+            restarted=self.restarted,
             has_sides=not self.limits.crosses_meridian or self.reports_side or state.pier_side is not None,
             block_reason=self.clock_conflict or ("" if action == "sync" else self.slew_block_reason),
         )
