@@ -5,8 +5,10 @@ import logging
 import re
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from datetime import timedelta
+from math import floor
 from pathlib import Path
 
 import pytest
@@ -650,3 +652,36 @@ def test_an_order_that_is_refused_after_a_silence_shows_whether_the_mount_was_sw
     with pytest.raises(RefusedError, match="elsewhere"):
         guard.goto(*at(-45.0, 45.0))
     assert "Sync first" in guard.policy.slew_block_reason
+
+
+class ToldInMinutes(Imaginary):
+    """As INDI passes on a StarBook: tenths of a minute of right ascension, whole minutes of declination, cut off."""
+
+    def position(self):
+        here = super().position()
+        return replace(here, ra_deg=floor(here.ra_deg * 40.0) / 40.0, dec_deg=floor(here.dec_deg * 60.0) / 60.0)
+
+    def sync(self, ra_deg, dec_deg):
+        ra, dec = floor(ra_deg * 40.0) / 40.0, floor(dec_deg * 60.0) / 60.0
+        super().sync(ra - 0.5 / 40.0, dec - 0.5 / 60.0)  # and what INDI sends is cut off by the mount once more
+
+
+@pytest.mark.parametrize("kind", [ToldInMinutes, Imaginary])
+def test_a_sync_read_back_to_three_minutes_is_taken_by_a_mount_that_tells_minutes(kind) -> None:
+    guard, mount = guarded()
+    mount.__class__ = kind
+    fine = mount.sync
+    if kind is Imaginary:  # one that tells seconds, and stands as far off, did not take it as it was meant
+        mount.sync = lambda ra_deg, dec_deg: fine(ra_deg - 0.04, dec_deg - 0.04)
+    ra, dec = at(-41.0, 40.9)
+    told = nullcontext() if kind is ToldInMinutes else pytest.raises(NoAnswerError, match="take a new frame")
+    with told:
+        guard.sync(ra + 0.0249, dec + 0.0166, by_hand=True, confirmed=True)
+
+
+def test_a_mount_that_tells_minutes_and_ignores_a_sync_is_said_to() -> None:
+    guard, mount = guarded()
+    mount.__class__, mount.takes_syncs = ToldInMinutes, False
+    here = guard.position()
+    with pytest.raises(RefusedError, match="ignored the sync, still off by 6"):
+        guard.sync(here.ra_deg, here.dec_deg + 0.1, by_hand=True, confirmed=True)

@@ -8,7 +8,8 @@ import re
 import select
 import socket
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -173,6 +174,27 @@ def test_a_slew_arrives_and_stop_stops_whatever_is_lost(loss, seed) -> None:
         assert not w.telescope.slewing
         assert not any(w.telescope._rates)
         assert w.board.lost > 0 or loss == 0.0
+
+
+@pytest.mark.parametrize(("lost", "missed"), [(1, 0), (inf, 1)], ids=["one datagram", "every one"])
+def test_a_datagram_that_is_lost_is_no_silence_and_a_question_that_stays_unanswered_is_one(lost, missed) -> None:
+    """On a network that loses some each silence would call for a look at the mount's clock; after a real one it must."""
+    with wifi() as w:
+        mount = w.connect(home=Home.NOW)
+        left = [lost]
+        feed = w.board.answer
+
+        def losing(command):
+            if command == b":j1\r" and left[0] > 0:
+                left[0] -= 1
+                return b""
+            return feed(command)
+
+        w.board.answer = losing
+        with pytest.raises(NoAnswerError) if missed else nullcontext():
+            mount.position()
+        assert left[0] in (0, inf)
+        assert mount.missed == missed
 
 
 @pytest.mark.parametrize("lost", [{b":L1\r": 2}, {b":L2\r": 2}, {b":L1\r": 1, b":L2\r": 3}])
