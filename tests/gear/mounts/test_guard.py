@@ -654,6 +654,16 @@ def test_an_order_that_is_refused_after_a_silence_shows_whether_the_mount_was_sw
     assert "Sync first" in guard.policy.slew_block_reason
 
 
+def test_a_mount_in_doubt_turns_no_axis_far_though_at_the_pole_the_sky_hardly_tells() -> None:
+    """An evening's nudge took the tube to 28 deg from the Sun: its mount believed to be at its home."""
+    guard, mount = guarded(-90.0, 90.0)
+    guard.policy.slew_block_reason = "It was restarted."
+    with pytest.raises(RefusedError, match="It was restarted"):
+        guard.move(Direction.EAST, 2.0, 3.0)
+    guard.move(Direction.EAST, 2.0, 0.6)  # without rates it may go four times as far
+    assert [name for name, *_ in mount.did] == ["move"]
+
+
 class ToldInMinutes(Imaginary):
     """As INDI passes on a StarBook: tenths of a minute of right ascension, whole minutes of declination, cut off."""
 

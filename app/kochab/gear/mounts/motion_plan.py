@@ -112,7 +112,8 @@ class Plan:
     ``target_icrs_deg`` is the target as solves know it. ``from_home``: see `motion_policy.leaving_home`.
     ``block_reason`` is why the mount's clock, site or pointing must not be relied upon. ``by_hand_deg`` is what this
     night's syncs by hand have shifted it by. ``has_sides``: it has told of a side of its pier, or is not said to be a
-    fork. ``restarted``: it was switched off and on, and not synced since.
+    fork. ``restarted``: it was switched off and on, and not synced since. ``turn_deg`` is how far one
+    axis turns, which beside the pole is little on the sky.
     """
 
     start_deg: tuple[float, float]
@@ -133,6 +134,7 @@ class Plan:
     park_altitude_deg: float | None = None
     has_sides: bool = True
     restarted: bool = False
+    turn_deg: float = 0.0
 
     @property
     def start(self) -> Floats:

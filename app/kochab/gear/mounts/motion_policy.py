@@ -58,7 +58,7 @@ def readiness(plan: Plan) -> Findings:
 
 def agreement(plan: Plan) -> Findings:
     """Refuse all but a nudge while clock or site of the mount contradict the computer's, see `clock_and_site`."""
-    if plan.block_reason and (plan.action in ("goto", "sync") or plan.distance_deg > NUDGE_DEG):
+    if plan.block_reason and (plan.action in ("goto", "sync") or max(plan.distance_deg, plan.turn_deg) > NUDGE_DEG):
         yield refuse(plan.block_reason)
 
 
@@ -603,4 +603,4 @@ def with_move(plan: Plan, direction: Direction, angle_deg: float) -> Plan:
     """A turn of one axis by so much, its end the target."""
     turn_deg = angle_deg if direction in (Direction.EAST, Direction.NORTH) else -angle_deg
     path = turned(plan.start_deg, *((0.0, turn_deg) if direction.in_dec else (turn_deg, 0.0)))
-    return replace(plan, target_deg=radec_deg(path[-1]), paths=(path,))
+    return replace(plan, target_deg=radec_deg(path[-1]), paths=(path,), turn_deg=angle_deg)
