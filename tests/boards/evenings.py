@@ -6,7 +6,9 @@ tube truly is, and what they see there is counted: see :data:`KINDS`. One line a
 exit 0 when there was no violation.
 
 Evenings pass in a virtual time of their own and take a second or two; a seed repeats its evening to the byte. At the
-command line and at the window, and with ``--real-time``, they run by the computer's clock on lines of the system.
+command line and at the window, and with ``--real-time``, they run by the computer's clock on lines of the system. So do
+those of the families behind INDI's drivers, of which a few of six orders each are played after the others: INDI cannot
+be given another clock, and an evening takes it one to five minutes.
 """
 
 import argparse
@@ -30,7 +32,7 @@ from kochab.gear.session import Meridian as Pier
 from kochab.gear.session import MountSelection, guarded, limits_at
 from kochab.workflows.nudge import nudge
 
-from . import BOARDS, SITE, Night, RealTime, served, virtual_time
+from . import BEHIND_INDI, BOARDS, SITE, Night, RealTime, served, virtual_time
 from .mechanics import HOME_DEG
 from .sky import altaz_deg, apart_deg, half_turn, sidereal_deg, sun_deg
 
@@ -47,6 +49,7 @@ KINDS = {
 IDLE_S, HANG_S = 60.0, 300.0  # how long an order may last while the mount stands, and at all
 LOW_DEG, SUN_DEG, FALSE_DEG = 3.0, 28.0, 5.0  # two degrees for the motors to stop in
 RUNS_OUT_S = 4.0
+INDI_ORDERS = 6
 RESTART = re.compile(r"power|switched|restart|woke", re.IGNORECASE)
 THIRTEEN_YEARS_S = -13 * 31557600.0
 
@@ -60,6 +63,7 @@ class Evening:
     diary: list[str] = field(default_factory=list)
     violations: list[tuple[str, str]] = field(default_factory=list)
     cuts: int = 0
+    skipped: str = ""  # why it was not played
 
 
 class Astronomer:
@@ -94,15 +98,19 @@ class Astronomer:
                 board.align(*self._start())
             if chance.random() < 0.1:
                 board.clock_error_s = THIRTEEN_YEARS_S
-            self._note(f"{start:%F %H:%M}", settings, board.port, f"clock {board.clock_error_s:.0f} s")
-            try:
-                if self._do("connect", self._connect) is True:
-                    self._through_the_night()
-                self._go_to_bed()
-            except Hangs:
-                self._against("hang", "given up")
-            self.evening.cuts = len(board.cuts)
+            self._play(settings)
         return self.evening
+
+    def _play(self, settings):
+        board = self.board
+        self._note(f"{board.clock():%F %H:%M}", settings, board.port, f"clock {board.clock_error_s:.0f} s")
+        try:
+            if self._do("connect", self._connect) is True:
+                self._through_the_night()
+            self._go_to_bed()
+        except Hangs:
+            self._against("hang", "given up")
+        self.evening.cuts = len(board.cuts)
 
     def _date(self):
         day = datetime(2026, self.random.randint(1, 12), self.random.randint(1, 28), tzinfo=UTC)
@@ -419,14 +427,17 @@ class Hangs(Exception):  # noqa: N818 (ends an evening)
 def spend(kind, seed, orders=10, where=""):
     """One evening, in a configuration of its own: in this program, at the "command line" or at the "window".
 
-    Those two take the computer's time, and so does one ``where`` "real time" is asked for.
+    Those two take the computer's time, and so does one ``where`` "real time" is asked for, or one "through INDI".
     """
     from .command_line import AtTheCommandLine
+    from .evenings_through_indi import ThroughIndi
     from .window import AtTheWindow
 
     person = {"command line": AtTheCommandLine, "window": AtTheWindow}.get(where, Astronomer)
     with tempfile.TemporaryDirectory(prefix="kochab-evening-", ignore_cleanup_errors=True) as folder:
         os.environ["KOCHAB_CONFIG"] = folder
+        if where == "through INDI":
+            return ThroughIndi(kind, seed, orders).spend()
         with nullcontext() if where else virtual_time() as time:
             return person(kind, seed, orders, time).spend()
 
@@ -436,7 +447,8 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("count", type=int, help="evenings in all, dealt round the boards")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--board", choices=BOARDS)
+    parser.add_argument("--board", choices=[*BOARDS, *BEHIND_INDI])
+    parser.add_argument("--through-indi", type=int, default=1, metavar="N", help="evenings of each of those families")
     parser.add_argument("--orders", type=int, default=10, help="things done in an evening")
     parser.add_argument("--workers", type=int, default=4, help="evenings at once: they mostly wait")
     at = parser.add_mutually_exclusive_group()
@@ -445,8 +457,6 @@ def main(arguments=None):
     at.add_argument("--real-time", action="store_true", help="by the computer's clock, on pseudo-terminals and TCP")
     parser.add_argument("--diary", action="store_true", help="print the whole of every evening with a violation")
     options = parser.parse_args(arguments)
-    boards = [options.board] if options.board else list(BOARDS)
-    deal = ((boards[k % len(boards)], options.seed + k // len(boards)) for k in range(options.count))
     where = (
         "command line"
         if options.command_line
@@ -456,10 +466,24 @@ def main(arguments=None):
         if options.real_time
         else ""
     )
+    boards = [board for board in BOARDS if options.board in (None, board)]
+    deal = ((boards[k % len(boards)], options.seed + k // len(boards)) for k in range(options.count if boards else 0))
     plans = [(*plan, options.orders, where) for plan in deal]
-    counts = {board: Counter() for board in boards}
+    behind = [kind for kind in BEHIND_INDI if options.board in (None, kind)]
+    seeds = range(
+        options.seed, options.seed + (options.count if options.board in BEHIND_INDI else options.through_indi)
+    )
+    plans += [(kind, seed, INDI_ORDERS, "through INDI") for seed in seeds for kind in behind]
+    return _play_all(plans, options)
+
+
+def _play_all(plans, options):
+    counts, skipped = {board: Counter() for board, *_ in plans}, {}
     with ProcessPoolExecutor(options.workers) as pool:
         for evening in pool.map(spend, *zip(*plans, strict=True)):
+            if evening.skipped:
+                skipped[evening.board] = evening.skipped
+                continue
             count = counts[evening.board]
             count["evenings"] += 1
             count["cuts"] += evening.cuts
@@ -468,11 +492,15 @@ def main(arguments=None):
                 print(f"{evening.board} seed {evening.seed}: {KINDS[kind]}: {what}", flush=True)
             if options.diary and evening.violations:
                 print("\n".join(f"    {line}" for line in evening.diary), flush=True)
-    for board in [*boards, "in all"]:
+    for board in [*counts, "in all"]:
+        if board in skipped:
+            print(f"{board}: not played: {skipped[board]}")
+            continue
         count = sum(counts.values(), Counter()) if board == "in all" else counts[board]
         kinds = ", ".join(f"{kind} {count[kind]}" for kind in KINDS)
         wrong = sum(count[kind] for kind in KINDS)
-        print(f"{board}: {count['evenings']} evenings, {count['cuts']} power cuts, {wrong} violations ({kinds})")
+        how = " through INDI's driver, in real time" if board in BEHIND_INDI else ""
+        print(f"{board}: {count['evenings']} evenings{how}, {count['cuts']} power cuts, {wrong} violations ({kinds})")
     return min(1, sum(sum(count[kind] for kind in KINDS) for count in counts.values()))
 
 
