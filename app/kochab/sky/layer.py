@@ -57,6 +57,7 @@ WAYS = np.array([[1, 0], [1, -1], [-1, 0], [0, -1], [0, 1], [-1, -1], [1, 1], [-
 AROUND_FIGURE = ((0, 0), (0, 1), (0, -1), (0, 2), (0, -2), (1, 0), (-1, 0), (1, 2), (-1, 2), (1, -2), (-1, -2))
 GAP_PX, STAR_PX = 4.0, 5.0  # from an outline and from a star to the name
 APART_PX = 5.0  # between two names on a line
+BRIGHTEST = 1.0  # stars so bright are known by their names, however many words those have
 TWIN_PX = 3.0  # so near on the screen, two stars are one, with one name
 DOT_PX = 6.0  # so small on the screen, an object has its short name alone
 AREA_PX2 = 22_000.0  # of the screen for each name, in the middle of the scale
@@ -294,7 +295,8 @@ def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, 
     xy = solution.pixels_of(unit(stars.vector[rows] + (year - EPOCH) * stars.step[rows]))
     for row, place in zip(rows[seen := inside(solution, xy)].tolist(), xy[seen], strict=True):
         name = stars.called(row)
-        later = NUMBERED if not stars.name[row] else -1.5 * (" " not in name)
+        plain = " " not in name or stars.mag[row] < BRIGHTEST  # Rigil Kentaurus comes before Toliman
+        later = NUMBERED if not stars.name[row] else -1.5 * plain
         yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 + later, name, name)
 
 
