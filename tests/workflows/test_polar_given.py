@@ -59,7 +59,7 @@ def test_a_sure_clock_or_site_is_told_to_be_on_trust_with_what_it_would_cost(cha
         sweep, rng = sweep_of(seed)
         told = reported_axis(change(sweep, rng), rng).result
         text = next(finding.text for finding in told.findings if finding.kind is PolarFindingKind.ON_TRUST)
-        assert re.search("an hour by .*: check both|An hour wrong would move the axis by ", text)
+        assert re.search("one hour by .*: check both|A one-hour clock error would shift the axis by ", text)
         assert told.unsettled
 
 

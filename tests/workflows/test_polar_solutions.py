@@ -226,7 +226,7 @@ def test_a_last_frame_back_at_the_start_is_offered_while_creep_may_hide(tmp_path
     for given in (names[:3], names):
         main(["polar", *given, "--site=47,8,450", "--utc-offset=0"])
         out.append(capsys.readouterr().out)
-    assert "back at the start: shows creep" in out[0]
+    assert "turn RA back to the start, one more frame: checks for slip" in out[0]
     assert "back at the start" not in out[1]
 
 

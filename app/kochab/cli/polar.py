@@ -121,7 +121,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     growing = "measure again whenever a file has grown, as a guide log does, until the axis is known to 30 arcsec"
     parser.add_argument("--follow", action="store_true", help=growing)
     add_options(parser, "--fov", help="width of the frames in degrees")
-    parser.add_argument("--imaging", **valued("MM,UM,S", "good enough? for this focal length, pixel and exposure"))
+    parser.add_argument(
+        "--imaging", **valued("MM,UM,S", "whether the error is good enough for this focal length, pixel and exposure")
+    )
     add_options(parser, "--timeout")
     parser.add_argument("--report", metavar="HTML", help="write a report, and its numbers as .json beside it")
     add_options(parser, "--overwrite")
@@ -271,7 +273,7 @@ def drift_as_text(drift: Drift, doubts: Sequence[str] = (), imaging: Imaging | N
     if drift.better:
         lines.append(f"better    {drift.better}")
     if imaging and drift.known and not drift.spoilt:
-        lines.append(f"good enough? {good_enough(error, imaging)}")
+        lines.append(f"good enough: {good_enough(error, imaging)}")
     return "\n  ".join(lines + [f"note      {doubt}" for doubt in doubts])
 
 
@@ -332,7 +334,7 @@ def as_text(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
     if error.below_uncertainty and not m.spoilt:
         lines.append(f"stop      {finer_in_words(error)}")
     if imaging and not m.spoilt:
-        lines.append(f"good enough? {good_enough(error, imaging)}")
+        lines.append(f"good enough: {good_enough(error, imaging)}")
     if not m.checked and not m.spoilt:
         lines.append("bolts     not yet: a third frame first")
     if not m.spoilt:
@@ -352,7 +354,7 @@ def _better(m: Measurement) -> list[str]:
     if more := more_turn_deg(optics, m.rho_deg, m.fit.turns_rad, 30.0):
         lines.append(f"better    rotate RA {more:.0f}° more for an uncertainty of 30″")
     if creep := creep_to_show_arcsec(m):
-        lines.append(f"better    one more frame, back at the start: shows creep (±{creep:.0f}″ assumed)")
+        lines.append(f"better    turn RA back to the start, one more frame: checks for slip (±{creep:.0f}″ assumed)")
     if len(m.results) == 1 and (second := plan_second(m, optics, len(m.attitudes))):
         lines.append(
             f"better    sweep again at declination {second.declination_deg:+.0f}° (--check) for an"

@@ -91,16 +91,10 @@ CROSSED = tr_noop("Each bolt moves the other axis. Check the clock and time zone
 TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 12.0, 4.0, 120.0
 """A proved bolt that surely moves the axis so far beside its own direction, in so large a move, may accuse."""
 SAME_TWIST_DEG = 3.0  # both bolts that do so alike accuse
-TWISTED = {
-    Knob.ALTITUDE: tr_noop(
-        "The altitude adjustment moved the axis {angle:.0f}° off the vertical. A clock or time zone wrong by"
-        " {hours:.1f} h does that, or a base that is not level."
-    ),
-    Knob.AZIMUTH: tr_noop(
-        "The azimuth adjustment moved the axis {angle:.0f}° off the horizontal. A clock or time zone wrong by"
-        " {hours:.1f} h does that, or a base that is not level."
-    ),
-}
+TWISTED = tr_noop(
+    "Each adjuster moved the axis {angle:.0f}° away from its own direction. A clock or time zone off by {hours:.1f} h"
+    " does that, or a base that is not level: check both."
+)
 
 
 class TutorStep(StrEnum):
@@ -298,7 +292,7 @@ class BoltTutor:
         own, other = self._twists[knob], self._twists[_other(knob)]
         if own and other and self.bolts[knob].proved and abs(own - other) < SAME_TWIST_DEG + sigmas:
             angle = abs(own + other) / 2.0
-            self.witness = tr(TWISTED[knob], angle=angle, hours=angle / 15.0)
+            self.witness = tr(TWISTED, angle=angle, hours=angle / 15.0)
 
     def _next(self, error: PolarError) -> Instruction:
         if all(self._stubborn(knob) for knob in Knob):

@@ -71,13 +71,21 @@ class Score:
         """One line for a person."""
         vertical = "high" if self.axis_altitude_arcsec > 0 else "low"
         around = "clockwise" if self.axis_azimuth_arcsec > 0 else "anticlockwise"
+        pointing = _grade(self.pointing_arcsec, POINTING_GOAL_ARCSEC)
+        axis = _grade(self.axis_arcsec, AXIS_GOAL_ARCSEC)
         return (
-            f"Score {self.points} of 100 after {self.elapsed_s / 60.0:.0f} min: pointing off by"
-            f" {angle_text(self.pointing_arcsec / 3600.0)}, polar axis off by"
-            f" {angle_text(self.axis_arcsec / 3600.0)}:"
+            f"Score {self.points} of 100 after {self.elapsed_s / 60.0:.0f} min."
+            f" Pointing {angle_text(self.pointing_arcsec / 3600.0)} off: {pointing}."
+            f" Polar axis {angle_text(self.axis_arcsec / 3600.0)} off: {axis};"
             f" {angle_text(abs(self.axis_altitude_arcsec) / 3600.0)} too {vertical} and"
             f" {angle_text(abs(self.axis_azimuth_arcsec) / 3600.0)} too far {around} from above."
         )
+
+
+def _grade(error_arcsec: float, goal_arcsec: float) -> str:
+    if error_arcsec <= goal_arcsec:
+        return "excellent"
+    return "good" if error_arcsec <= 4.0 * goal_arcsec else "not there yet"
 
 
 def score(rig: PracticeRig, first: Score | None = None) -> Score:

@@ -164,8 +164,8 @@ def _daylight(case: Evidence) -> Iterator[Finding]:
         yield (
             Reason.CLOUDED_OR_DARK,
             tr(
-                "The background is at {background:.0f} % of full scale (daylight, cloud or a long "
-                "exposure): wait for a dark sky or expose much shorter.",
+                "Too bright: daylight, cloud or overexposed (background {background:.0f} % of full scale). Wait for a "
+                "dark sky or expose much shorter.",
                 background=100 * light.background_share,
             ),
         )

@@ -65,7 +65,7 @@ def rows(s: Solution) -> list[tuple[str, str, str]]:
 def field_text(s: Solution, altaz: str = "") -> str:
     """Uncertainty, field, pixel scale, rotation, and the height if told, for a card; no line breaks within a fact."""
     w, h = s.camera.fov_deg
-    up = tr("Up {rotation}", rotation=_rotation(s, ".1f"))
+    up = tr("Rotation {rotation}", rotation=_rotation(s, ".1f"))
     sigma = arcsec_text(max(s.attitude.sigma_arcsec[:2]))
     field = tr("Field {width} × {height}", width=angle_text(w), height=angle_text(h))
     scale = tr("Scale {scale:.4g}″/px", scale=s.camera.scale_arcsec_px)
@@ -220,7 +220,7 @@ def failure_plain(n: NoSolution, source: str = "") -> str:
     """A failed solve for the clipboard."""
     lines = [f"File: {source}"] if source else []
     lines += [f"No solution: {n.reason}", f"Advice: {n.advice}"]
-    if n.tried:
+    if n.tried and n.searched:
         lines.append(f"Tried: {n.tried}")
     lines += [f"{name}: {value}" for name, value in measured_rows(n)]
     return "\n".join([*lines, f"Time: {times_text(n.elapsed_ms)}"])

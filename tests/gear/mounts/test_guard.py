@@ -193,7 +193,7 @@ def test_sync_near_the_pole_is_warned_of() -> None:
 
 def test_goto_below_the_altitude_limit_is_refused() -> None:
     guard, mount = guarded()
-    with pytest.raises(RefusedError, match=r"is 4\.\d deg high, the limit is 5 deg"):
+    with pytest.raises(RefusedError, match=r"is 4\.\d° high, the limit is 5°"):
         guard.goto(*at(-40.0, -27.8))
     assert mount.did == []
 

@@ -1,5 +1,6 @@
 """Every limit of the guard from both sides: a little within is allowed, a little beyond is not."""
 
+import re
 from dataclasses import replace
 from datetime import timedelta
 from time import monotonic
@@ -50,13 +51,24 @@ def high(altitude):
 def test_five_degrees_above_the_horizon_are_the_lowest() -> None:
     assert goto((-20.0, 40.0), high(5.1)) == ()
     (refusal,) = goto((-20.0, 40.0), high(4.9))
-    assert refusal == "The target is 4.9 deg high, the limit is 5 deg."
+    assert refusal == "The target is 4.9° high, the limit is 5°. It never rises above the limit here."
+
+
+@pytest.mark.parametrize(("hour", "dec"), [(-110.0, 0.0), (170.0, 20.0), (100.0, -10.0)])
+def test_a_low_target_is_told_with_the_time_until_it_is_high_enough(hour, dec) -> None:
+    """By the spherical triangle: cos H = (sin 5 - sin phi sin dec) / (cos phi cos dec), east of the meridian."""
+    phi, d = np.radians([SITE.latitude_deg, dec])
+    rises = -np.degrees(np.arccos((np.sin(np.radians(5.0)) - np.sin(phi) * np.sin(d)) / (np.cos(phi) * np.cos(d))))
+    (refusal,) = goto((-20.0, 40.0), (hour, dec))
+    assert "below the horizon" in refusal
+    said = float(re.search(r"It rises above the limit in (\d+\.\d) h\.$", refusal)[1])
+    assert said == pytest.approx((rises - hour) % 360.0 / 15.041, abs=0.14)
 
 
 def test_the_highest_altitude_is_held_too() -> None:
     assert goto((-20.0, 10.0), high(79.9), highest_altitude_deg=80.0) == ()
     (refusal,) = goto((-20.0, 10.0), high(80.1), highest_altitude_deg=80.0)
-    assert refusal == "The target is 80.1 deg high, the upper limit is 80 deg."
+    assert refusal == "The target is 80.1° high, above the upper limit of 80°."
 
 
 def test_a_way_that_rises_too_high_between_two_low_ends_is_refused() -> None:

@@ -124,7 +124,7 @@ def test_ages_are_short(age, text):
 
 
 def test_what_is_known_of_the_lens():
-    assert "name the lens to save it" in status_text.lens_text(Lens(), "")
+    assert "Name the lens to save it" in status_text.lens_text(Lens(), "")
     assert status_text.lens_text(Lens(), "guide scope") == "Not measured yet"
     known = replace(new_profile("guide scope", CAMERA), frames=1234)
     assert "3000.0" in status_text.lens_text(Lens(known), "guide scope")

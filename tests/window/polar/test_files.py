@@ -299,7 +299,7 @@ def test_back_to_the_start_is_offered_where_creep_may_hide(polar):
     view.alignment.state = AlignmentState("measure", "Measuring.", creep_arcsec=23.0)
     view._show()
     assert view.buttons.back.isVisible()
-    assert view.page.numbers.more.text() == "One more frame, where RA began, shows creep (±23″ assumed)."
+    assert view.page.numbers.more.text() == "Optional: turn RA back to the start; checks for slip (±23″)."
     view.buttons.back.click()
     assert view.alignment.controls.pressed(PolarButton.BACK)
     assert "one more frame" in view.message.text()

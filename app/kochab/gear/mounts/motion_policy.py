@@ -8,7 +8,7 @@ from math import copysign
 
 import numpy as np
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import Degrees, radec_deg, separation_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import CONFIRM_HOME, SIDEREAL_DEG_S, Direction, Epoch, MountState, PierSide, Pointing
@@ -100,6 +100,29 @@ def horizon(plan: Plan) -> Findings:
         )
 
 
+TOO_LOW = {  # by whether it is below the horizon, and whether it never rises high enough
+    (False, False): tr_noop(
+        "The target is {target:.1f}° high, the limit is {low:.3g}°. It rises above the limit in {hours:.1f} h."
+    ),
+    (False, True): tr_noop(
+        "The target is {target:.1f}° high, the limit is {low:.3g}°. It never rises above the limit here."
+    ),
+    (True, False): tr_noop("The target is {target:.1f}° below the horizon. It rises above the limit in {hours:.1f} h."),
+    (True, True): tr_noop("The target is {target:.1f}° below the horizon. It never rises above the limit here."),
+}
+HOURS = tuple(minutes / 60.0 for minutes in range(5, 24 * 60, 5))
+"""When a target that is too low now is looked for again."""
+
+
+def _later_above(seen: Callable[[Floats], tuple[Floats, Floats]], target: Floats) -> Bools:
+    """Whether a direction of date (3,) is above the lowest allowed at each of `HOURS`, as the sky turns."""
+    turned = np.radians(SIDEREAL_DEG_S * 3600.0 * np.array(HOURS))
+    x, y, z = target
+    later = [x * np.cos(turned) + y * np.sin(turned), y * np.cos(turned) - x * np.sin(turned), z + 0.0 * turned]
+    altitudes, floors = seen(np.stack(later, axis=1))
+    return np.asarray(altitudes >= floors)
+
+
 def _altitudes(plan: Plan, site: Site) -> Findings:
     level, high = horizon_frame(site, sidereal_deg(site, plan.time_utc)), plan.limits.highest_altitude_deg
 
@@ -112,10 +135,11 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
     leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may return towards the allowed range
     if target < low and not (leaving and target >= start):
-        yield refuse("The target is {target:.1f} deg high, the limit is {low:.3g} deg.", target=target, low=low)
+        rises = next((hours for hours, up in zip(HOURS, _later_above(seen, plan.target), strict=True) if up), None)
+        yield refuse(TOO_LOW[target < 0.0, rises is None], target=abs(target), low=low, hours=rises)
         return
     if target > high and not (leaving and target <= start):
-        yield refuse("The target is {target:.1f} deg high, the upper limit is {high:g} deg.", target=target, high=high)
+        yield refuse("The target is {target:.1f}° high, above the upper limit of {high:g}°.", target=target, high=high)
         return
     for path in plan.paths:
         along, floors = seen(path)

@@ -73,7 +73,7 @@ class Atlas(QDialog):
         self.overlap = number_field(tr("Overlap"), 0, 90, 15, 0, " %")
         self.fields = (self.wide, self.high, self.turn, self.columns, self.rows, self.overlap)
         tip = tr("Number, coordinates and position angle of each panel, for a sequence")
-        self.copy = button(tr("&Copy the panels"), self._copy, tip=tip)
+        self.copy = button(tr("&Copy panel centres"), self._copy, tip=tip)
         self.centre = button(tr("C&entre the mount here"), self._send)
         self.home = button(tr("&Show the open frame"), self.chart.show_frame)
         sizes = form(*((each.accessibleName(), each) for each in self.fields))

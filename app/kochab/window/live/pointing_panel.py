@@ -158,7 +158,7 @@ class PointingPanel(Page):
         }.items():
             self.values[title].setText(text)
         self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
-        show_text(self.old, tr("OLD: pointing of {age} ago. The current pointing is unknown.", age=age) if old else "")
+        show_text(self.old, status_text.old_text(good.age_s(now)) if old and good is not None else "")
         show_text(self.doubt, lens.doubt)
         centre = status_text.pointing_vector(update)
         if centre is not None:

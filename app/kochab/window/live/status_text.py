@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from PySide6.QtCore import QDateTime, QLocale
+
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.capture import CaptureLimits
@@ -40,6 +42,18 @@ def is_old(update: LiveUpdate, now_s: float) -> bool:
     """Whether the camera may point elsewhere by now."""
     good = update.last_good
     return good is not None and (update.is_old or good.age_s(now_s) > limit_s(update))
+
+
+TONIGHT_S = 12 * 3600.0
+"""What was taken longer ago is not of this night."""
+
+
+def old_text(age_s: float) -> str:
+    """How old the last pointing is, where the current one is unknown."""
+    if age_s < TONIGHT_S:
+        return tr("Last solved {age} ago. The telescope may have moved since.", age=age_text(age_s))
+    date = QLocale().toString(QDateTime.currentDateTime().addSecs(-round(age_s)).date(), "d MMMM yyyy")
+    return tr("Taken {date}: not tonight’s pointing.", date=date)
 
 
 def stream_status(update: LiveUpdate, now_s: float, seen_s: float = float("-inf")) -> StreamStatus:
@@ -126,7 +140,7 @@ def frame_rate_tip(update: LiveUpdate, drawn_hz: float | None) -> str:
 
 def latency_text(update: LiveUpdate, screen_ms: float | None) -> str:
     """From the frame's arrival to its solution, and from mid-exposure to the screen."""
-    if screen_ms is None:
+    if screen_ms is None or screen_ms > TONIGHT_S * 1000.0:  # of a recording
         return tr("{ms:.0f} ms to solve", ms=update.latency_ms)
     screen = milliseconds_text(screen_ms)
     return tr("{ms:.0f} ms to solve, {screen} to the screen", ms=update.latency_ms, screen=screen)
@@ -136,16 +150,16 @@ def lens_text(lens: Lens, name: str) -> str:
     """The calibration of camera and lens."""
     profile = lens.profile
     if profile is None or not profile.frames:
-        return tr("Not measured yet") if name else tr("Not measured yet; name the lens to save it")
+        return tr("Not measured yet") if name else tr("Not measured yet. Name the lens to save it.")
     focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
     text = tr_n(
-        "focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frame",
-        "focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frames",
+        "Focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frame",
+        "Focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frames",
         profile.frames,
         focal=focal,
         sigma=sigma,
     )
-    return text if name else tr("{text}; name the lens to save it", text=text)
+    return text if name else tr("{text}. Name the lens to save it.", text=text)
 
 
 def levels_text(levels: Levels) -> str:

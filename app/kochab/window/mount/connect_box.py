@@ -11,7 +11,6 @@ from kochab.core.progress import Progress
 from kochab.gear import session as equipment
 from kochab.gear.mounts import COUNT_STEPS, DRIVERS, Diagnosis
 from kochab.gear.mounts.probe import PortInfo
-from kochab.gear.mounts.serial_line import PORTS
 from kochab.gear.session import DRIVER_DEFAULT, EPOCHS, MountSelection
 from kochab.parsing.angles import parse_site, site_text
 from kochab.text.translation import tr, tr_noop
@@ -63,14 +62,14 @@ class ConnectBox(QWidget):
         super().__init__()
         self._jobs = jobs
         self._search: Job | None = None
-        self.profile = _combo(tr("Equipment profile"), tr("none: type a name to keep this equipment"))
+        self.profile = _combo(tr("Equipment profile"), tr("New equipment…"))
         self.profile.setToolTip(tr("Camera, mount, site and limits under one name, for every view"))
         typed = self.profile.lineEdit()
         assert typed is not None
         # textActivated does not come for a name that is not listed.
         for done in (self.profile.textActivated, typed.returnPressed):
             done.connect(lambda *_: self.profile_chosen.emit(self.profile.currentText().strip()))
-        self.port = _combo(tr("Port of the mount"), tr(PORTS))
+        self.port = _combo(tr("Port of the mount"), tr("USB port or network address"))
         drivers = {tr(driver.title): name for name, driver in DRIVERS.loaded().items()}
         self.driver = narrow_box(tr("Driver of the mount"), 8, drivers)
         self.baud = _combo(tr("Baud rate"), "9600")

@@ -119,7 +119,7 @@ class TrackingChoice(ChoiceBox):
         # Where no rate can be chosen, the reason against the sidereal one stands for all.
         self.explanation.set_reason("" if "" in against else against[1])
         # Seen at index -1: it tracks at an unknown rate, or does not report whether it tracks.
-        self.setPlaceholderText(tr("Tracking") if state.tracking else tr("Tracking: not reported"))
+        self.setPlaceholderText(tr("Tracking") if state.tracking else tr("Tracking not reported"))
         self._show_rate()
 
     def _show_rate(self) -> None:
@@ -138,7 +138,7 @@ RATE_TIP = tr_noop(
     "How fast. Auto uses moves the mount stops on its own; at a fixed rate most mounts keep moving if this computer"
     " fails."
 )
-HINT = tr_noop("Arrow keys nudge while a button here has the focus: up is north, left is east.")
+HINT = tr_noop("Arrow keys nudge after a click here: up is north, left is east.")
 WAYS = {
     Direction.NORTH: (tr_noop("N ↑"), tr_noop("Nudge north"), 0, 1, Qt.Key.Key_Up),
     Direction.EAST: (tr_noop("← E"), tr_noop("Nudge east"), 1, 0, Qt.Key.Key_Left),

@@ -13,7 +13,7 @@ from kochab.window.mount.actions import MountActions
 from kochab.window.mount.controls import HINT, NudgePad
 
 PACKAGE = tr_noop("Game controllers need one more package: pip install 'kochab-astro[gamepad]'.")
-HELD = tr_noop("A game controller moves while you hold its stick or D-pad; B is STOP.")
+HELD = tr_noop("Gamepad: hold to move, B stops.")
 POLL_MS, LOOK_MS = 33, 1000  # with a controller, and to see whether there is one
 HALF_WAY = 16384  # of 32767: a worn stick does not come back to zero
 NUDGES = ("nudge", "nudge dec")

@@ -33,7 +33,7 @@ class AlignmentButtons:
         )
         self.again = button(tr("&Measure again"), again, tip=tr("Stop adjusting and measure the axis now"))
         self.use_frames = button(tr("Use &these frames"), enough, tip=tr("Continue with the frames taken so far"))
-        self.back = button(tr("Bac&k to start"), back, tip=tr("One more frame where RA began: it shows what crept"))
+        self.back = button(tr("Bac&k to start"), back, tip=tr("Back to where RA began: checks for slip"))
         self.second = button(tr("Second s&weep"), sweep, tip=tr(SECOND_TIP))
         self.at_bolts = button(tr("At the bo&lts"), do["bolts"], tip=tr("Full screen, readable from three metres (F7)"))
         tip = tr("Sound cues at the mount: {description}", description=sounds)

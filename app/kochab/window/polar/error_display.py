@@ -163,7 +163,7 @@ class Numbers(QWidget):
             value.setProperty("role", "value")
         self.imaging: Imaging | None = None
         self.enough = label("", "", wrap=True)
-        self.enough.setAccessibleDescription(tr("Good enough?"))
+        self.enough.setAccessibleDescription(tr("Good enough"))
         self.age = label("", "muted", wrap=True)
         self.more = label("", "", wrap=True)
         self.findings = label("", "", wrap=True)
@@ -239,7 +239,7 @@ def more_text(state: AlignmentState) -> str:
         return ""
     more, creep = state.more_turn_deg, state.creep_arcsec
     farther = tr("Rotate RA {more:.0f}° farther for a more accurate axis.", more=more) if more else ""
-    back = tr("One more frame, where RA began, shows creep (±{creep:.0f}″ assumed).", creep=creep) if creep else ""
+    back = tr("Optional: turn RA back to the start; checks for slip (±{creep:.0f}″).", creep=creep) if creep else ""
     return "\n".join(filter(None, (farther, back)))
 
 

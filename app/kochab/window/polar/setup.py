@@ -218,7 +218,7 @@ class AlignmentSetupPanel(Page):
             *self.frames.rows(),
             (tr("RA a&xis"), axis.hand),
             ("", axis.mount),
-            (tr("Stands on"), axis.base),
+            (tr("Base"), axis.base),
             (tr("Ad&justers"), axis.motors),
             ("", axis.motor_port),
             (tr("&Your site"), aim.site),

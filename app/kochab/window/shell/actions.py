@@ -195,7 +195,7 @@ COMMANDS = (
     ),
     Command(
         "fill",
-        tr_noop("Tool fills the &window"),
+        tr_noop("Maximise the &tool"),
         "layout.fill",
         "Shift+F11",
         tr_noop("Hide the image beside an open tool"),

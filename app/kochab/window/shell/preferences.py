@@ -194,7 +194,7 @@ class EquipmentPage(QWidget):
         self.profile = choice_box(tr("Equipment profile"), ())
         self.profile.setEditable(True)
         self.profile.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        typed = text_field(tr("Equipment profile"), tr("none: type a name to keep this equipment"))
+        typed = text_field(tr("Equipment profile"), tr("New equipment…"))
         self.profile.setLineEdit(typed)
         self.focal = text_field(tr("Focal length"), "mm")
         self.pixel = text_field(tr("Pixel size"), tr("µm, before binning"))

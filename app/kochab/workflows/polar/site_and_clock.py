@@ -92,22 +92,22 @@ OTHER_HORIZON = tr_noop(
     " {ours:.0f}°, azimuth {our_way:.0f}°. Check the site, its signs, the time and the time zone."
 )
 TRUSTED = tr_noop(
-    "Nothing in the frames tells whether site and clock are right. A degree of longitude wrong would move the axis by"
-    " {degree}, an hour by {hour}: check both."
+    "The frames can't show whether site and clock are right. One degree of longitude would shift the axis by {degree},"
+    " one hour by {hour}: check both."
 )
 TRUSTED_SITE = tr_noop(
-    "Nothing in the frames tells whether the site is right. A degree of longitude wrong would move the axis by"
-    " {degree}: check it."
+    "The frames can't show whether the site is right. One degree of longitude would shift the axis by {degree}:"
+    " check it."
 )
 TRUSTED_CLOCK = tr_noop(
-    "Nothing in the frames tells whether the clock is right. An hour wrong would move the axis by {hour}: check it."
+    "The frames can't show whether the clock is right. A one-hour clock error would shift the axis by {hour}: check it."
 )
 TRUSTED_NORTH = tr_noop(
-    "Nothing in the frames tells north from south. At latitude {latitude:+.1f}° they would be above the horizon by"
+    "The frames can't tell north from south. At latitude {latitude:+.1f}° they would be above the horizon by"
     " night as well, and the axis {angle} elsewhere: check the sign of the latitude."
 )
 TRUSTED_EAST = tr_noop(
-    "Nothing in the frames tells east from west. At longitude {longitude:+.1f}° they would be above the horizon by"
+    "The frames can't tell east from west. At longitude {longitude:+.1f}° they would be above the horizon by"
     " night as well, and the axis {angle} elsewhere: check the sign of the longitude."
 )
 

@@ -48,7 +48,7 @@ class PolarButton(StrEnum):
     TURNED = tr_noop("the axis or bolt was turned as asked: go on even if the frames show no motion")
     REMEASURE = tr_noop("measure again now")
     ENOUGH = tr_noop("accept the frames taken, or leave the bolts, and go on to the next phase")
-    BACK = tr_noop("take one more frame where the sweep began, to see what crept meanwhile")
+    BACK = tr_noop("turn RA back to the start and take one more frame, to check for slip")
     SECOND_SWEEP = tr_noop("sweep again at another declination, to measure flexure")
 
 
