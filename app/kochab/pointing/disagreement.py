@@ -139,11 +139,10 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """A cause with its score in 0..1 and what it leaves unexplained."""
+    """A cause with its score in 0..1; ``evidence`` says what it leaves unexplained."""
 
     name: str
     score: float
-    residual_arcsec: float
     evidence: str
     advice: str
     needs: int = 1
@@ -211,7 +210,7 @@ def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
         evidence = tr(c.evidence).format(first=terms[0], second=terms[1], axis=_angle(3600.0 * tilt), cone=60.0 * cone)
         worst = 3600.0 * float(np.hypot(*left.T).max())
         evidence = tr("{shown} It leaves {angle} unexplained.", shown=evidence, angle=_angle(worst))
-        found.append(Suspect(c.name, exp(x - total), worst, evidence, tr(c.advice), c.needs))
+        found.append(Suspect(c.name, exp(x - total), evidence, tr(c.advice), c.needs))
     return sorted((s for s in found if s.name), key=lambda s: -s.score)
 
 
