@@ -235,12 +235,13 @@ def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
     low = 60.0 * np.cos(np.radians(47.0)) * np.cos(np.radians(20.0))
     assert one["altitude_error_arcsec"] == pytest.approx(truth - low, abs=8.0)
     assert one["droop_arcsec"] is None
-    assert one["unseen_arcsec"][0] > 15.0
+    assert one["flexure_arcsec"][0] > 15.0
+    assert (one["unseen_arcsec"], one["unseen_total_arcsec"]) == (one["flexure_arcsec"], one["flexure_total_arcsec"])
     assert one["sigma_arcsec"][0] < 5.0
-    assert one["sigma_total_arcsec"] > one["unseen_total_arcsec"] > 4.0 * one["noise_total_arcsec"]
+    assert one["sigma_total_arcsec"] > one["flexure_total_arcsec"] > 4.0 * one["noise_total_arcsec"]
     assert both["altitude_error_arcsec"] == pytest.approx(truth, abs=8.0)
     assert both["droop_arcsec"] == pytest.approx(60.0, abs=4.0 * both["sigma_droop_arcsec"])
-    assert both["unseen_arcsec"][0] < 0.6 * one["unseen_arcsec"][0]
+    assert both["flexure_arcsec"][0] < 0.6 * one["flexure_arcsec"][0]
     assert [w for w in both["warnings"] if w.startswith("The tube sags by")]
     shuffled = [second[1], first[2], first[0], second[0], second[2], first[1]]
     _, out, _ = polar(capsys, *shuffled, "--json", "--pressure", "1010")
@@ -249,7 +250,7 @@ def test_a_second_sweep_takes_the_tubes_bending_out(bent, capsys):
     assert code == 0
     (told,) = re.findall(r"^[^±]+ ± (\d+)″ from", out)
     assert float(told) == pytest.approx(one["sigma_total_arcsec"], abs=0.5), "one ± everywhere"
-    assert f"{one['unseen_total_arcsec']:.0f}″ possible flexure" in out
+    assert f"{one['flexure_total_arcsec']:.0f}″ possible flexure" in out
     assert re.search(r"sweep again at declination [+-][0-9]+° \(--check\)", out)
 
 

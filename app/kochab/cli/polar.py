@@ -283,7 +283,8 @@ def as_json(m: Measurement, doubts: Sequence[str] = (), imaging: Imaging | None 
     return {
         **_error_json(error),
         "noise_total_arcsec": error.sigma_total_arcsec,
-        "unseen_total_arcsec": error.flexure_along_arcsec,
+        "flexure_total_arcsec": error.flexure_along_arcsec,
+        "unseen_total_arcsec": error.flexure_along_arcsec,  # as 0.1.0 called it, until 0.3.0
         "droop_arcsec": m.droop.arcsec if len(m.results) > 1 else None,
         "sigma_droop_arcsec": m.droop.sigma_arcsec,
         "pole": str(m.settings.pole),
@@ -306,7 +307,8 @@ def _error_json(error: PolarError) -> Json:
         "azimuth_error_on_sky_arcsec": error.azimuth_on_sky_arcsec,
         "total_arcsec": error.total_arcsec,
         "sigma_arcsec": list(error.sigma_arcsec),
-        "unseen_arcsec": list(error.flexure_arcsec),
+        "flexure_arcsec": list(error.flexure_arcsec),
+        "unseen_arcsec": list(error.flexure_arcsec),  # as 0.1.0 called it, until 0.3.0
         "sigma_total_arcsec": error.with_systematics.sigma_total_arcsec,
     }
 
