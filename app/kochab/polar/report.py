@@ -53,7 +53,7 @@ class Entry:
         time_utc : datetime
             The moment.
         kind : str
-            What was done: a measurement, an adjustment.
+            ``measured``, ``live`` or ``instruction``.
         error : PolarError
             The polar error then.
         text : str

@@ -547,7 +547,7 @@ class MotionPolicy:
         by_hand : bool
             Whether it is the user's word.
         allow_large_sync : bool
-            Whether it may be far, as after a mount was set up anew.
+            Whether it may be larger than the limits allow.
         by_hand_deg : Degrees
             By how much others by hand have shifted both coordinates already.
         """
