@@ -196,9 +196,9 @@ def test_centre_below_the_horizon_is_an_error_and_exit_1(capsys) -> None:
         code, told = run(capsys, "centre", *place, *line(practice), *camera, "--yes")
         assert code == 1
         assert told["end"] == "refused"
-        assert "limit is 5 deg" in told["error"]
+        assert "limit is 5°" in told["error"]
         assert main(["mount", "centre", *place, *line(practice), *camera]) == 0
-        assert "limit is 5 deg" in capsys.readouterr().out
+        assert "limit is 5°" in capsys.readouterr().out
 
 
 def test_disagree_names_no_cause_for_a_mount_that_is_only_lost(tmp_path, capsys) -> None:

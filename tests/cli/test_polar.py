@@ -356,7 +356,7 @@ def test_good_enough_is_said_for_the_frames_to_be_taken(night, capsys):
     _, files, _ = night
     code, out, _ = polar(capsys, *files, "--imaging", "600,3.76,300", "--utc-offset=0")
     assert code == 3, "nothing in the frames bears the clock out"
-    assert re.search(r"good enough\? Guided: 2\d′ is enough\. Unguided: 59″\.", out), out
+    assert re.search(r"good enough: Guided: 2\d′ is enough\. Unguided: 59″\.", out), out
     _, out, _ = polar(capsys, *files, "--imaging", "50,9,10", "--json")
     assert json.loads(out)["good_enough"] == "Good enough: stop."
     code, _, err = polar(capsys, *files, "--imaging", "600")

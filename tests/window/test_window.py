@@ -61,7 +61,7 @@ def test_opening_shows_solves_and_marks(qtbot, opened):
     assert panes.card.dec.text() == "−01° 12′ 00.0″"
     assert (
         panes.card.facts.text().replace("\u00a0", " ")
-        == "± 0.206″   Field 12.00° × 8.02°   Scale 72.26″/px   Up +27.0°"
+        == "± 0.206″   Field 12.00° × 8.02°   Scale 72.26″/px   Rotation +27.0°"
     )
     assert not panes.card.old.isVisible()
     assert panes.stars.model.rowCount() == 24

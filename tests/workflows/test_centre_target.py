@@ -147,7 +147,7 @@ def test_a_target_below_the_horizon_is_refused_before_anything_moves() -> None:
     b = bench()
     result = centred(b, target_of(b, -30.0, -60.0))
     assert result.end is CentringEnd.REFUSED
-    assert "the limit is 5 deg" in result.sentence
+    assert "the limit is 5°" in result.sentence
     assert b.mount.did == []
     assert b.solves == 0
 

@@ -154,7 +154,7 @@ def test_long_pulses_are_cut_into_what_the_guard_allows() -> None:
 
 def test_the_guard_bounds_a_nudge_towards_the_ground() -> None:
     b = bench(good(lost_deg=0.0, start=(-40.0, -28.0)))  # some 6 deg high
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         run(nudge(b.guard, Direction.SOUTH, 4.0 * 3600.0, b.wait))
     assert not [did for did in b.mount.did if did[0] == "move"]
 

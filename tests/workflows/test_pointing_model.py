@@ -80,7 +80,7 @@ def test_neither_the_place_nor_where_the_model_sends_the_mount_may_be_below_the_
     """The limit is 5 deg of altitude, 34.5 deg of Dec on the other side of the equator in the meridian."""
     use_model(guard, replace(model, terms_deg=(0.0, shift_deg, 0.0, 0.0, 0.0)))
     low = -35.0 + 1.0 - shift_deg / 2.0  # one of the two is a degree too low
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         goto(guard, target(-1.0, low))
     assert not guard.log.sent("goto")
 

@@ -58,7 +58,7 @@ def test_a_stop_ends_it_where_it_is() -> None:
 
 def test_the_guard_refuses_a_step_below_the_limit() -> None:
     _, guard = search(-34.8, -1.0)  # 5.2 deg high
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         run(spiral_search(guard, STEP_DEG, 2, 0.0, wait=lambda s: None))
     assert all(e.detail["dec_deg"] > -35.01 for e in guard.log.sent("goto"))
 

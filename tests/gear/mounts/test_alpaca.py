@@ -149,7 +149,7 @@ def test_what_it_cannot_do_is_known_when_it_is_opened(bench) -> None:
 
 def test_behind_the_guard_it_keeps_its_limits(bench) -> None:
     guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         guard.goto(*place(0.0, -44.0, bench.clock))
     target = place(-25.0, 45.0, bench.clock)
     run(guard.slew(*target))

@@ -293,7 +293,7 @@ def test_the_same_over_tcp(bench) -> None:
 def test_behind_the_guard_only_what_is_logged_moves(bench) -> None:
     guard = Guard(bench.mount, SITE, LIMITS, clock=bench.clock)
     run(guard.slew(*own(bench, *place(-25.0, 45.0, bench.clock))))
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         guard.goto(*own(bench, *place(-20.0, -44.0, bench.clock)))
     guard.move(Direction.NORTH, 0.5, 0.1)
     wait_for(lambda: not bench.mount.watchdog.moving)

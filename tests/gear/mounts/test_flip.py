@@ -111,7 +111,7 @@ def test_a_flip_goes_over_the_pole_and_is_stopped_where_it_comes_too_low() -> No
         mount._begin(*at(100.0, -20.0), 8.0)
 
     mount.goto = through_the_ground
-    with pytest.raises(StrayedError, match=r"off its path|the limit is 5 deg"):
+    with pytest.raises(StrayedError, match=r"off its path|the limit is 5°"):
         run(flip_mount(guard))
     assert mount.did[-1] == ("stop",)
     guard, mount = german(10.0, highest_altitude_deg=80.0)

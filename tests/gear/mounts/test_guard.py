@@ -210,7 +210,7 @@ def test_goto_whose_way_dips_is_refused_though_both_ends_are_high() -> None:
 
 def test_goto_above_the_upper_limit_is_refused() -> None:
     guard, _ = guarded(highest_altitude_deg=80.0)
-    with pytest.raises(RefusedError, match="upper limit is 80"):
+    with pytest.raises(RefusedError, match="upper limit of 80"):
         guard.goto(*at(-5.0, 50.0))
 
 
@@ -304,7 +304,7 @@ def test_moves_are_judged_by_where_they_end_at_the_rate_the_mount_really_has() -
     mount.rates_deg_s = (0.1,)
     guard.move(Direction.SOUTH, 0.1, 20.0)
     mount.rates_deg_s = (1.0,)  # the nearest it has
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         guard.move(Direction.SOUTH, 0.1, 20.0)
     assert len(mount.did) == 1
 
@@ -318,7 +318,7 @@ def test_a_move_at_an_unknown_rate_has_room_for_four_times_its_angle(rates, angl
         if allowed:
             guard.move(Direction.SOUTH, 1.0, angle_deg + more)
         else:
-            with pytest.raises(RefusedError, match="the limit is 5 deg"):
+            with pytest.raises(RefusedError, match="the limit is 5°"):
                 guard.move(Direction.SOUTH, 1.0, angle_deg + more)
         assert bool(mount.did) is allowed
 
@@ -333,7 +333,7 @@ def test_a_move_at_an_unknown_rate_is_stopped_before_it_is_too_low(rates, stoppe
     mount.here, now = at(0.0, -31.0), NIGHT + timedelta(seconds=1)
     guard.policy.clock = guard.supervisor._clock = lambda: now
     if stopped:
-        with pytest.raises(StrayedError, match=r"would dip to 1.* the limit is 5 deg"):
+        with pytest.raises(StrayedError, match=r"would dip to 1.* the limit is 5°"):
             guard.position()
     else:
         guard.position()

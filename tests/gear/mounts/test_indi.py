@@ -158,7 +158,7 @@ def test_a_motion_ordered_before_a_stop_does_not_begin(guard, monkeypatch) -> No
 
 
 def test_the_guard_keeps_its_limits(guard) -> None:
-    with pytest.raises(RefusedError, match="the limit is 5 deg"):
+    with pytest.raises(RefusedError, match="the limit is 5°"):
         guard.goto(*at(0.0, -44.0))
     guard.site, guard.limits = None, Limits()
     with pytest.raises(RefusedError, match="site"):

@@ -62,13 +62,13 @@ def test_who_is_too_low_or_too_high_may_leave_but_not_go_on(start, target, actio
     ("start", "between", "words"),
     [
         (50.0, 4.96, ""),
-        (50.0, 4.94, "would dip to 4.9 deg, the limit is 5 deg"),
+        (50.0, 4.94, "would dip to 4.9°, the limit is 5°"),
         (3.0, 2.96, ""),
-        (3.0, 2.94, "would dip to 2.9 deg"),
+        (3.0, 2.94, "would dip to 2.9°"),
         (50.0, 80.04, ""),
-        (50.0, 80.06, "would rise to 80.1 deg, the limit is 80 deg"),
+        (50.0, 80.06, "would rise to 80.1°, the limit is 80°"),
         (85.0, 85.04, ""),
-        (85.0, 85.06, "would rise to 85.1 deg"),
+        (85.0, 85.06, "would rise to 85.1°"),
     ],
 )
 def test_a_path_may_pass_the_altitudes_by_a_twentieth_of_a_degree(start, between, words) -> None:

@@ -41,7 +41,7 @@ def test_a_mount_on_its_way_to_park_that_comes_below_the_horizon_limit_is_stoppe
     mount.park = lambda: mount._rest("park", at(-110.0, -10.0), parked=True)
     mount.slew_deg_s = 15.0
     guard.emergency.wait = lambda s: time.sleep(0.1)
-    with pytest.raises(StrayedError, match=r"on its way to rest: .* the limit is 5 deg"):
+    with pytest.raises(StrayedError, match=r"on its way to rest: .* the limit is 5°"):
         run(guard.rest("park"))
     assert mount.did[-1] == ("stop",)
     assert mount.position().dec_deg > -10.0
@@ -70,7 +70,7 @@ def test_the_drawn_horizon_holds_on_the_way_to_a_park_position_above_it() -> Non
     guard.emergency.wait = lambda s: time.sleep(0.1)
     mount.park_altitude_deg = lambda: 45.0
     assert not any("that is the horizon limit" in told for told in guard.preview_rest("park").warnings)
-    with pytest.raises(StrayedError, match="the limit is 40 deg"):
+    with pytest.raises(StrayedError, match="the limit is 40°"):
         run(guard.rest("park"))
     guard.limits = replace(guard.limits, horizon_deg=((0.0, 60.0), (180.0, 20.0)))
     assert guard.policy.rest("park", mount.position(), mount.now, 45.0)[0].limits.horizon_deg == (

@@ -33,10 +33,10 @@ def tracking(hour, dec, state=WEST_OF_PIER, **limits):
     ("hour", "dec", "limits", "why"),
     [
         (14.9, 20.0, {}, "15° past the meridian on the west side of the pier"),
-        (100.0, 0.2, {"lowest_altitude_deg": 5.0, "crosses_meridian": True}, "the limit is 5 deg"),
+        (100.0, 0.2, {"lowest_altitude_deg": 5.0, "crosses_meridian": True}, "the limit is 5°"),
         (44.9, 20.0, {"hour_angle_deg": (-60.0, 45.0), "crosses_meridian": True}, r"hour angle \+3.0 h"),
         (14.9, 20.0, {"highest_altitude_deg": 55.0, "crosses_meridian": True}, None),
-        (-15.0, 40.0, {"highest_altitude_deg": 70.0, "crosses_meridian": True}, "upper limit is 70"),
+        (-15.0, 40.0, {"highest_altitude_deg": 70.0, "crosses_meridian": True}, "upper limit of 70"),
     ],
 )
 def test_tracking_that_comes_to_a_limit_is_stopped(hour, dec, limits, why) -> None:

@@ -159,7 +159,7 @@ def test_the_limits_are_those_of_the_places_it_really_passes(patient) -> None:
     start, target, low = (-110.0, 50.0), (-100.0, 60.0), 26.0
     places = ((-112.0, 49.0), (-112.0, 49.0))
     guard, mount, slew = under_way(start, target, *places, lowest_altitude_deg=low)
-    stopped_with(mount, guard, slew, r"dip to 2[45]\.\d deg, the limit is 26 deg\.$")
+    stopped_with(mount, guard, slew, r"dip to 2[45]\.\d°, the limit is 26°\.$")
     limits = {"hour_angle_deg": (-45.0, 0.0)}
     guard, mount, slew = under_way((-40.0, 40.0), (-20.0, 20.0), (-46.0, 40.0), (-46.0, 40.0), **limits)
     stopped_with(mount, guard, slew, r"reaches hour angle -3\.1 h, the limits are -3\.0 to \+0\.0")

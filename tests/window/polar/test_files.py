@@ -299,7 +299,7 @@ def test_back_to_the_start_is_offered_where_creep_may_hide(polar):
     view.alignment.state = AlignmentState("measure", "Measuring.", creep_arcsec=23.0)
     view._show()
     assert view.buttons.back.isVisible()
-    assert view.page.numbers.more.text() == "Optional: turn RA back to the start; checks for slip (±23″)."
+    assert view.page.numbers.more.text() == "Optional: turn RA back to the start; checks for slip (±23″ assumed)."
     view.buttons.back.click()
     assert view.alignment.controls.pressed(PolarButton.BACK)
     assert "one more frame" in view.message.text()
@@ -316,7 +316,7 @@ def test_frames_that_turned_one_way_ask_for_one_back_at_the_start(polar, tmp_pat
     assert f"±{one_way.creep_arcsec:.0f}″ assumed" in view.page.numbers.more.text()
     back = measured(view, paths[3:])
     assert back.creep_arcsec == 0.0
-    assert "creep" not in view.page.numbers.more.text()
+    assert "slip" not in view.page.numbers.more.text()
 
 
 def test_a_cloudy_frame_is_left_out_and_one_of_two_is_not(polar, tmp_path):

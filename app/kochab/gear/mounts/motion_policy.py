@@ -107,8 +107,13 @@ TOO_LOW = {  # by whether it is below the horizon, and whether it never rises hi
     (False, True): tr_noop(
         "The target is {target:.1f}° high, the limit is {low:.3g}°. It never rises above the limit here."
     ),
-    (True, False): tr_noop("The target is {target:.1f}° below the horizon. It rises above the limit in {hours:.1f} h."),
-    (True, True): tr_noop("The target is {target:.1f}° below the horizon. It never rises above the limit here."),
+    (True, False): tr_noop(
+        "The target is {target:.1f}° below the horizon, the limit is {low:.3g}°."
+        " It rises above the limit in {hours:.1f} h."
+    ),
+    (True, True): tr_noop(
+        "The target is {target:.1f}° below the horizon, the limit is {low:.3g}°. It never rises above the limit here."
+    ),
 }
 HOURS = tuple(minutes / 60.0 for minutes in range(5, 24 * 60, 5))
 """When a target that is too low now is looked for again."""
@@ -135,6 +140,9 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
     (start, target), (start_low, low) = (pair.tolist() for pair in seen(np.stack([plan.start, plan.target])))
     leaving = plan.action in ("move", "pulse", "track", "park", "home")  # these may return towards the allowed range
     if target < low and not (leaving and target >= start):
+        if plan.action != "goto":
+            yield refuse("The target is {target:.1f}° high, the limit is {low:.3g}°.", target=target, low=low)
+            return
         rises = next((hours for hours, up in zip(HOURS, _later_above(seen, plan.target), strict=True) if up), None)
         yield refuse(TOO_LOW[target < 0.0, rises is None], target=abs(target), low=low, hours=rises)
         return
@@ -146,13 +154,13 @@ def _altitudes(plan: Plan, site: Site) -> Findings:
         worst, top = int(np.argmin(along - floors)), float(along.max())
         if along[worst] - floors[worst] < min(0.0, start - start_low) - SLACK_DEG:  # if it is too low already, no lower
             yield refuse(
-                "The path would dip to {along:.1f} deg, the limit is {floors:.3g} deg.",
+                "The path would dip to {along:.1f}°, the limit is {floors:.3g}°.",
                 along=along[worst],
                 floors=floors[worst],
             )
             return
         if top > max(high, start) + SLACK_DEG:
-            yield refuse("The path would rise to {top:.1f} deg, the limit is {high:g} deg.", top=top, high=high)
+            yield refuse("The path would rise to {top:.1f}°, the limit is {high:g}°.", top=top, high=high)
             return
 
 

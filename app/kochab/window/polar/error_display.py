@@ -239,8 +239,8 @@ def more_text(state: AlignmentState) -> str:
         return ""
     more, creep = state.more_turn_deg, state.creep_arcsec
     farther = tr("Rotate RA {more:.0f}° farther for a more accurate axis.", more=more) if more else ""
-    back = tr("Optional: turn RA back to the start; checks for slip (±{creep:.0f}″).", creep=creep) if creep else ""
-    return "\n".join(filter(None, (farther, back)))
+    slip = tr("Optional: turn RA back to the start; checks for slip (±{creep:.0f}″ assumed).", creep=creep)
+    return "\n".join(filter(None, (farther, slip if creep else "")))
 
 
 POLES = {  # without a site of the person's: by the frames' or by the practice telescope's
