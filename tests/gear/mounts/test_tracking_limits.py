@@ -150,7 +150,7 @@ def test_a_target_behind_a_tree_is_refused_and_one_above_it_is_not(hour, dec) ->
     refusals = guard.preview_goto(*at(hour, dec)).refusals
     assert bool(refusals) is (altitude < tree), (altitude, azimuth, tree, refusals)
     if refusals:
-        assert f"the limit is {tree:.3g} deg" in refusals[0]
+        assert f"the limit is {tree:.3g}°" in refusals[0]
 
 
 def test_a_path_behind_a_tree_is_refused_and_tracking_stops_at_it() -> None:
