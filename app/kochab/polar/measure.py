@@ -260,8 +260,8 @@ def _movement(fits: Sequence[AxisFit], movement: Movement | None) -> Iterator[Po
         yield PolarFinding(
             PolarFindingKind.UNCHECKED,
             tr(
-                "Two frames can't show whether only RA moved, or whether both times are right. Keep Dec locked and take"
-                " a third before you turn a bolt."
+                "Two frames can't show whether only RA moved, or whether both times are right. Keep Dec locked."
+                " Take a third before you turn a bolt."
             ),
             unsettled=True,
         )
