@@ -85,3 +85,13 @@ def test_a_slew_that_goes_to_the_pole_is_no_restart(watched) -> None:
     assert look(5.0, 280.0, 89.9, ordered=True) == ""
     look(1.0, 100.0, 60.0, ordered=True)
     assert look(9.0, 280.0, 89.9, ended_s=now[0] + 3.0) == ""  # it went on for three seconds after the look
+
+
+def test_a_mount_that_nobody_ordered_to_move_has_not_gone_to_the_pole_as_fast_as_one_that_was(watched) -> None:
+    """Twenty degrees in five seconds are a slew; unordered they are a restart, with no answer missed."""
+    _, look, _ = watched
+    assert look(0.0, 100.0, 70.0) == ""
+    assert look(5.0, 100.0, 89.9, ordered=True) == ""
+    assert look(5.0, 100.0, 70.0, ordered=True) == ""
+    assert look(30.0, 100.0, 70.0) == ""
+    assert "Mount was restarted" in look(5.0, 100.0, 89.9)

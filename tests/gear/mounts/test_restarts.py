@@ -238,6 +238,15 @@ def test_a_session_that_ends_in_a_slew_repeats_a_stop_that_was_lost(board, guard
     assert stands(board)
 
 
+def test_a_block_that_ends_in_a_slew_repeats_a_stop_that_was_lost(board) -> None:
+    """As every command ends."""
+    mount = open_mount(board.driver, board.port, site=board.site, clock=board.clock)
+    with Guard(mount, board.site, Limits(crosses_meridian=True), clock=board.clock) as one:
+        goes(board, one)
+        board.lose_stops(1)
+    assert stands(board)
+
+
 @pytest.mark.parametrize(("lost", "told"), [(1, ""), (1000, "CUT ITS POWER")])
 def test_a_guard_that_is_dropped_in_a_slew_sees_its_stop_through(lost, told, board, capsys) -> None:
     mount = open_mount(board.driver, board.port, site=board.site, clock=board.clock)
