@@ -85,7 +85,7 @@ def test_the_wheel_installs_kochab_alone_with_all_its_data(wheel, repository):
 def test_no_file_and_nothing_beside_the_package_is_left_in_the_way(scripts, elsewhere):
     """The published methods are there by their entry points, and the data inside the package."""
     code = (
-        "import kochab, kochab.core, pathlib\n"
+        "import kochab, kochab.folders, pathlib\n"
         "home = pathlib.Path(kochab.__file__).parent\n"
         "print(sorted(p.name for p in home.parent.iterdir() if p.suffix != '.dist-info'))\n"
         "print(all(kochab.folders.data_folder(n).parent == home for n in ('catalogs', 'resources')))\n"
