@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
-from PySide6.QtCore import QLocale, Qt
+from PySide6.QtCore import QLocale, QSettings, Qt
 from PySide6.QtWidgets import (
     QAbstractButton,
     QAbstractSpinBox,
@@ -45,11 +45,12 @@ from kochab.polar.report import History, report_html
 from kochab.server.phone_page import PhonePage
 from kochab.text.angle_text import AngleStyle
 from kochab.text.translation import in_english, number, speak, tr, tr_n
-from kochab.window.application import build, use_language
+from kochab.window.application import build, tell_of_language, use_language
 from kochab.window.dialogs import tell
 from kochab.window.frame.session import WorkflowEngine
 from kochab.window.mount.pointing import SyncDialog
 from kochab.window.panels.log_panel import LogPanel
+from kochab.window.settings import WindowSettings
 from kochab.window.shell import help_book
 from kochab.window.shell.help_book import pages
 from kochab.window.shell.preferences import Preferences
@@ -335,6 +336,26 @@ def test_texts_plurals_and_numbers_of_a_language(abroad):
         assert tr_n(one, many, 1, named=0) == "1 star identified, 0 with a name"
         assert number(12.5, ".1f") == "12.5"
     assert "«" not in summary(fake_solution(600, 400), AngleStyle.SEXAGESIMAL)  # copied: the same everywhere
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"), [("eo", "Esperanto"), ("de", "German"), ("en", ""), ("en_GB", ""), ("qq", "qq")]
+)
+def test_a_language_without_a_file_is_told_once(qapp, tmp_path, wanted, told):
+    without = use_language(qapp, wanted, tmp_path)
+    assert without == told
+    settings = WindowSettings(QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat))
+    said = []
+    for _ in range(2):  # two starts
+        tell_of_language(said.append, settings, without)
+    assert said == ([f"Kochab has no {told} texts yet. It stays in English."] if told else [])
+
+
+def test_a_language_that_is_there_is_not_told(qapp, pseudo_language):
+    before = QLocale()
+    assert use_language(qapp, "eo", pseudo_language[0]) == ""
+    speak()
+    QLocale.setDefault(before)
 
 
 def test_without_a_language_all_stays_english(qapp, tmp_path):

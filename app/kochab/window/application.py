@@ -3,7 +3,7 @@
 import gc
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import monotonic
 
@@ -215,23 +215,40 @@ def build(
     return window, parts
 
 
-def use_language(app: QApplication, wanted: str = "", folder: Path | None = None) -> None:
+def use_language(app: QApplication, wanted: str = "", folder: Path | None = None) -> str:
     """Speak the language ``wanted``, as "de", or else the system's, if ``kochab_de.qm`` is in ``folder``; else English.
 
-    Call it before the window is built. ``folder`` is ``resources/translations`` unless given.
+    Call it before the window is built. ``folder`` is ``resources/translations`` unless given. Returns the English name
+    of the language that was wanted and has no file; empty when the right one is spoken.
     """
     country = QLocale(wanted) if wanted else QLocale.system()
     texts, of_qt = QTranslator(app), QTranslator(app)
     named = next(iter(country.uiLanguages()), "en").replace("-", "_")
     # Qt's own texts in another language than Kochab's would be a mixture.
     if not texts.load(f"kochab_{named}", str(folder or data_folder("resources") / "translations")):
-        return
+        return _without_texts(country, wanted)
     if of_qt.load(country, "qtbase", "_", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)):
         app.installTranslator(of_qt)
     app.installTranslator(texts)
     speak(lambda text, note, n: texts.translate("", text, note, n), country.decimalPoint(), country.groupSeparator())
     country.setNumberOptions(QLocale().numberOptions())
     QLocale.setDefault(country)
+    return ""
+
+
+def _without_texts(country: QLocale, wanted: str) -> str:
+    if country.language() is QLocale.Language.C:  # no locale of the system, or a code that Qt does not know
+        return "" if wanted in ("", "C") else wanted
+    if country.language() is QLocale.Language.English:
+        return ""
+    return QLocale.languageToString(country.language())
+
+
+def tell_of_language(say: Callable[[str], None], settings: WindowSettings, language: str) -> None:
+    """Say once that there are no texts in ``language``: nobody should look for what is not there."""
+    if language and settings.text("language_told", "") != language:
+        say(tr("Kochab has no {language} texts yet. It stays in English.", language=language))
+        settings.keep("language_told", language)
 
 
 def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language: str = "") -> int:
@@ -243,12 +260,13 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     # Before use_language, which takes over how numbers are read.
     use_plain_numerals()
     settings = WindowSettings()
-    use_language(app, language or settings.text("language", ""))
+    without_texts = use_language(app, language or settings.text("language", ""))
     engine = whole_engine()
     window, parts = build(engine, settings, wiring=wiring)
     garbage = Garbage()  # it has no parent: this name keeps it
     background = Background(window, engine)
     window.show()
+    tell_of_language(window.say, settings, without_texts)
     if paths:
         parts.files.open_all([Path(path) for path in paths])
     else:
