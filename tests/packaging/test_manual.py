@@ -1,28 +1,18 @@
 """Manual pages and completions against the command line itself: nothing that can be typed is absent from them."""
 
 import argparse
-import importlib.util
 import re
 import shutil
 import subprocess
-import sys
-from types import ModuleType
 
 import pytest
 
 from kochab.cli.main import COMMANDS, build_parser
 
-PLACE = ("packaging", "linux", "manual.py")
-
 
 @pytest.fixture(scope="module")
-def manual(repository) -> ModuleType:
-    # By its path: a package on the index is called `packaging`, too.
-    spec = importlib.util.spec_from_file_location("kochab_manual", repository.joinpath(*PLACE))
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+def manual(packaged):
+    return packaged("linux/manual.py")
 
 
 @pytest.fixture(scope="module")

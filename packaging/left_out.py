@@ -1,0 +1,120 @@
+"""What installed programs leave out of the packages that Kochab is built with, and why.
+
+The .deb (``linux/tree.py``) and the Windows installer (``windows/kochab.spec``) ask :func:`reason` about each file.
+Patterns are for paths below ``site-packages``, written with ``/``.
+"""
+
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+
+CODECS = (
+    *("imcd", "jpeg8", "jpeg2k", "jpegls", "jpegxl", "jpegxr", "lerc", "ljpeg", "png", "webp"),
+    *("deflate", "lz4", "lzma", "zlib", "zstd", "shared", "shared_cython"),
+)
+QT = ("Core", "Gui", "OpenGL", "OpenGLWidgets", "Svg", "Widgets")  # pyqtgraph asks for OpenGL
+_QT_PLUGINS = (
+    *(
+        "platforms/libqxcb",
+        "platforms/libqwayland.",
+        "platforms/libqwayland-generic",
+        "platforms/libqoffscreen",
+        "platforms/qwindows",
+        "platforms/qoffscreen",
+    ),
+    *(
+        "imageformats/*qsvg",
+        "imageformats/*qjpeg",
+        "iconengines/",
+        "styles/",
+        "platformthemes/libqxdg",
+        "xcbglintegrations/",
+    ),
+    *("platforminputcontexts/libcompose", "platforminputcontexts/libibus"),
+    *("wayland-decoration-client/", "wayland-shell-integration/libxdg"),
+)
+_SCIPY = (
+    *("_lib", "constants", "fft", "integrate", "interpolate", "linalg", "ndimage", "optimize", "sparse", "spatial"),
+    *("special", "stats"),
+)
+
+KEPT: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "PySide6": (
+        "Qt's modules that the window does not import (QML, Quick, Designer, Network, ...), tools",
+        (
+            *(
+                "__init__.py",
+                "_config.py",
+                "_git_pyside_version.py",
+                "support/*",
+                "libpyside6.abi3*",
+                "pyside6.abi3.dll",
+            ),
+            *("*140*.dll", "Qt/lib/libicu*"),
+            *(f"{place}{name}{end}" for name in QT for place, end in (("Qt", ".*so"), ("Qt", ".pyd"), ("Qt6", ".dll"))),
+            *(f"Qt/lib/libQt6{name}.so*" for name in (*QT, "DBus", "XcbQpa", "WaylandClient")),
+            *(f"{place}plugins/{name}*" for name in _QT_PLUGINS for place in ("Qt/", "")),
+        ),
+    ),
+    "imagecodecs": ("codecs that neither pictures, TIFF nor XISF use", ("*.py", *(f"_{name}.*" for name in CODECS))),
+    "scipy": (
+        "SciPy's signal, io, cluster, fftpack, odr, datasets",
+        (
+            "__init__.py",
+            "__config__.py",
+            "version.py",
+            "_distributor_init.py",
+            "_cyutility.*",
+            *(f"{name}/*" for name in _SCIPY),
+        ),
+    ),
+}
+"""Packages of which only some files are needed: why others are not, and what is kept, below the package's folder."""
+
+DROPPED: Mapping[str, tuple[str, ...]] = {
+    "packages' own tests": ("*/tests/*", "*/test/*", "*/conftest.py"),
+    "headers, stubs and sources for compilers": tuple(
+        f"*.{ending}"
+        for ending in "pyi pyx pxd pxi h hpp c cpp f90 inc lib a pyc".split()  # noqa: SIM905
+    ),
+    "examples": ("pyqtgraph/examples/*", "sdl2/examples/*", "pyqtgraph/opengl/*"),
+    "astropy's cosmology, time series and plots": tuple(
+        f"astropy/{name}/*" for name in ("cosmology", "timeseries", "visualization", "samp")
+    ),
+    "tables of the Earth's rotation since 1962, which Kochab does not read": (
+        *("astropy_iers_data/data/eopc*", "astropy_iers_data/data/finals*"),
+    ),
+    "SDL's sound, fonts and pictures": tuple(f"sdl2dll/dll/*{name}*" for name in ("ttf", "mixer", "image", "gfx")),
+    "Qt's software OpenGL": ("*opengl32sw.dll",),
+    "NumPy's tools for Fortran and its tests' SIMD": ("numpy/distutils/*", "numpy/_core/_simd.*"),
+    "AVIF and WebP pictures, which Kochab does not read": ("PIL/_avif.*", "PIL/_webp.*"),
+    "pictures for the README": ("kochab/resources/screenshots/*",),
+    "commands of other packages": ("bin/*", "share/*"),
+}
+"""Why -> what of any package is left out."""
+
+# astropy reads its test runner when it is imported.
+_NEEDED = ("astropy/tests/*.py",)
+_NEEDED_NOT = ("astropy/tests/tests/*", "astropy/tests/figures/*")
+
+
+def reason(path: str) -> str | None:
+    """Why the file ``path`` of ``site-packages`` is left out; None for one that is needed."""
+    path = path.replace("\\", "/")
+    for why, patterns in DROPPED.items():
+        if _fits(path, patterns) and (_fits(path, _NEEDED_NOT) or not _fits(path, _NEEDED)):
+            return why
+    package, _, below = path.partition("/")
+    if below and package in KEPT:
+        why, patterns = KEPT[package]
+        return None if _fits(below, patterns) else why
+    return None
+
+
+def _fits(path: str, patterns: Iterable[str]) -> bool:
+    return any(fnmatchcase(path, pattern) for pattern in patterns)
+
+
+def table(sizes: Mapping[str, int]) -> str:
+    """A row for each reason of ``sizes``, in bytes: megabytes and what was left out, the largest first."""
+    rows = sorted(sizes.items(), key=lambda row: -row[1])
+    return "\n".join(["| MB | left out |", "| ---: | --- |", *(f"| {size / 1e6:.1f} | {why} |" for why, size in rows)])

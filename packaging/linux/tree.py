@@ -1,0 +1,267 @@
+"""The program as a folder that needs no Python of the system: ``python packaging/linux/tree.py ARCH FOLDER``.
+
+ARCH is amd64 or arm64, whatever this machine is: Python comes from Debian 12's packages, everything else as wheels, and
+nothing of it is run. FOLDER becomes /usr/lib/kochab: a virtual environment whose Python lies in it. Needs Python 3.11,
+apt, dpkg-deb, ARCH's binutils and the network; prints what was left out.
+"""
+
+import compileall
+import os
+import py_compile
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(CHECKOUT / "packaging"))
+
+from left_out import reason, table  # noqa: E402
+
+PYTHON = "3.11"
+SUITE = "bookworm"  # glibc 2.36: what runs there runs on everything newer
+PLATFORMS = {"amd64": "x86_64-manylinux_2_36", "arm64": "aarch64-manylinux_2_36"}
+TRIPLETS = {"amd64": "x86_64-linux-gnu", "arm64": "aarch64-linux-gnu"}
+EXTRAS = ("indi", "gamepad")  # webcams bring 104 MB of FFmpeg
+DEBIANS_OWN = ("pysdl2-dll",)  # SDL comes from Debian's package, when it is installed
+STDLIB_LEFT_OUT = (
+    *("test", "tests", "idlelib", "lib2to3", "turtledemo", "turtle.py", "ensurepip", "pydoc_data", "__pycache__"),
+    *("_test*", "_xx*", "xx*", "_ctypes_test*", "nis.*", "ossaudiodev.*", "_dbm.*", "readline.*", "_curses*"),
+)
+
+
+def build(arch: str, folder: Path) -> Counter[str]:
+    """Make the folder; what was left out, in bytes by reason."""
+    shutil.rmtree(folder, ignore_errors=True)
+    site = folder / "lib" / f"python{PYTHON}" / "site-packages"
+    with tempfile.TemporaryDirectory() as scratch:
+        python(arch, folder, Path(scratch))
+        wheels(arch, site, Path(scratch))
+        left = prune(site) + prune_libraries(site)
+        left += stub(site, arch, Path(scratch)) + strip(folder, arch, Path(scratch))
+    join_equal_files(site)
+    left += compile_all(folder)
+    # A virtual environment looks for no packages of the system or the user.
+    (folder / "bin").mkdir()
+    (folder / "bin" / "python3").symlink_to("../python/bin/python3")
+    (folder / "pyvenv.cfg").write_text(
+        "home = /usr/lib/kochab/python/bin\ninclude-system-site-packages = false\nversion = 3.11\n"
+    )
+    return left
+
+
+def python(arch: str, folder: Path, scratch: Path) -> None:
+    """Debian's Python for ``arch``, unpacked: its program and the standard library."""
+    for name in ("state/lists/partial", "cache/archives/partial", "unpacked"):
+        (scratch / name).mkdir(parents=True)
+    keyring = "/usr/share/keyrings/debian-archive-keyring.gpg"
+    rows = [f"deb [signed-by={keyring}] {mirror()} {SUITE}{part} main\n" for part in ("", "-updates")]
+    (scratch / "sources.list").write_text("".join(rows))
+    settings = {
+        "Dir::Etc::sourcelist": scratch / "sources.list",
+        "Dir::Etc::sourceparts": "-",
+        "Dir::State": scratch / "state",
+        "Dir::State::status": "/dev/null",
+        "Dir::Cache": scratch / "cache",
+        "APT::Architecture": arch,
+        "APT::Architectures": arch,
+        "APT::Sandbox::User": "root",
+    }
+    apt = ["apt-get", "-qq", *(word for key, value in settings.items() for word in ("-o", f"{key}={value}"))]
+    packages = [f"python{PYTHON}-minimal", f"libpython{PYTHON}-minimal", f"libpython{PYTHON}-stdlib"]
+    run([*apt, "update"], scratch)
+    run([*apt, "download", *packages], scratch)
+    for deb in scratch.glob("*.deb"):
+        run(["dpkg-deb", "-x", deb, scratch / "unpacked"], scratch)
+    (folder / "python" / "bin").mkdir(parents=True)
+    shutil.copy(scratch / "unpacked" / "usr" / "bin" / f"python{PYTHON}", folder / "python" / "bin" / "python3")
+    library = folder / "python" / "lib" / f"python{PYTHON}"
+    shutil.copytree(
+        scratch / "unpacked" / "usr" / "lib" / f"python{PYTHON}",
+        library,
+        ignore=shutil.ignore_patterns(*STDLIB_LEFT_OUT, "config-*"),
+        symlinks=True,
+    )
+    for link in [path for path in library.rglob("*") if path.is_symlink()]:
+        link.unlink()  # into /etc: a person's settings of the system's Python
+
+
+def mirror() -> str:
+    """Where this machine gets Debian's packages from."""
+    for place in (Path("/etc/apt/sources.list.d/debian.sources"), Path("/etc/apt/sources.list")):
+        if place.exists() and (found := re.search(r"https?://\S*debian\b/?(?=\s)", place.read_text())):
+            return found[0]
+    return "http://deb.debian.org/debian"
+
+
+def wheels(arch: str, site: Path, scratch: Path) -> None:
+    """Kochab and all it depends on, as wheels for ``arch``."""
+    uv = shutil.which("uv")
+    if uv is None:
+        run([sys.executable, "-m", "venv", scratch / "tools"], scratch)
+        run([scratch / "tools" / "bin" / "python", "-m", "pip", "install", "-q", "uv"], scratch)
+        uv = str(scratch / "tools" / "bin" / "uv")
+    run([uv, "build", "-q", "--wheel", "-o", scratch, CHECKOUT], scratch)
+    (wheel,) = scratch.glob("kochab_astro-*.whl")
+    wanted = scratch / "wanted.txt"
+    wanted.write_text(f"kochab-astro[{','.join(EXTRAS)}] @ {wheel.as_uri()}\n")
+    target = ["--python-platform", PLATFORMS[arch], "--python-version", PYTHON, "--only-binary", ":all:"]
+    pinned = scratch / "pinned.txt"
+    run([uv, "pip", "compile", "-q", wanted, *target, "--no-annotate", "--no-header", "-o", pinned], scratch)
+    rows = [row for row in pinned.read_text().splitlines() if not row.startswith(DEBIANS_OWN)]
+    pinned.write_text("\n".join(rows) + "\n")
+    run([uv, "pip", "install", "-q", "--target", site, *target, "--no-deps", "-r", pinned], scratch)
+    for path in (*site.glob("*.dist-info/direct_url.json"), *site.glob("*.dist-info/uv_*"), site / ".lock"):
+        path.unlink(missing_ok=True)
+
+
+def prune(site: Path) -> Counter[str]:
+    """Remove what ``left_out`` names."""
+    left: Counter[str] = Counter()
+    for path in [path for path in site.rglob("*") if path.is_file() or path.is_symlink()]:
+        if why := reason(str(path.relative_to(site))):
+            left[why] += path.lstat().st_size
+            path.unlink()
+    for path in sorted(site.rglob("*"), reverse=True):
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()
+    return left
+
+
+def prune_libraries(site: Path) -> Counter[str]:
+    """Remove bundled libraries (``NAME.libs``) that no extension which was kept needs."""
+    left: Counter[str] = Counter()
+    for folder in site.glob("*.libs"):
+        package = next(p for p in (folder.with_suffix(""), *site.glob("*.so")) if p.exists())
+        asking = list(package.rglob("*.so*")) if package.is_dir() else [package]
+        if folder.name == "pillow_heif.libs":
+            asking = list(site.glob("_pillow_heif*.so"))
+        if folder.name == "pillow.libs":
+            asking = list((site / "PIL").glob("*.so"))
+        needed: set[str] = set()
+        while asking:
+            new = {name for path in asking for name in needs(path)} - needed
+            needed |= new
+            asking = [folder / name for name in new if (folder / name).exists()]
+        for path in folder.iterdir():
+            if path.name not in needed:
+                left["libraries of codecs that were left out"] += path.stat().st_size
+                path.unlink()
+    return left
+
+
+def stub(site: Path, arch: str, scratch: Path) -> Counter[str]:
+    """Put empty libraries in the place of two that are linked and never of use."""
+    left: Counter[str] = Counter()
+    returns = {"amd64": "xor %eax, %eax; ret", "arm64": "mov x0, #0; ret"}[arch]
+    (icu,) = site.glob("PySide6/Qt/lib/libicudata.so.*")
+    (entry,) = (name for name in symbols(icu, "OBJECT") if name.startswith("icudt"))
+    # A data file of ICU without any item: header of 32 bytes, then a table of contents that counts none.
+    empty = bytes.fromhex("2000da271400000000000200 436d6e44 01000000 03000000") + bytes(8)
+    (scratch / "empty.dat").write_bytes(empty)
+    data = f".section .rodata\n.balign 16\n.globl {entry}\n.type {entry}, %object\n"
+    data += f'{entry}: .incbin "empty.dat"\n.zero 16\n'
+    left["ICU's rules for sorting and old encodings (an empty library in their place)"] += replace(
+        icu, data, arch, scratch
+    )
+    for x265 in site.glob("*.libs/libx265*"):
+        asked = {
+            name for heif in x265.parent.glob("libheif*") for name in symbols(heif, "UND") if name.startswith("x265_")
+        }
+        code = "".join(f".text\n.globl {name}\n.type {name}, %function\n{name}: {returns}\n" for name in sorted(asked))
+        left["x265, for writing HEIC, which Kochab only reads (an empty library in its place)"] += replace(
+            x265, code, arch, scratch
+        )
+    return left
+
+
+def replace(library: Path, assembly: str, arch: str, scratch: Path) -> int:
+    """Assemble a library in the place of another, with its name; the bytes saved."""
+    tools = scratch / "stub.s", scratch / "stub.o"
+    tools[0].write_text(assembly + '.section .note.GNU-stack,"",%progbits\n')
+    before = library.stat().st_size
+    (name,) = re.findall(r"\(SONAME\).*\[(.*)\]", told(["readelf", "-d", library]))
+    run([f"{TRIPLETS[arch]}-as", "-o", tools[1], tools[0]], scratch)
+    run([f"{TRIPLETS[arch]}-ld", "-shared", "-soname", name, "-o", scratch / "stub.so", tools[1]], scratch)
+    library.unlink()
+    shutil.copy(scratch / "stub.so", library)
+    return before - library.stat().st_size
+
+
+def symbols(library: Path, kind: str) -> list[str]:
+    """Dynamic symbols of a library, without versions: those of a type, or UND for what it asks of others."""
+    rows = (row.split() for row in told(["readelf", "-W", "--dyn-syms", library]).splitlines())
+    return [row[7].partition("@")[0] for row in rows if len(row) > 7 and (row[6] if kind == "UND" else row[3]) == kind]
+
+
+def strip(folder: Path, arch: str, scratch: Path) -> Counter[str]:
+    """Remove symbols that only a debugger reads, where the library can be loaded afterwards; the bytes saved."""
+    saved = 0
+    for path in folder.rglob("*.so*"):
+        smaller = scratch / "smaller.so"
+        run([f"{TRIPLETS[arch]}-strip", "--strip-unneeded", "-o", smaller, path], folder)
+        path.chmod(0o644)
+        if loads(smaller):
+            saved += path.stat().st_size - smaller.stat().st_size
+            shutil.copyfile(smaller, path)
+    return Counter({"symbols for debuggers": saved})
+
+
+def loads(library: Path) -> bool:
+    """Whether the loader would take a library: strip misplaces segments of those that auditwheel has renamed."""
+    rows = [row.split() for row in told(["readelf", "-lW", library]).splitlines() if row.split()[:1] == ["LOAD"]]
+    return all((int(row[1], 16) - int(row[2], 16)) % int(row[-1], 16) == 0 for row in rows)
+
+
+def join_equal_files(site: Path) -> None:
+    """One file for libraries that several packages bring alike."""
+    seen: dict[bytes, Path] = {}
+    for path in sorted(path for path in site.rglob("*.so*") if path.stat().st_size > 100_000):
+        first = seen.setdefault(path.read_bytes(), path)
+        if first != path:
+            path.unlink()
+            path.symlink_to(os.path.relpath(first, path.parent))
+
+
+def compile_all(folder: Path) -> Counter[str]:
+    """Compiled modules in the place of the sources, but for Kochab's own, which has both; bytes of sources left out."""
+    saved = 0
+    mode = py_compile.PycInvalidationMode.UNCHECKED_HASH
+    own = folder / "lib" / f"python{PYTHON}" / "site-packages" / "kochab"
+    for path in [path for path in folder.rglob("*.py") if own not in path.parents]:
+        inside = f"/usr/lib/kochab/{path.relative_to(folder)}"
+        try:
+            py_compile.compile(str(path), f"{path}c", inside, doraise=True, invalidation_mode=mode)
+        except py_compile.PyCompileError:
+            continue  # a template, not a module
+        saved += path.stat().st_size
+        path.unlink()
+    compileall.compile_dir(own, quiet=1, stripdir=folder, prependdir="/usr/lib/kochab", invalidation_mode=mode)
+    return Counter({"sources of other packages' modules (compiled ones are there)": saved})
+
+
+def needs(path: Path) -> list[str]:
+    """The libraries that an ELF file names."""
+    return re.findall(r"\(NEEDED\).*\[(.*)\]", told(["readelf", "-d", path]))
+
+
+def told(command: list[object]) -> str:
+    """What a command writes, whether or not it ended well."""
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False).stdout
+
+
+def run(command: list[object], cwd: Path) -> None:
+    """Run to the end, or stop with what it said."""
+    environment = os.environ | {"UV_LINK_MODE": "copy"}  # what is changed here must not change uv's cache
+    done = subprocess.run([str(word) for word in command], cwd=cwd, capture_output=True, text=True, env=environment)
+    if done.returncode:
+        sys.exit(f"{command[0]} failed:\n{done.stdout}{done.stderr}")
+
+
+if __name__ == "__main__":
+    if sys.version_info[:2] != (3, 11):
+        sys.exit("Run this with Python 3.11, whose compiled modules the program needs.")
+    print(table(build(sys.argv[1], Path(sys.argv[2]).absolute())))

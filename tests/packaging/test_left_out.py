@@ -1,0 +1,75 @@
+"""What installed programs leave out, against what Kochab imports."""
+
+import ast
+import re
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def left_out(packaged):
+    return packaged("left_out.py")
+
+
+@pytest.fixture(scope="module")
+def imported(repository):
+    """Every module that a line of Kochab imports, with the names taken from it."""
+    found = set()
+    for path in (repository / "app" / "kochab").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def test_every_module_of_qt_that_is_imported_is_kept(left_out, imported):
+    modules = {name.split(".")[1] for name in imported if name.startswith("PySide6.")}
+    assert len(modules) >= 4
+    for name in modules:
+        for path in (
+            f"PySide6/{name}.abi3.so",
+            f"PySide6/{name}.pyd",
+            f"PySide6/Qt/lib/lib{name.replace('Qt', 'Qt6')}.so.6",
+        ):
+            assert left_out.reason(path) is None, path
+
+
+def test_every_part_of_scipy_that_is_imported_is_kept(left_out, imported):
+    parts = {name.split(".")[1] for name in imported if re.match(r"scipy\.[a-z]", name)}
+    assert {"spatial", "special"} <= parts
+    for part in parts:
+        assert left_out.reason(f"scipy/{part}/__init__.py") is None, part
+        assert left_out.reason(f"scipy/{part}/_some.cpython-311-x86_64-linux-gnu.so") is None, part
+
+
+def test_every_part_of_astropy_that_is_imported_is_kept(left_out, imported):
+    for part in {name.split(".")[1] for name in imported if name.startswith("astropy.")}:
+        assert left_out.reason(f"astropy/{part}/__init__.py") is None, part
+    # astropy reads its test runner when it is imported.
+    assert left_out.reason("astropy/tests/runner.py") is None
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "PySide6/QtQml.abi3.so",
+        "PySide6/Qt/lib/libQt6Quick.so.6",
+        "PySide6/translations/qtbase_de.qm",
+        "PySide6\\Qt6Network.dll",
+        "numpy/linalg/tests/test_linalg.py",
+        "scipy/signal/__init__.py",
+        "sdl2dll/dll/SDL2_mixer.dll",
+        "astropy_iers_data/data/eopc04.1962-now",
+    ],
+)
+def test_what_nobody_needs_is_left_out_with_a_reason(left_out, path):
+    assert left_out.reason(path)
+
+
+def test_kochab_and_its_data_are_whole(left_out, repository):
+    for folder, place in ((repository / "app" / "kochab", "kochab"), (repository / "catalogs", "kochab/catalogs")):
+        for path in folder.rglob("*"):
+            if path.is_file() and path.suffix != ".pyc":
+                assert left_out.reason(f"{place}/{path.relative_to(folder).as_posix()}") is None, path
