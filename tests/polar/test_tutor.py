@@ -144,9 +144,9 @@ def test_a_bolt_that_went_a_little_too_far_waits_for_the_other():
 
 def test_a_bolt_on_its_way_through_its_play_is_not_left_for_the_other():
     tutor = knowing_both()
-    assert tutor.advise(error_at(-8.0, 200.0)).knob is Knob.AZIMUTH
+    assert tutor.advise(error_at(-8.0, 60.0)).knob is Knob.AZIMUTH
     for altitude in (-16.0, -24.0):  # no azimuth was seen to move; the other opens by noise
-        told = tutor.advise(error_at(altitude, 25.0))
+        told = tutor.advise(error_at(altitude, 60.0))
         assert (told.knob, told.turns < 0) == (Knob.AZIMUTH, True)
     assert tutor.moves == 2
 
@@ -200,7 +200,7 @@ def test_a_very_small_turn_does_not_change_the_thread():
     bolt = turned_well(arcsec_a_turn=3400.0)
     for again in range(1, 9):
         bolt = bolt.learned(2 / 360, 44.0, 1.0)
-        assert bolt.arcsec_a_turn == pytest.approx(3400.0, rel=0.03 * again), again
+        assert bolt.arcsec_a_turn == pytest.approx(3400.0, rel=0.04 * again), again
         assert bolt.proved
     assert bolt.learned(2 / 360, -15.0, 1.0).arcsec_a_turn > 0.0
 
@@ -375,7 +375,7 @@ def test_an_unproved_bolt_is_given_no_more_than_a_test_a_proved_one_nine_tenths_
     assert asked(890.0, False) == -0.125
     assert asked(5000.0, True) == pytest.approx(-2.25)
     near = 10.0 * 15.0 / np.sqrt(2.0)  # ten tolerances
-    usual = {"arcsec_a_turn": near / 0.52, "proved": True, "direction": -1}
+    usual = {"arcsec_a_turn": near / 0.52, "proved": True, "direction": -1, "seen_turns": 0.5}
     for off, turns in ((0.98 * near, -0.5), (1.02 * near, -0.375)):  # 0.51 turns, and 0.9 of 0.53
         tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), AZIMUTH_BOLT))
         assert tutor.advise(error_at(off, 0.0, sigma=0.1)).turns == turns
@@ -560,12 +560,29 @@ def turned_sky(hours, coupling=0.0):
 
 
 def test_the_clock_is_accused_by_proved_bolts_alone():
-    accused = [(tutor.witness, tutor.bolts[told.knob].proved) for tutor, told in turned_sky(2.0)]
+    accused = [(t.witness, all(bolt.proved for bolt in t.bolts.values())) for t, _ in turned_sky(2.0)]
     first = next(number for number, (witness, _) in enumerate(accused) if witness)
+    assert accused[first][1], "either was seen to move its own axis, and proved"
     assert float(accused[first][0].split("wrong by ")[1].split(" h")[0]) == pytest.approx(2.0, abs=0.15)
     assert first >= 3, "both bolts, and each seen to move twice"
     assert not any(tutor.witness for tutor, _ in turned_sky(0.0))
     assert not any(tutor.witness for tutor, _ in turned_sky(0.0, coupling=0.3)), "dragging is not a turn of the sky"
+
+
+def test_one_proved_bolt_does_not_accuse_the_clock_beside_one_that_was_turned_once():
+    """Two hours wrong: altitude is good after its test, and azimuth is proved."""
+    at, tutor, angle, seen = np.array([700.0, -650.0]), BoltTutor(), np.radians(30.0), []
+    for _ in range(8):
+        told = tutor.advise(error_at(at[0], at[1] / np.cos(np.radians(45.0))), noise_arcsec=(2.0, 2.0))
+        proved = [tutor.bolts[knob].proved for knob in Knob]
+        seen.append((proved, bool(tutor.witness)))
+        if told.knob is None:
+            break
+        across = np.array([-np.sin(angle), np.cos(angle)])
+        along = np.array([np.cos(angle), np.sin(angle)])
+        at = at + (-6466.0 * along if told.knob is Knob.ALTITUDE else 2500.0 * across) * told.turns
+    assert [False, True] in [proved for proved, _ in seen] or [True, False] in [proved for proved, _ in seen]
+    assert not any(accused for proved, accused in seen if not all(proved))
 
 
 def test_the_amounts_in_the_sentence_are_those_on_the_screen():
@@ -574,6 +591,40 @@ def test_the_amounts_in_the_sentence_are_those_on_the_screen():
     assert "12.0′ to go" in told.with_amounts(error_at(720.0, 300.0))
     stop = BoltTutor().advise(error_at(5.0, 3.0))
     assert stop.with_amounts(error_at(9.0, 0.0)) == "9″ ± 2″ from the pole. Tighten, then check."
+
+
+def test_a_bolt_whose_sense_turned_over_starts_again_with_a_test():
+    """Three turns the other way, the last of a whole turn; then six as told: none of those vouches for four turns."""
+    bolt = ALTITUDE_BOLT
+    for turns, change in ((0.25, -500.0), (0.25, -500.0), (1.0, -2000.0)):
+        bolt = bolt.learned(turns, change, 1.0)
+    assert (bolt.proved, bolt.seen_turns) == (True, 1.0)
+    for _ in range(6):
+        bolt = bolt.learned(0.25, 500.0, 1.0)
+    assert bolt.arcsec_a_turn > 0.0
+    assert bolt.seen_turns <= 0.25
+    told = BoltTutor(bolts=(bolt, AZIMUTH_BOLT)).advise(error_at(40000.0, 0.0))
+    assert -1.0 <= told.turns < 0.0
+
+
+def test_a_bolt_whose_turns_contradict_each_other_is_tested_by_less():
+    """It may go either way: as far as shows which."""
+    once = ALTITUDE_BOLT.learned(0.25, 1500.0, 1.0)
+    twice = once.learned(0.25, -1500.0, 1.0)
+    for bolt, turns in ((once, 0.25), (twice, 0.0625)):
+        told = BoltTutor(bolts=(bolt, AZIMUTH_BOLT)).advise(error_at(5000.0, 0.0))
+        assert abs(told.turns) == pytest.approx(turns, abs=0.02)
+
+
+def test_a_small_error_waits_while_the_other_is_large_but_for_a_bolt_that_obeys():
+    """Seed 81061: twelve turns went into 1 arcmin of azimuth while altitude stood 3 deg off."""
+    usual = {"arcsec_a_turn": 2000.0, "proved": True, "direction": 1, "seen_turns": 1.0}
+    for unseen, knob in ((0, Knob.AZIMUTH), (1, Knob.ALTITUDE)):
+        tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), replace(AZIMUTH_BOLT, **usual)))
+        assert tutor.advise(error_at(300.0, 3000.0)).knob is Knob.AZIMUTH
+        tutor.measured_again()
+        tutor.bolts[Knob.AZIMUTH] = replace(tutor.bolts[Knob.AZIMUTH], unseen=unseen)
+        assert tutor.advise(error_at(9000.0, 300.0)).knob is knob
 
 
 def test_after_four_reversals_the_other_bolt_has_its_turn():

@@ -33,6 +33,8 @@ SENSE, SPREAD = (
     0.95,
     1.6,
 )  # a proved bolt's surety of which way it goes, and the ratio that one sigma of its thread spans
+CONTRADICTED = 0.9  # less sure than after one turn
+TELLING_ARCSEC = 300.0  # are seen in any noise
 PROVING_TURNS = 2  # that were seen to move the axis
 SHORT, SHORT_OF_BACKLASH = 0.4, (0.25, 0.3, 0.4, 0.5, 0.75)
 """Quantiles: it is better to stop short and go on than to come back once more; after turns that moved nothing, more."""
@@ -78,6 +80,19 @@ class Bolt:
         through = SHORT_OF_BACKLASH[min(self.unseen, len(SHORT_OF_BACKLASH) - 1)]
         return direction * (size + float(np.quantile(likely.slack_turns(direction), through)))
 
+    def test_turns(self, turns: float, most: float) -> float:
+        """How far to turn it, at most so far, to see which way it goes: less once its turns contradict each other."""
+        if self.filter is None or not self.filter.has_thread or self.surety >= CONTRADICTED:
+            return most
+        slack = float(np.median(self.filter.slack_turns(1 if turns > 0.0 else -1)))
+        return float(np.clip(slack + TELLING_ARCSEC / abs(self.arcsec_a_turn or 1.0), most / 4.0, most))
+
+    @property
+    def surety(self) -> float:
+        """How surely it goes the way it is believed to, from a half to 1."""
+        adds = 0.5 if self.filter is None else self.filter.clockwise_adds
+        return max(adds, 1.0 - adds)
+
     def learned(self, turns: float, change_arcsec: float, sigma_arcsec: float) -> "Bolt":
         """What is known after ``turns`` changed its error by ``change_arcsec`` (one sigma)."""
         before, moves = self.filter, self.moves
@@ -93,15 +108,16 @@ class Bolt:
         likely = now.likely
         thread = float(np.median(likely.arcsec_a_turn))
         low, high = np.quantile(np.abs(likely.arcsec_a_turn), (0.16, 0.84))
-        surety = max(now.clockwise_adds, 1.0 - now.clockwise_adds)
+        turned_over = self.arcsec_a_turn is not None and self.arcsec_a_turn * thread < 0.0
+        seen_turns = 0.0 if turned_over else self.seen_turns
         alike = seen and 1.0 / SAME_THREAD_FACTOR < change_arcsec / turns / thread < SAME_THREAD_FACTOR
         return replace(
             after,
             arcsec_a_turn=thread,
-            proved=bool(after.moves >= PROVING_TURNS and surety >= SENSE and high < SPREAD * low),
+            proved=bool(after.moves >= PROVING_TURNS and after.surety >= SENSE and high < SPREAD * low),
             backlash_turns=float(np.median(likely.backlash_turns)),
             direction=int(np.sign(change_arcsec * thread)) if seen else self.direction,
-            seen_turns=max(self.seen_turns, abs(turns)) if alike else self.seen_turns,
+            seen_turns=max(seen_turns, abs(turns)) if alike else seen_turns,
         )
 
     def moved_by_mistake(self, change_arcsec: float) -> "Bolt":

@@ -71,6 +71,7 @@ ENOUGH = 1.45  # goals, when only another move would bring it nearer
 WIDEST = 1.7  # tolerances, however coarse the thread
 MOST_TURNS, GROWTH = 6.0, 4.0  # at a time, and times the largest turn that did what its thread says
 TELLING_TURNS = 10.0 / 360.0  # less than this a hand does not turn by a number
+SMALL_SHARE = 0.15  # of the other error: not worth coming back for yet, as the other bolt may drag it
 MOST_REVERSALS = 4  # of one bolt, before the other one has its turn
 TOO_FAR = 2  # times that a proved bolt went clearly past the pole: the hand is rough
 ROUGH = 2.5  # goals, which such a hand can reach
@@ -280,7 +281,7 @@ class BoltTutor:
         self._note = tr(STRAYED[knob], moved=f"{'+' if change > 0.0 else '−'}{angle_in_words(change)}")
 
     def _watch_clock(self, knob: Knob, moved: Moved) -> None:
-        """Accuse clock and zone when a proved bolt stands off its own direction as the other one does.
+        """Accuse clock and zone when both bolts, proved, stand off their own directions alike.
 
         At a wrong hour the sky is taken for turned about the pole, and so is every move of the axis, by either bolt;
         one that drags the other axis along does so alone.
@@ -290,7 +291,8 @@ class BoltTutor:
             return  # it may stand off or not
         self._twists[knob] = moved.twist_deg if size >= TWIST_DEG else 0.0
         own, other = self._twists[knob], self._twists[_other(knob)]
-        if own and other and self.bolts[knob].proved and abs(own - other) < SAME_TWIST_DEG + sigmas:
+        proved = all(bolt.proved for bolt in self.bolts.values())
+        if own and other and proved and abs(own - other) < SAME_TWIST_DEG + sigmas:
             angle = abs(own + other) / 2.0
             self.witness = tr(TWISTED, angle=angle, hours=angle / 15.0)
 
@@ -321,13 +323,26 @@ class BoltTutor:
         to and fro too often leaves the other its turn.
         """
 
-        def rank(offer: Instruction) -> tuple[int, bool, bool, float]:
+        def rank(offer: Instruction) -> tuple[bool, bool, int, bool, bool, float]:
             assert offer.knob is not None
-            worn = self._reversals[offer.knob] // MOST_REVERSALS + self._stubborn(offer.knob)
+            worn = self._reversals[offer.knob] // MOST_REVERSALS
             at_hand = offer.knob is self._last[0]
-            return worn, self._only_comes_back(offer, off, error), not at_hand, -off[offer.knob]
+            small = off[offer.knob] < SMALL_SHARE * max(off.values()) and not (at_hand and self._obeys(offer))
+            return (
+                self._stubborn(offer.knob),
+                small,
+                worn,
+                self._only_comes_back(offer, off, error),
+                not at_hand,
+                -off[offer.knob],
+            )
 
         return min((self._instruction(knob, off[knob], error) for knob in open_), key=rank)
+
+    def _obeys(self, offer: Instruction) -> bool:
+        """Whether this bolt goes on and did move when it was turned last."""
+        assert offer.knob is not None
+        return self._goes_on(offer) and not self.bolts[offer.knob].unseen
 
     def _stubborn(self, knob: Knob) -> bool:
         return len(self._strays[knob]) >= STUBBORN
@@ -366,7 +381,7 @@ class BoltTutor:
         share = 1.0 if near else CONFIDENT
         wanted = bolt.needed(value) * share
         finest = FINEST_DEG / 360.0
-        most = min(MOST_TURNS, max(test, GROWTH * (bolt.seen_turns or 1.0))) if bolt.proved else test
+        most = min(MOST_TURNS, max(test, GROWTH * bolt.seen_turns)) if bolt.proved else bolt.test_turns(wanted, test)
         turns = sayable(float(np.clip(wanted, -most, most)))
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
