@@ -50,5 +50,10 @@ def test_both_views_say_it_while_they_are_in_sight(qtbot, commands):
     view.picture.look()
     assert view.picture.words.text() == "The image is OLD: taken 2 min ago."
     assert view.picture._clock.isActive()
+    for name in ("mount", "polar"):
+        commands.views.show(name)
+        words = commands.views.docks[name].view.picture.words
+        assert words.isVisible(), f"in sight at once, and with no mount connected: {name}"
+        assert words.text().startswith("The image is OLD: taken ")
     commands.views.show("image")
     assert not view.picture._clock.isActive()

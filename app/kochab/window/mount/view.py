@@ -89,9 +89,9 @@ class MountView(View):
     def _lay_out(self) -> None:
         for hidden in (self.bar, self.cancel_find, self.why, self.flip):
             hidden.setVisible(False)
-        self.area = scrolled(self._cards())
+        self.area, self.picture = scrolled(self._cards()), PictureAge(self._services.session)
         progress = row((self.bar, 1), self.cancel_find)
-        parts = ((self.area, 1), self.message, row(self.flip, None), self.why, progress)
+        parts = ((self.area, 1), self.picture, self.message, row(self.flip, None), self.why, progress)
         column(*parts, on=self, margins=(8, 8, 8, 8))
 
     def _cards(self) -> QWidget:
@@ -100,8 +100,7 @@ class MountView(View):
         meridian = row(label(tr("Meridian")), (self.meridian, 1))
         self.connection = _card(self.connect_box)
         self.doubted = _card(self.doubt, row(*made.settles.values(), self.trust, None))
-        self.picture = PictureAge(self._services.session)
-        self.compared = _card(self.pointing, frames, self.camera.box, self.picture)
+        self.compared = _card(self.pointing, frames, self.camera.box)
         self.moving = _card(
             self.go, meridian, row(*made.rests.values(), made.spiral, None), styled_frame("rule"), self.pad
         )
