@@ -563,7 +563,7 @@ def test_the_clock_is_accused_by_proved_bolts_alone():
     accused = [(t.witness, all(bolt.proved for bolt in t.bolts.values())) for t, _ in turned_sky(2.0)]
     first = next(number for number, (witness, _) in enumerate(accused) if witness)
     assert accused[first][1], "either was seen to move its own axis, and proved"
-    assert float(accused[first][0].split("wrong by ")[1].split(" h")[0]) == pytest.approx(2.0, abs=0.15)
+    assert float(accused[first][0].split("off by ")[1].split(" h")[0]) == pytest.approx(2.0, abs=0.15)
     assert first >= 3, "both bolts, and each seen to move twice"
     assert not any(tutor.witness for tutor, _ in turned_sky(0.0))
     assert not any(tutor.witness for tutor, _ in turned_sky(0.0, coupling=0.3)), "dragging is not a turn of the sky"
