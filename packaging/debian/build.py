@@ -57,6 +57,8 @@ kochab: custom-library-search-path *
 # Bundled libraries of wheels are renamed by auditwheel; strip would misplace their segments.
 kochab: unstripped-binary-or-object *
 kochab: shared-library-lacks-stack-section *
+# Compiled modules of NumPy and SciPy that need nothing of libc.
+kochab: library-not-linked-against-libc *
 # Compiled for the Python in the package, which no helper of Debian's knows of.
 kochab: package-installs-python-bytecode *
 kochab: package-installs-python-pycache-dir *
