@@ -11,7 +11,7 @@ from kochab.core.attitude import apart_deg, attitude_from, radec_deg
 from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
-from kochab.core.solution import Identification, NoSolution, Solution
+from kochab.core.solution import Identification, NoSolution, Reason, Solution
 from kochab.frames import read_frame
 from kochab.identification.patterns import Patterns
 from kochab.solver import SolveOptions, pipeline, window_ladder
@@ -119,6 +119,24 @@ def test_two_windows_of_one_frame_agree_and_others_do_not():
         replace(answer, camera=replace(answer.camera, focal_px=2.0 * answer.camera.focal_px)),
     ):
         assert not window_ladder._agree((window, changed), found[1])
+
+
+def test_a_part_that_no_lens_joins_with_the_rest_is_told_and_is_no_answer(monkeypatch):
+    detections, truth = spoilt("captions", 1)
+    monkeypatch.setattr(window_ladder, "_joined", lambda detections, agreeing: None)
+    refused = run(window_ladder.climb(detections, YEAR))
+    assert isinstance(refused, NoSolution)
+    assert refused.reason is Reason.DISTORTION_TOO_STRONG
+    place = refused.measured["part_ra_deg"], refused.measured["part_dec_deg"]
+    assert apart_deg(place, truth.ra_dec_deg) < 20.0  # a window of a frame 24 deg wide
+    assert f"RA {place[0]:.2f}" in refused.advice
+
+
+def test_the_whole_frame_s_refusal_keeps_what_its_search_measured():
+    points = np.random.default_rng(8).uniform(0, [1600, 1000], (120, 2))
+    answer = run(solve_detections(Detections.from_list(points, 1600, 1000)))
+    assert "pointings from" in answer.tried
+    assert answer.measured["log10_false_alarm"] <= 0.0
 
 
 def test_a_person_who_trusts_a_hint_alone_gets_no_windows():

@@ -70,12 +70,13 @@ def climb(detections: Detections, year: float) -> Task[Identification | NoSoluti
     Returns
     -------
     Identification or NoSolution
-        The bound counts every window asked. A refusal that has ``window_ra_deg`` and ``window_dec_deg`` measured knows
-        where a window points, and no camera for the whole.
+        The bound counts every window asked. A refusal that measured ``part_ra_deg`` and ``part_dec_deg`` knows where a
+        window points, and no camera for the whole.
 
     """
     method = Patterns(shipped(), STAGES)
     found: list[tuple[_Window, Identification]] = []
+    sure: Identification | None = None  # and yet no lens holds it and the rest
     asked = 0
     for window in _windows(detections):
         yield Progress("identify", 0.6, tr("windows of the frame"))
@@ -89,14 +90,20 @@ def climb(detections: Detections, year: float) -> Task[Identification | NoSoluti
         found.append((window, answer))
         agreeing = [one for one in found if one[1] is answer or _agree(one, (window, answer))]
         if len(agreeing) > 1 or answer.log10_false_alarm <= BEYOND_DOUBT_LOG10:
-            joined = _joined(detections, agreeing)
+            joined, sure = _joined(detections, agreeing), answer
             if joined is not None:
                 return joined
-    if not found:
-        return NoSolution(Reason.NO_PATTERN_AGREED, "", tr("windows of the frame, too"))
-    window, best = min(found, key=lambda one: one[1].log10_false_alarm)
-    ra, dec = best.attitude.ra_dec_deg
-    return NoSolution(Reason.NO_PATTERN_AGREED, "", "", measured={"window_ra_deg": ra, "window_dec_deg": dec})
+    if sure is None:
+        # as one that tried nothing, so that the refusal of the whole frame's search stands
+        return NoSolution(Reason.NO_PATTERN_AGREED, "", "nothing")
+    ra, dec = sure.attitude.ra_dec_deg
+    advice = tr(
+        "A part of the frame is at RA {ra:.2f}, Dec {dec:+.2f} deg, but no lens explains the whole: crop that part.",
+        ra=ra,
+        dec=dec,
+    )
+    matched = tr("{matches} stars matched in a part of the frame", matches=len(sure.matches))
+    return NoSolution(Reason.DISTORTION_TOO_STRONG, advice, matched, measured={"part_ra_deg": ra, "part_dec_deg": dec})
 
 
 def _windows(detections: Detections) -> Iterator[_Window]:
