@@ -22,9 +22,9 @@ PROGRAMS = {
     "starbook": ("indi_starbook_telescope", "Starbook"),
     "exos2": ("indi_bresserexos2", "BRESSER Messier EXOS-2 EQ GoTo"),
 }
-ROUNDED_DEG = {"starbook": 2.0 / 60.0}
+ROUNDED_DEG = {"starbook": 3.0 / 60.0}
 """How near a kind's places are read back, where not to a second of RA: its driver and it both cut off tenths of a
-minute."""
+minute of RA, 3 arcmin in all, and minutes of declination."""
 SECOND_OF_RA_DEG = 25.0 / 3600.0
 PLACE = "EQUATORIAL_EOD_COORD"
 

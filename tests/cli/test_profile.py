@@ -81,7 +81,7 @@ def test_the_guard_goes_by_its_limits(newton, monkeypatch) -> None:
 
     opened = []
     monkeypatch.setattr(session, "open_mount", lambda *told, **more: opened.append((*told, more["epoch"])) or object())
-    monkeypatch.setattr(session, "Guard", lambda mount, site, limits, **more: limits)
+    monkeypatch.setattr(session, "Guard", lambda mount, site, limits, now, **more: limits)
     limits = _opened(read("mount", "goto", "Vega", "--profile", newton, "--no-site"), stop_first=False)
     assert opened[0] == ("onstep", "/dev/ttyUSB7", 57600, session.EPOCH_NAMES["date"])
     assert (limits.lowest_altitude_deg, limits.allow_flip, limits.allow_without_site) == (20.0, True, True)

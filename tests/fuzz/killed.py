@@ -243,8 +243,10 @@ def whole(path: Path) -> bool:
         case ".zip":
             return zipfile.ZipFile(io.BytesIO(data)).testzip() is None
         case ".csv" | ".reg":  # stars, objects, stars and objects
-            count = 25 if "objects" in path.name else 501 if path.suffix == ".csv" else 526
+            count = 26 if "objects" in path.name else 501 if path.suffix == ".csv" else 527
             return data.count(b"\n") == count and data.endswith(b"\n")
+        case ".pdf":
+            return data.startswith(b"%PDF-") and data.endswith(b"%%EOF\n")
         case ".ssc":
             return data.startswith(b"// Name: ") and data.endswith(b", 1);\n")
         case ".kcat":

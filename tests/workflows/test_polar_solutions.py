@@ -92,7 +92,7 @@ def test_a_wcs_is_the_map_it_says(tmp_path, mirrored):
 
 
 def test_a_fisheye_comes_back_as_one(tmp_path):
-    lens = FisheyeCamera(1600, 1200, 480.0, 803.0, 595.0, -0.02, 0.003)
+    lens = FisheyeCamera(1600, 1200, 650.0, 803.0, 595.0, -0.02, 0.003)
     one = solution(10.0, lens)
     (tmp_path / "night.json").write_text(json.dumps(as_json("a.fits", one)) + "\n")
     write_wcs(one, tmp_path / "a.wcs")

@@ -77,10 +77,10 @@ def test_an_alignment_ends_where_the_rig_says(monkeypatch):
 
 
 @pytest.mark.parametrize("seed", [134, 211, 263])
-def test_five_moves_are_enough_where_hands_went_too_far(seed):
+def test_six_moves_are_enough_where_hands_went_too_far(seed):
     """A bolt a little too far was turned back at once, or its thread learned from two degrees."""
     ended = bench.align_once(seed)
-    assert ended["moves"] <= 5
+    assert ended["moves"] <= 6
     assert ended["off_arcsec"] < 30.0
 
 

@@ -52,7 +52,7 @@ def old_text(age_s: float) -> str:
     """How old the last pointing is, where the current one is unknown."""
     if age_s < TONIGHT_S:
         return tr("Last solved {age} ago. The telescope may have moved since.", age=age_text(age_s))
-    date = QLocale().toString(QDateTime.currentDateTime().addSecs(-round(age_s)).date(), "d MMMM yyyy")
+    date = QLocale().toString(QDateTime.currentDateTime().addSecs(-round(age_s)).date(), QLocale.FormatType.LongFormat)
     return tr("Taken {date}: not tonight’s pointing.", date=date)
 
 
