@@ -170,12 +170,18 @@ def behind_its_lens(
     wide = WIDER if fit.rms_px < POOR_LENS * side else WIDE
     if isinstance(camera, FisheyeCamera) or side < 2.0 * wide * camera.focal_px:
         return matches, fit
-    fisheye = FisheyeCamera.centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
-    at = refine(found.matches, fisheye, wahba(fisheye.unproject(found.matches.xy), found.matches.vectors))
+    at = fitted_anew(
+        found.matches, FisheyeCamera.centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
+    )
     more, other = grow(replace(found, camera=at.camera, attitude=at.attitude))
     closer = other.rms_px < BETTER * fit.rms_px and len(more) >= AS_MANY * len(matches)
     fuller = len(more) * AS_MANY > len(matches) and other.rms_px * AS_MANY < fit.rms_px
     return (more, other) if closer or fuller else (matches, fit)
+
+
+def fitted_anew(matches: Matches, camera: Camera) -> Fit:
+    """The fit of matches behind a camera of another model, whose attitude is not known yet."""
+    return refine(matches, camera, wahba(camera.unproject(matches.xy), matches.vectors))
 
 
 def match_errors(

@@ -86,12 +86,14 @@ def examine_frame(frame: Frame, options: SolveOptions | None = None, *, read_ms:
         detections = detector.detect(frame)
     hint = merged_hint(with_field(options, frame.width), frame.hint if options.use_header else None)
     request = _Request(detections, replace(options, hint=hint), clock, frame)
-    result = yield from _solve(request, _searches(request))
-    if isinstance(result, NoSolution) and isinstance(detector, AutoDetector) and result.reason is not Reason.TIMED_OUT:
+    answer, refusal = yield from _answered(request, _searches(request))
+    timed_out = refusal is not None and refusal.reason is Reason.TIMED_OUT
+    if not isinstance(answer, Solution) and isinstance(detector, AutoDetector) and not timed_out:
         for again, searches in _second_lists(request, detector):
-            second = yield from _solve(again, searches)
+            second, _ = yield from _answered(again, searches)
             if isinstance(second, Solution):
-                detections, result = again.detections, second
+                detections, answer = again.detections, second
+    result = answer or (yield from _diagnosed(request, refusal))
     _log(result)
     return Examined(detections, result)
 
@@ -132,7 +134,8 @@ def solve_detections(
     if options.fov_deg is not None:
         options = replace(options, hint=with_field(options, detections.width))
     request = _Request(detections, options, Stopwatch(options.timeout_s, read_ms))
-    result = yield from _solve(request, _searches(request))
+    answer, refusal = yield from _answered(request, _searches(request))
+    result = answer or (yield from _diagnosed(request, refusal))
     _log(result)
     return result
 
@@ -173,10 +176,13 @@ def year_of(moment: datetime | None) -> float:
     return 2000.0 + (moment - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds() / 31557600.0
 
 
-def _solve(
+def _answered(
     request: _Request, searches_to_make: Iterator[Task[Identification | NoSolution]]
-) -> Task[Solution | NoSolution]:
-    """Identify the stars by one search after another and refine the pointing, or say why there is none."""
+) -> Task[tuple[Solution | NoSolution | None, NoSolution | None]]:
+    """Identify the stars by one search after another and refine the pointing.
+
+    The answer is None where no search has one; then a refusal, if any search gave one, waits for its diagnosis.
+    """
     from kochab.identification import IDENTIFIERS
 
     # a wrong name is told before the search, not after it
@@ -196,7 +202,7 @@ def _solve(
                 alarm = min(0.0, found.log10_false_alarm + math.log10(request.n_star_lists * searches))
                 if alarm <= ACCEPT_LOG10:
                     yield Progress("attitude", 0.8)
-                    return _finished(request, replace(found, log10_false_alarm=alarm))
+                    return _finished(request, replace(found, log10_false_alarm=alarm)), None
             elif refusal is None or found.searched:  # without the hint it may lack what it needs
                 refusal = found
     except TimedOut:
@@ -204,10 +210,16 @@ def _solve(
         refusal = NoSolution(
             Reason.TIMED_OUT, advice, tr("searched for {timeout_s:g} s", timeout_s=options.timeout_s or 0.0)
         )
-    yield Progress("diagnose", 0.9)
+    return None, refusal
+
+
+def _diagnosed(request: _Request, refusal: NoSolution | None) -> Task[NoSolution]:
+    """Why there is no answer, once every list of the frame's stars was tried: the frame is measured for it."""
     from kochab.solver.diagnosis import Evidence, diagnose
 
-    return diagnose(Evidence(request.detections, options.hint, request.frame), refusal, request.clock.elapsed_ms())
+    yield Progress("diagnose", 0.9)
+    evidence = Evidence(request.detections, request.options.hint, request.frame)
+    return diagnose(evidence, refusal, request.clock.elapsed_ms())
 
 
 def _finished(request: _Request, found: Identification) -> Solution | NoSolution:

@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kochab.attitude import wahba
-from kochab.attitude.fit import refine
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import angle_between
 from kochab.core.camera import Camera, FisheyeCamera
@@ -23,6 +21,7 @@ from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification.index import shipped
 from kochab.identification.patterns import WIDE, Patterns, SearchStage
 from kochab.identification.verification import ACCEPT_LOG10
+from kochab.solver.matches import fitted_anew
 from kochab.text.translation import tr
 
 MIDDLE, REST = (0.5, 0.7, 0.35, 0.25), 0.5
@@ -169,8 +168,7 @@ def _joined(detections: Detections, agreeing: list[tuple[_Window, Identification
     best = min((a for _, a in agreeing), key=lambda a: a.log10_false_alarm)
     width, height = detections.width, detections.height
     for lens in (Camera, FisheyeCamera):
-        camera = lens.centred(width, height, best.camera.focal_px, best.camera.mirrored)
-        fit = refine(matches, camera, wahba(camera.unproject(matches.xy), matches.vectors))
+        fit = fitted_anew(matches, lens.centred(width, height, best.camera.focal_px, best.camera.mirrored))
         if fit.rms_px <= MISFIT * max(width, height) and 3 * int(fit.inliers.sum()) >= 2 * len(matches):
             kept = matches.take(fit.inliers)
             return Identification(kept, fit.camera, fit.attitude, best.log10_false_alarm, "patterns", best.candidates)
