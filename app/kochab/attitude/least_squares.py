@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Indices
 from kochab.core.attitude import small_rotation
-from kochab.core.camera import Camera, FisheyeCamera
+from kochab.core.camera import Camera
 from kochab.core.solution import Matches
 
 # -- Least squares of one step: normal equations with the columns scaled to one length ---------
@@ -82,7 +82,6 @@ def chance(before: float, after: float, freedom: int) -> float:
 
 PARAMETERS = ("rx", "ry", "rz", "log_focal", "cx", "cy", "k1", "k2", "p1", "p2")
 """Columns of the Jacobian: a rotation about the camera axes (rad), ln focal length, the rest."""
-NEAREST = 1e-3  # what lies behind the camera is taken to be this far before it
 
 
 def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floats]:
@@ -92,19 +91,14 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     change; in memory a parameter's lie together. The model is that of ``kochab.core.camera`` (Brown
     1966, Photogramm. Eng. 32, 444).
     """
-    fisheye = isinstance(camera, FisheyeCamera)
-    flat = camera.plane(vectors).T if fisheye else vectors[:, :2].T / np.maximum(vectors[:, 2], NEAREST)
+    flat = camera.ahead(vectors)
     u, v = flat
     square = flat * flat
     uu, vv = square
     uv, r2 = u * v, uu + vv
     jacobian = np.empty((len(PARAMETERS), 2, len(u)))
     turn = jacobian[:3]
-    if fisheye:
-        turn[0], turn[1] = _turned_fisheye(flat, r2)
-    else:
-        turn[0, 0], turn[0, 1] = -uv, -1.0 - vv
-        turn[1, 0], turn[1, 1] = 1.0 + uu, uv
+    camera.turn(flat, turn[:2])
     turn[2, 0], turn[2, 1] = -v, u
     bent = flat
     if camera.distorted:
@@ -125,20 +119,6 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     jacobian[4, 0] = jacobian[5, 1] = 1.0
     pixels = shape * bent + np.array([[camera.cx], [camera.cy]])
     return pixels.T, jacobian.T
-
-
-def _turned_fisheye(flat: Floats, r2: Floats) -> tuple[Floats, Floats]:
-    """How points (2, N) of the equidistant plane move when the camera's axes turn about x, and about y.
-
-    At theta from the axis a turn along the radius moves a point by as much, one across it by theta / tan(theta).
-    """
-    theta = np.sqrt(r2)
-    across = np.where(theta > 1e-6, theta / np.tan(np.maximum(theta, 1e-6)), 1.0)
-    along = (1.0 - across) / np.maximum(r2, 1e-12)
-    u, v = flat
-    about_x = np.stack([-along * u * v, -(across + along * v * v)])
-    about_y = np.stack([across + along * u * u, along * u * v])
-    return about_x, about_y
 
 
 def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]:
@@ -172,8 +152,8 @@ def sane(camera: Camera) -> bool:
     w, h = camera.width - 1.0, camera.height - 1.0
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h]])
     ray = (corners - [camera.cx, camera.cy]) / camera.focal_px
-    if isinstance(camera, FisheyeCamera):  # a corner may lie beyond the lens's circle, where nothing is seen
-        ray = ray * np.minimum(1.0, FISHEYE_RAD / np.hypot(*ray.T))[:, None]
+    # A corner may lie beyond a lens's circle, where nothing is seen.
+    ray = ray * np.minimum(1.0, camera.circle_rad / np.hypot(*ray.T))[:, None]
     ray = ray * np.linspace(0.05, 1.0, 24)[:, None, None]
     u, v = ray[..., 0], ray[..., 1]
     r2 = u * u + v * v
@@ -184,8 +164,6 @@ def sane(camera: Camera) -> bool:
     return bool(np.all(grows) and np.all(np.abs(shift) + tangential < 0.4))
 
 
-FISHEYE_RAD = math.radians(92.0)
-"""So far from the axis fisheye lenses show stars: one that looks up shows them to the horizon."""
 FOCAL = PARAMETERS.index("log_focal")
 STEPS = 8
 FAR = 2.0
@@ -217,9 +195,7 @@ class FitState:
     def residuals(self) -> Floats:
         """Recorded minus computed pixels (M, 2) of every match."""
         vectors = self.matches.vectors @ self.matrix.T
-        if not isinstance(self.camera, FisheyeCamera):
-            np.maximum(vectors[:, 2], NEAREST, out=vectors[:, 2])
-        return self.matches.xy - self.camera.project(vectors)
+        return self.matches.xy - self.camera.recorded(self.camera.ahead(vectors).T)
 
     def slopes(self) -> tuple[Floats, Floats]:
         """Residuals (2, M) px and their derivatives (10, 2, M), of every match."""

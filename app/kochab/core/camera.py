@@ -22,6 +22,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 
+NEAREST = 1e-3  # what lies behind a camera is taken to be this far before it, where places must be finite
 FIELDS = 1.5  # how far beside the frame places are told, in half diagonals
 
 
@@ -31,6 +32,7 @@ class Camera:
 
     projection: ClassVar[str] = "gnomonic"
     widest_deg: ClassVar[float] = 180.0
+    circle_rad: ClassVar[float] = float("inf")  # so far from the axis on the plane it shows stars
 
     width: int
     height: int
@@ -76,7 +78,10 @@ class Camera:
 
     def project(self, vectors: Floats) -> Floats:
         """Pixels (N, 2) of unit vectors (N, 3) in camera axes; NaN behind the camera."""
-        uv = self.plane(np.asarray(vectors, dtype=np.float64))
+        return self.recorded(self.plane(np.asarray(vectors, dtype=np.float64)))
+
+    def recorded(self, uv: Floats) -> Floats:
+        """Pixels (N, 2) of ideal points (N, 2)."""
         return self._pixels(self.bent(uv) if self.distorted else uv)
 
     def unproject(self, pixels: Floats) -> Floats:
@@ -91,6 +96,16 @@ class Camera:
         with np.errstate(divide="ignore", invalid="ignore"):
             # At 90° off axis u and v grow without bound; what lies behind must not be seen mirrored in front.
             return np.where(vectors[..., 2:] > 1e-6, vectors[..., :2] / vectors[..., 2:], np.nan)
+
+    def ahead(self, vectors: Floats) -> Floats:
+        """The same as columns (2, N) of vectors (N, 3), finite: what lies behind the camera is far outside."""
+        return np.asarray(vectors[:, :2].T / np.maximum(vectors[:, 2], NEAREST))
+
+    def turn(self, flat: Floats, out: Floats) -> None:
+        """Write how ideal points (2, N) move when the axes turn about x, and about y, into ``out`` (2, 2, N)."""
+        u, v = flat
+        out[0, 0], out[0, 1] = -u * v, -1.0 - v * v
+        out[1, 0], out[1, 1] = 1.0 + u * u, u * v
 
     def rays(self, uv: Floats) -> Floats:
         """Unit vectors (N, 3) in camera axes of ideal points (N, 2)."""
@@ -170,6 +185,7 @@ class FisheyeCamera(Camera):
 
     projection: ClassVar[str] = "equidistant"
     widest_deg: ClassVar[float] = 720.0  # beside the lens's circle there is frame, but no sky
+    circle_rad: ClassVar[float] = float(np.radians(92.0))  # one that looks up shows stars to the horizon
 
     @property
     def fov_deg(self) -> tuple[float, float]:
@@ -187,6 +203,23 @@ class FisheyeCamera(Camera):
         across = np.hypot(vectors[..., 0], vectors[..., 1])
         theta = np.arctan2(across, vectors[..., 2])
         return np.asarray(vectors[..., :2] * (theta / np.maximum(across, 1e-15))[..., None])
+
+    def ahead(self, vectors: Floats) -> Floats:
+        """The same as columns (2, N)."""
+        return self.plane(vectors).T
+
+    def turn(self, flat: Floats, out: Floats) -> None:
+        """Write how ideal points (2, N) move when the axes turn about x, and about y, into ``out`` (2, 2, N).
+
+        At theta from the axis a turn along the radius moves a point by as much, one across it by theta / tan(theta).
+        """
+        u, v = flat
+        r2 = u * u + v * v
+        theta = np.sqrt(r2)
+        across = np.where(theta > 1e-6, theta / np.tan(np.maximum(theta, 1e-6)), 1.0)
+        along = (1.0 - across) / np.maximum(r2, 1e-12)
+        out[0, 0], out[0, 1] = -along * u * v, -(across + along * v * v)
+        out[1, 0], out[1, 1] = across + along * u * u, along * u * v
 
     def rays(self, uv: Floats) -> Floats:
         """Unit vectors (N, 3) in camera axes of ideal points (N, 2); farther than 180 deg they stand behind."""
