@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         if "-f" in arguments and re.match("-[a-z]", arguments[0]):  # ASTAP's words have one dash
-            from kochab.cli.astap import run
+            from kochab.cli.faces.astap import run
 
             code = run(arguments)
         else:

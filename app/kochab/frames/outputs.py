@@ -46,14 +46,17 @@ def refuse_input(target: Name, inputs: Iterable[Name]) -> None:
 
 
 def is_solution_file(path: Name, own: bool = False) -> bool:
-    """Whether a file is a ``.wcs`` or ``.ini`` that a solver wrote, which the next may replace; ``own``: Kochab did."""
+    """Whether a solver wrote this ``.wcs``, ``.ini`` or ``.csv``, which the next may replace; ``own``: Kochab did."""
     try:
         with open(path, "rb") as file:
             head = file.read(_HEAD_BYTES)
     except OSError:
         return False
     header_only = head.startswith(b"SIMPLE  =") and b"NAXIS   =                    0" in head
-    solved = head.startswith(b"PLTSOLVD=") or (header_only and b"PLTSOLVD=" in head)
+    # After a failure ASTAP leaves an .ini whose first line is empty; a list of its stars has this head.
+    solved = head.lstrip(b"\r\n").startswith((b"PLTSOLVD=", b"x,y,hfd,snr,flux")) or (
+        header_only and b"PLTSOLVD=" in head
+    )
     return solved and (not own or b"solved by Kochab" in head)
 
 

@@ -1,7 +1,11 @@
-"""``kochab -f FILE ...``: ASTAP's command line, so that capture programs can call Kochab instead.
+"""ASTAP's command line, so that capture programs can call Kochab instead of it.
 
-Facts: the options and the ``.ini`` of ASTAP's manual, "command line". Options that steer ASTAP's
-own search are read and left alone; what is believed of the field is a hint here as well.
+``kochab -f FILE ...``, or a program named ``astap`` or ``astap_cli`` (``kochab faces install``).
+
+Facts: the options, the ``.ini`` and the exit codes of ASTAP's manual, "command line", and what Debian's ``astap_cli``
+does. 0 solved or measured, 1 no solution, 2 too few stars, 16 the frame cannot be read, 32 no star catalogue, 33 it is
+damaged. Options that steer ASTAP's own search (`IGNORED`) are read and left alone; what is believed of the field is a
+hint here as well. Tasks that Kochab does not do (`REFUSED`) are refused with a sentence, in the ``.ini`` too.
 
 ``-r`` is a bound, as it is for ASTAP, which looks no farther than that from where it starts: ``-ra`` and ``-spd``,
 else the position in the file's header. An answer whose centre lies farther away is refused. Without ``-r`` (ASTAP's
@@ -11,6 +15,9 @@ own default is 180, the whole sky), with one that is not above zero, or without 
 """
 
 import math
+import re
+import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,15 +28,29 @@ from kochab.cli.batch import attempt
 from kochab.cli.output import with_progress
 from kochab.cli.process import say
 from kochab.core.attitude import east_north
-from kochab.core.errors import KochabError, UsageError, printable
+from kochab.core.errors import CatalogueError, FrameError, KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.workflows.solution_json import Json
 
-FLAGS = {"-wcs", "-update", "-annotate", "-log", "-debug", "-progress", "-sip", "-h", "-help"}
-"""Options without a value; all others have one."""
+SOLVED, NO_SOLUTION, FEW_STARS, UNREADABLE, NO_CATALOGUE, BAD_CATALOGUE = 0, 1, 2, 16, 32, 33
+"""Exit codes."""
+FLAGS = {"-wcs", "-update", "-annotate", "-log", "-debug", "-progress", "-h", "-help"}
+"""Options without a value."""
+IGNORED = {"-z", "-s", "-t", "-m", "-check", "-speed", "-d"}
+"""Of ASTAP's own search, with a value: binning, stars, tolerance, star size, pattern filter, overlap, database."""
+VALUED = {"-f", "-o", "-r", "-fov", "-ra", "-spd", "-analyse", "-extract"} | IGNORED
+OPTIONAL = {"-sip"}
+"""Options whose value may be left out: ``-sip n`` asks for a plane without distortion."""
+REFUSED = ("-stack", "-sqm", "-tofits", "-focus", "-extract2", "-save")
+"""How ASTAP's other tasks begin."""
+DEFAULT_SNR = 30.0
+"""Of ``-analyse`` and ``-extract`` without a number."""
 TIMEOUT_S, PICTURE = 60.0, "_annotated.jpg"
+TOO_FEW = (Reason.TOO_FEW_STARS, Reason.CLOUDED_OR_DARK)
+CSV_HEAD = "x,y,hfd,snr,flux"
+FITS = (".fit", ".fits", ".fts", ".fz", ".gz")
 FIELD_FACTOR = 2.5
 """How far off ``-fov`` may be: binning not told to the caller makes 2, a reducer or a Barlow lens forgotten up to 2."""
 
@@ -39,6 +60,7 @@ class AstapRequest:
     """What was asked, as ASTAP's letters: hours, degrees, and degrees from the south pole."""
 
     options: dict[str, str] = field(default_factory=dict)
+    refused: str = ""
 
     @property
     def file(self) -> str:
@@ -60,27 +82,56 @@ class AstapRequest:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Solve one file, write ``.ini`` and ``.wcs``: 0 solved, 1 not."""
+    """Solve or measure one file, write what ASTAP writes beside it, and return ASTAP's exit code."""
     order = _order(arguments)
+    if not order.options.get("-f"):
+        say("A file's name is empty." if "-f" in order.options else "Name the frame: -f FILE.")
+        return UNREADABLE if "-f" in order.options else NO_SOLUTION
     try:
         if not Path(order.file).name:
             raise UsageError("A file's name is empty.")
-        _spare(order, ".ini")
+        _spare(order, ".ini", *([".log"] if "-log" in order.options else []))
     except UsageError as error:
         say(str(error))
-        return 1
-    outcome = attempt(order.file, lambda: with_progress(order.file, _answered(order)))
+        return NO_SOLUTION
+    log = [" ".join(("kochab", *arguments))]
+    outcome, code = _outcome(order, log)
+    if "MEASURED" in outcome:
+        print(outcome["MEASURED"])
+        return code
     ini_fields = {"PLTSOLVD": "F", "ERROR": outcome.get("error", "")} if "error" in outcome else outcome
     ini_fields["CMDLINE"] = " ".join(("kochab", *arguments))
     try:
-        _write_ini(order.base, ini_fields)
+        _write(order.base + ".ini", _ini_text(ini_fields))
+        if "-log" in order.options:
+            log += [ini_fields.get("ERROR") or "Solved.", *filter(None, [ini_fields.get("WARNING")])]
+            _write(order.base + ".log", "".join(f"{time.strftime('%H:%M:%S')}  {line}\n" for line in log))
     except KochabError as error:
-        ini_fields = {"ERROR": ini_fields.get("ERROR", str(error))}
+        code, ini_fields = code or NO_SOLUTION, {"ERROR": ini_fields.get("ERROR", str(error))}
     if "ERROR" in ini_fields:
         say(ini_fields["ERROR"])
-        return 1
+        return code
     print(f"Solved: {printable(order.base)}.ini")
-    return 0
+    return SOLVED
+
+
+def _outcome(order: AstapRequest, log: list[str]) -> tuple[Json, int]:
+    """What the ``.ini`` says, or what was measured; and the exit code."""
+    code = NO_SOLUTION
+
+    def work() -> Json:
+        nonlocal code
+        try:
+            fields, code = with_progress(order.file, _answered(order, log))
+        except FrameError:
+            code = UNREADABLE
+            raise
+        except CatalogueError as error:
+            code = NO_CATALOGUE if isinstance(error.__context__, FileNotFoundError) else BAD_CATALOGUE
+            raise
+        return fields
+
+    return attempt(order.file, work), code
 
 
 def _spare(order: AstapRequest, *endings: str) -> None:
@@ -90,43 +141,98 @@ def _spare(order: AstapRequest, *endings: str) -> None:
     for ending in endings:
         target = order.base + ending
         refuse_input(target, [order.file])
-        if ending != PICTURE and Path(target).is_file() and not is_solution_file(target):
+        of_solver = _is_log if ending == ".log" else is_solution_file
+        if ending != PICTURE and Path(target).is_file() and not of_solver(target):
             raise UsageError(f"{target} exists and no solver wrote it: name another base with -o.")
 
 
-def _answered(order: AstapRequest) -> Task[Json]:
-    """What the ``.ini`` says, also of what is refused: one of an earlier frame must not stay."""
+def _is_log(path: str) -> bool:
+    """Whether a file is a ``.log`` of ASTAP's kind: its first line is a command line with the time of day."""
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            return re.match(r"\d\d:\d\d:\d\d  \S.* -f ", file.readline(10_000)) is not None
+    except OSError:
+        return False
+
+
+def _answered(order: AstapRequest, log: list[str]) -> Task[tuple[Json, int]]:
+    """What the ``.ini`` says, also of what is refused: one of an earlier frame must not stay; and the exit code."""
+    from kochab.frames import reading
+
+    if order.refused:
+        raise UsageError(f"Kochab has no {order.refused}: it solves, measures (-analyse, -extract) and no more.")
+    if "-analyse" in order.options or "-extract" in order.options:
+        frame = yield from reading(order.file, TIMEOUT_S)
+        return _measured(order, frame)
     _spare(order, ".wcs", *([PICTURE] if "-annotate" in order.options else []))
-    frame, result = yield from _solved(order)
+    frame = yield from reading(order.file, TIMEOUT_S)
+    log.append(f"{frame.width} x {frame.height} pixels read.")
+    result = yield from _solved(order, frame)
+    log.append(f"{result.detections} stars detected.")
     if isinstance(result, NoSolution):
         reason = f"{Path(order.file).name}: {result.reason}. {result.advice}"
-        return {"PLTSOLVD": "F", "ERROR": reason, "WARNING": " ".join(result.warnings)}
+        fields = {"PLTSOLVD": "F", "ERROR": reason, "WARNING": " ".join(result.warnings)}
+        return fields, FEW_STARS if result.reason in TOO_FEW else NO_SOLUTION
     notes = (*_written(order, frame, result), *result.warnings)
     size = f"{frame.width} x {frame.height}"
-    return {"PLTSOLVD": "T", **_cards(result), "DIMENSIONS": size, "WARNING": " ".join(notes)}
+    return {"PLTSOLVD": "T", **_cards(result), "DIMENSIONS": size, "WARNING": " ".join(notes)}, SOLVED
+
+
+def _measured(order: AstapRequest, frame: Frame) -> tuple[Json, int]:
+    """``HFD_MEDIAN`` and ``STARS`` as ASTAP prints them; with ``-extract`` the stars in a ``.csv``."""
+    from kochab.detection.half_flux import counts_16_bit, half_flux_stars, median_hfd_px
+
+    extract = "-extract" in order.options
+    snr_min = order.number("-extract" if extract else "-analyse") or DEFAULT_SNR
+    stars = half_flux_stars(counts_16_bit(frame), snr_min)
+    median = median_hfd_px(stars)
+    if extract:
+        _spare(order, ".csv")
+        # FITS counts from 1, and ASTAP counts a picture's rows from its lower edge.
+        fits = Path(order.file).suffix.lower() in FITS
+        rows = [(s.x + 1.0, s.y + 1.0 if fits else frame.height - s.y, s.hfd_px, s.snr, s.flux) for s in stars]
+        lines = [f"{x:.4f},{y:.4f},{hfd:.4f},{snr:.0f},{flux:.0f}" for x, y, hfd, snr, flux in sorted(rows, key=_row)]
+        _write(order.base + ".csv", "\n".join((CSV_HEAD, *lines, "")))
+    # On Windows ASTAP tells both numbers in the exit code, for programs that see no output.
+    code = round(median * 100) * 1_000_000 + len(stars) if sys.platform == "win32" else SOLVED
+    return {"MEASURED": f"HFD_MEDIAN={median:.1f}\nSTARS={len(stars)}"}, code
+
+
+def _row(star: tuple[float, ...]) -> float:
+    return star[1]
 
 
 def _order(arguments: Sequence[str]) -> AstapRequest:
+    """The options by name; a value is the next word unless that is another option of ASTAP's."""
     order, words = AstapRequest(), list(arguments)
     while words:
-        name = words.pop(0)
-        # A word that is no flag takes the next one, whatever that begins with, but for the file's own.
-        order.options[name.lower()] = "" if name.lower() in FLAGS or words[:1] in ([], ["-f"]) else words.pop(0)
+        name = words.pop(0).lower()
+        if name in FLAGS:
+            order.options[name] = ""
+        elif name in VALUED or (name in OPTIONAL and words and words[0].lower() in ("y", "n")):
+            # A file's name may begin with a dash, another option's value must not be one.
+            none = not words or (name != "-f" and words[0].lower() in FLAGS | VALUED | OPTIONAL)
+            order.options[name] = "" if none else words.pop(0)
+        elif name in OPTIONAL:
+            order.options[name] = ""
+        else:
+            order.refused = name if name.startswith(REFUSED) else order.refused
+            while words and not words[0].startswith("-"):  # its values
+                words.pop(0)
     return order
 
 
-def _solved(order: AstapRequest) -> Task[tuple[Frame, Solution | NoSolution]]:
-    from kochab.frames import reading
+def _solved(order: AstapRequest, frame: Frame) -> Task[Solution | NoSolution]:
     from kochab.solver import SolveOptions
     from kochab.solver.pipeline import with_doubts, within_radius
     from kochab.workflows.solve_frame import solve_open_frame
 
-    frame = yield from reading(order.file, TIMEOUT_S)
     hint = _hint(order, frame.height)
-    options = SolveOptions(hint=hint if hint.helps else None, timeout_s=TIMEOUT_S)
+    bent = order.options.get("-sip", "").lower() != "n"
+    options = SolveOptions(hint=hint if hint.helps else None, timeout_s=TIMEOUT_S, distortion=bent)
     solved = yield from solve_open_frame(frame, options)
     result = within_radius(within_field(solved.result, hint.scale_arcsec_px), _bound(order, frame.hint))
-    return frame, with_doubts(result, options)
+    return with_doubts(result, options)
 
 
 def within_field(result: Solution | NoSolution, scale: tuple[float, float] | None) -> Solution | NoSolution:
@@ -179,7 +285,6 @@ def _hint(order: AstapRequest, height: int) -> Hint:
 def _written(order: AstapRequest, frame: Frame, solution: Solution) -> list[str]:
     """Write what stands beside the ``.ini``; sentences about what could not be written."""
     from kochab.cli.batch import write_picture, write_wcs_to
-    from kochab.frames.wcs import write_solved_copy
 
     notes = write_wcs_to(f"{order.base}.wcs", solution)
     if "-annotate" in order.options:
@@ -189,10 +294,29 @@ def _written(order: AstapRequest, frame: Frame, solution: Solution) -> list[str]
             notes += write_picture(picture, frame, solution)
     if "-update" in order.options:
         try:
-            write_solved_copy(solution, order.file, order.file)
+            notes += _update(order.file, frame, solution)
         except KochabError as error:
             notes.append(str(error))
     return notes
+
+
+def _update(file: str, frame: Frame, solution: Solution) -> list[str]:
+    """Write the solution into the FITS file, or a picture with it as FITS beside the picture; why not."""
+    from kochab.frames.fits_write import write_fits
+    from kochab.frames.wcs import write_solved_copy
+
+    if Path(file).suffix.lower() in FITS:
+        write_solved_copy(solution, file, file)
+        return []
+    target = str(Path(file).with_suffix(".fits"))
+    if Path(target).exists():
+        return [f"{target} exists already and was not replaced."]
+    try:
+        write_fits(frame, target)
+    except OSError as error:
+        return [f"{target} cannot be written: {error.strerror or error}."]
+    write_solved_copy(solution, target, target)
+    return []
 
 
 def _cards(solution: Solution) -> dict[str, str]:
@@ -236,13 +360,16 @@ def _cd_at_centre(solution: Solution) -> tuple[tuple[float, float], tuple[float,
     return (float(x[0]), float(y[0])), (float(x[1]), float(y[1]))
 
 
-def _write_ini(base: str, facts: dict[str, str]) -> None:
-    from kochab.frames.atomic_file import write_atomically as write_whole
-
+def _ini_text(facts: dict[str, str]) -> str:
     # One line a fact: callers read the .ini by lines, and an advice may hold line ends.
-    lines = (f"{name}={' '.join(value.split())}\n" for name, value in facts.items() if value)
+    return "".join(f"{name}={' '.join(value.split())}\n" for name, value in facts.items() if value)
+
+
+def _write(path: str, text: str) -> None:
+    from kochab.frames.atomic_file import write_atomically
+
     try:
-        write_whole(f"{base}.ini", "".join(lines))
+        write_atomically(path, text)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
-        raise KochabError(f"{base}.ini cannot be written: {why}.") from None
+        raise KochabError(f"{path} cannot be written: {why}.") from None

@@ -1,0 +1,1 @@
+"""Other programs' command lines, each answered as the original answers."""
