@@ -1,6 +1,7 @@
 """What every test may lean on: a screenless Qt, settings of its own, and the real frames."""
 
 import gc
+import logging
 import os
 import signal
 import tempfile
@@ -41,6 +42,18 @@ def _no_mount_is_remembered():
     for folder, kept in (("config", "needs-sync"), ("state", "last-seen"), ("config", "last-seen")):
         for path in Path(_home.name, folder, "kochab", "mounts").glob(f"*-{kept}.json"):
             path.unlink()
+
+
+@pytest.fixture(autouse=True)
+def _no_journal_stays_open():
+    """The next test's faults may have no journal, or one of its own."""
+    logger = logging.getLogger("kochab")
+    before = list(logger.handlers)
+    yield
+    for handler in set(logger.handlers) - set(before):
+        logger.removeHandler(handler)
+        if isinstance(handler, logging.FileHandler):  # not logging's own handler of last resort
+            handler.close()
 
 
 def pytest_configure() -> None:
