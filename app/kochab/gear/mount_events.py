@@ -3,13 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from time import monotonic
 from typing import Any
 
+from kochab.core.attitude import apart_deg
 from kochab.core.frame import Frame, Site
 from kochab.core.mount import Ability, Epoch, MountState
 from kochab.core.progress import Progress
 from kochab.core.solution import Solution
 from kochab.gear.actions import POLAR, action
+
+SLOW_DEG_S = 0.02  # a slew that goes slower than five times the sky has not begun, or has arrived
 
 
 class MountEvent:
@@ -36,7 +40,10 @@ class EpochDoubted(MountEvent):
 
 @dataclass(frozen=True, slots=True)
 class PositionReport(MountEvent):
-    """Where it says it points, ICRS degrees, how it is, and what its clock or site forbids: all, or all but a sync."""
+    """Where it says it points, ICRS degrees, how it is, and what its clock or site forbids: all, or all but a sync.
+
+    ``target_deg`` is where a slew under way goes, ICRS degrees; ``time_utc`` is when, by the clock that it goes by.
+    """
 
     icrs_deg: tuple[float, float]
     state: MountState
@@ -44,6 +51,8 @@ class PositionReport(MountEvent):
     clock_conflict: str = ""
     slew_block_reason: str = ""
     altaz_deg: tuple[float, float] | None = None  # by the computer's clock and the site
+    target_deg: tuple[float, float] | None = None
+    time_utc: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +151,9 @@ class MountSnapshot:
     """All that is known; ``moved_since`` says that the sight is from before the last motion.
 
     ``alarm`` says, until the mount is seen to stand still, that it may still move after a Stop.
-    ``busy`` is the name of the order under way, ``doing`` its newest progress.
+    ``busy`` is the name of the order under way, ``doing`` its newest progress, ``target`` the name of where it goes.
+    ``stopping``: a Stop went out, and the mount was not seen to stand yet. ``left_deg`` and ``left_s`` are what a slew
+    has still to go, None where that is not known.
     """
 
     phase: str = "off"
@@ -156,6 +167,12 @@ class MountSnapshot:
     practice: bool = False
     trouble: str = ""
     alarm: str = ""
+    target: str = ""
+    stopping: bool = False
+    left_deg: float | None = None
+    left_s: float | None = None
+    _speed_deg_s: float = 0.0
+    _looked_s: float = 0.0
 
     @property
     def user(self) -> str:
@@ -188,23 +205,42 @@ class MountSnapshot:
                 self.trouble = self.alarm = ""
             case PositionReport():
                 self.report, self.trouble = word, ""
+                self._measure_way(word, monotonic())
                 if word.state.slewing:
                     self.has_moved()
             # A quick order excludes nothing, so it does not take the place of the one under way.
             case OrderProgress() if not action(word.name).quick:
                 self.busy, self.doing = word.name, word.progress
+                if word.progress.stage == "goto" and word.progress.detail:
+                    self.target = word.progress.detail
             case OrderDone() | OrderFailed() if not action(word.name).quick:
-                self.busy, self.doing = "", None
+                self.busy, self.doing, self.target = "", None, ""
                 if action(word.name).moves:
                     self.has_moved()
             case LineLost():
-                self.phase = "lost"
+                self.phase, self.left_deg, self.left_s = "lost", None, None
+            case Stopped():
+                self.stopping = True
             case NoReply():
                 self.trouble = word.sentence
             case StopFailed():
                 self.trouble = self.alarm = word.sentence
+                self.stopping = False
             case StandsStill():
-                self.alarm = ""
+                self.alarm, self.stopping = "", False
+
+    def _measure_way(self, report: PositionReport, now_s: float) -> None:
+        """What a slew has still to go: its speed is that of the newest readings, for mounts ramp up and down."""
+        before, self.left_deg = self.left_deg, None
+        if report.target_deg is None:
+            self.left_s, self._speed_deg_s = None, 0.0
+            return
+        self.left_deg = left = apart_deg(report.icrs_deg, report.target_deg)
+        passed_s, self._looked_s = now_s - self._looked_s, now_s
+        if before is not None and passed_s > 0.0:
+            speed = max(0.0, before - left) / passed_s
+            self._speed_deg_s = speed if self._speed_deg_s == 0.0 else (self._speed_deg_s + speed) / 2.0
+        self.left_s = left / self._speed_deg_s if self._speed_deg_s > SLOW_DEG_S else None
 
     def has_moved(self) -> None:
         """What was seen last is of another place."""

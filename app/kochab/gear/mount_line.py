@@ -224,7 +224,9 @@ class MountLine:
         try:
             here, doubts = guard.position(), (guard.policy.clock_conflict, guard.policy.slew_block_reason)
             icrs_deg, altaz_deg = from_mount_epoch(here, guard.clock()), guard.policy.altaz_deg(here)
-            report = events.PositionReport(icrs_deg, guard.state(), guard.can_undo, *doubts, altaz_deg)
+            state, at = guard.state(), guard.clock()
+            target_deg = guard.supervisor.target_icrs_deg
+            report = events.PositionReport(icrs_deg, state, guard.can_undo, *doubts, altaz_deg, target_deg, at)
             if monotonic() - self._watched >= WATCH_S:
                 self._watched = monotonic()
                 before, self._limit = self._limit, guard.hold_limits()

@@ -55,6 +55,10 @@ class Colours:
     horizon: str = _shades("#84c9a2", "#84c9a2", "#780000")  # the Alt/Az grid
     horizon_text: str = _shades("#b2dfc4", "#b2dfc4", "#c80000")
     centre: str = _shades("#ff7ab0", "#ff7ab0", "#ff0000")
+    mount: str = _shades("#ffd15c", "#ffd15c", "#ff0000")  # where the mount says that it points, on the chart
+    solved: str = _shades("#63dc9f", "#63dc9f", "#ff0000")  # where plate solving found that it points
+    way: str = _shades("#6db9ff", "#6db9ff", "#d00000")  # of a slew
+    ground: str = _shades("#0b1712", "#0b1712", "#1a0000")  # below the horizon
     halo: str = _shades("#0c0e11", "#0c0e11", "#000000")  # behind labels on the frame
     stop: str = _shades("#c62828", "#c62828", "#ff0000")  # the one button that stops a mount
     on_stop: str = _shades("#ffffff", "#ffffff", "#000000")

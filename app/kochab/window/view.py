@@ -1,14 +1,23 @@
 """What stands in a dock beside the image: the protocol of a view."""
 
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QWidget
+
 from kochab.window.widgets import Page
 
 
 class View(Page):
     """A page that is made with :class:`kochab.window.services.Services` alone when its dock is first shown.
 
+    ``room`` is what fills the middle of the window while the view stands beside it; None: the open frame does.
+    ``frame_wanted`` asks for the open frame in place of the room, or for the room again.
+
     Its row in :data:`kochab.window.shell.views.VIEWS` names it. The window asks the view that has the mount's buttons
     to aim it and to begin a practice; another has nothing to do then.
     """
+
+    frame_wanted = Signal(bool)
+    room: QWidget | None = None
 
     def aim(self, action: str, target: str) -> None:
         """Carry out ``action``, "goto" or "centre" of :mod:`kochab.gear.actions`, at a target as a person types it."""

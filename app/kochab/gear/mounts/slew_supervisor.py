@@ -136,6 +136,12 @@ class SlewSupervisor:
         self._slewed = 0.0  # when a motion began, or the mount did last not say that it no longer slews
         self.watch = RestartWatch(emergency.mount, policy, log, reach_deg, last_seen)
 
+    @property
+    def target_icrs_deg(self) -> Degrees | None:
+        """Where a slew under way goes, ICRS degrees; None where nothing slews to a place of the sky."""
+        motion = self._motion if self._emergency.moving else None
+        return None if motion is None or motion.plan.action != "goto" else motion.plan.target_icrs_deg
+
     def begin(self, motion: SupervisedMotion | None) -> None:
         """A motion begins; a new one replaces what was supervised before."""
         self.strayed, self._motion, self._slewed = "", motion, monotonic()

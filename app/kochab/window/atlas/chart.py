@@ -5,6 +5,7 @@ It is drawn by the layers that lie over images, over a camera of its own.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from PySide6.QtCore import QPoint, QPointF, Qt, Signal
@@ -16,6 +17,7 @@ from PySide6.QtGui import (
     QPainter,
     QPaintEvent,
     QPen,
+    QPixmap,
     QPolygonF,
     QWheelEvent,
 )
@@ -36,7 +38,7 @@ from kochab.window.atlas.mosaic import Mosaic, border, frame_at
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import Viewport
-from kochab.window.themes import theme_colours, translucent
+from kochab.window.themes import Colours, theme_colours, translucent
 
 WIDEST_DEG, CLOSEST_DEG = 180.0, 0.1
 
@@ -68,11 +70,26 @@ DRAG_STEPS = 8  # each leaves a part of the way: north up turns the chart meanwh
 NO_STARS = np.empty((0, 2))
 
 
+class ViewsOwn(Protocol):
+    """What a view paints over the sky of its chart."""
+
+    @property
+    def ground_key(self) -> object:
+        """Changes when the ground has to be painted anew."""
+
+    def paint_ground(self, painter: QPainter, chart: "StarChart") -> None:
+        """What hardly moves: it is kept with the sky."""
+
+    def paint_marks(self, painter: QPainter, chart: "StarChart") -> None:
+        """What moves: painted each time, over the rest."""
+
+
 class StarChart(QWidget):
     """The chart: dragged, it turns; the wheel zooms; a click names what is there."""
 
     moved = Signal()
     clicked = Signal(object)  # what is there, a mark or nothing
+    double_clicked = Signal(object)  # a place of the widget
     menu_wanted = Signal(object, QPoint)  # screen place, and where on the screen
 
     def __init__(self) -> None:
@@ -86,6 +103,8 @@ class StarChart(QWidget):
         self.mosaic: Mosaic | None = None
         self.catalogue: Catalogue | None = None
         self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
+        self.own: ViewsOwn | None = None
+        self._picture: tuple[object, QPixmap] | None = None  # of the sky, until something of it changes
         self._tables: SkyTables | None = None
         self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
         self._key: object = None
@@ -166,7 +185,35 @@ class StarChart(QWidget):
         self.look(centre)
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        painter, colours, sheet = QPainter(self), theme_colours(), self.sheet
+        picture = self._sky_picture()
+        painter = QPainter(self)
+        painter.drawPixmap(0, 0, picture)
+        if self.own is not None:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            self.own.paint_marks(painter, self)
+        if self.hasFocus():
+            painter.setPen(self.palette().highlight().color())
+            painter.drawRect(self.rect().adjusted(0, 0, -1, -1))
+        painter.end()
+
+    def _sky_picture(self) -> QPixmap:
+        """The sky as it was painted last, while nothing of it has changed: at 4K it takes a tenth of a second."""
+        colours, sheet, ratio = theme_colours(), self.sheet, self.devicePixelRatioF()
+        over, ground = self.overlay, None if self.own is None else self.own.ground_key
+        covered = tuple(box.getRect() for box in over.covered)
+        drawn = id(sheet), id(self._bodies), id(self.frame), id(over.tables), id(over.picked)
+        key = self._key, drawn, self.mosaic, covered, ground, id(colours), self.font().toString(), ratio
+        if self._picture is None or self._picture[0] != key:
+            picture = QPixmap(self.size() * ratio)
+            picture.setDevicePixelRatio(ratio)
+            painter = QPainter(picture)
+            painter.setFont(self.font())
+            self._paint_sky(painter, colours, sheet)
+            painter.end()
+            self._picture = key, picture
+        return self._picture[1]
+
+    def _paint_sky(self, painter: QPainter, colours: Colours, sheet: Solution) -> None:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.fillRect(self.rect(), QColor(colours.sky))
         view = Viewport(self.width(), self.height())
@@ -180,10 +227,8 @@ class StarChart(QWidget):
             self._outline(painter, view, panel, QPen(QColor(colours.centre), 1.4))
         if self.frame is not None:
             self._outline(painter, view, self.frame, QPen(QColor(colours.identified), 2.0))
-        if self.hasFocus():
-            painter.setPen(self.palette().highlight().color())
-            painter.drawRect(self.rect().adjusted(0, 0, -1, -1))
-        painter.end()
+        if self.own is not None:
+            self.own.paint_ground(painter, self)
 
     def _paint_stars(self, painter: QPainter, view: Viewport, colour: str) -> None:
         """Discs by magnitude, those of one size at once."""
@@ -226,6 +271,10 @@ class StarChart(QWidget):
             self.clicked.emit(self.overlay.picked)
             self.update()
         self._pressed = None
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        if event.button() == Qt.MouseButton.LeftButton:
+            self.double_clicked.emit(event.position())
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         by_mouse = event.reason() == QContextMenuEvent.Reason.Mouse

@@ -8,46 +8,29 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from functools import partial
 
-import numpy as np
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QDialog, QMenu, QWidget
 
 from kochab.core.attitude import radec_deg
-from kochab.core.frame import Hint, Site
-from kochab.core.progress import Progress, Task
+from kochab.core.frame import Hint
 from kochab.core.solution import Solution
 from kochab.gear.actions import reasons_against
-from kochab.sky.catalogue import Catalogue, open_catalogue
-from kochab.sky.elements import kept_elements
 from kochab.sky.finder import NotFound
 from kochab.sky.landmarks import constellation_at
 from kochab.sky.layer import Mark
-from kochab.sky.sky_tables import SkyTables, sky_tables
-from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
 from kochab.text.angle_text import AngleStyle, angle_text, dec_text, ra_text, radec_plain
 from kochab.text.translation import number, tr, tr_noop
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.mosaic import Mosaic
+from kochab.window.atlas.sky_reading import read_bodies, read_sky
 from kochab.window.frame.place_menu import links, place_menu
 from kochab.window.frame.search import sought, taken_for
 from kochab.window.image.object_card import facts, vector_of
 from kochab.window.services import Services
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
 
-BODIES_MAG = 10.0  # down to which asteroids and comets are drawn
 EXAMPLE = tr_noop("M 31, Vega, Jupiter, 05h35m -5 23")
-
-
-def _loaded() -> Task[tuple[SkyTables, Catalogue]]:
-    yield Progress("sky")
-    return sky_tables(), open_catalogue()
-
-
-def _bodies(when: datetime, site: Site | None) -> Task[tuple[datetime, list[Body]]]:
-    """Those of the whole sky at a time, but for satellites: they are elsewhere in a minute."""
-    own = [table for table in kept_elements() if isinstance(table, SmallBodies)]
-    return when, (yield from bodies_near(when, site, np.array([0.0, 0.0, 1.0]), np.pi, BODIES_MAG, own))
 
 
 class Atlas(QDialog):
@@ -90,7 +73,7 @@ class Atlas(QDialog):
             each.valueChanged.connect(self._frame)
         services.session.solved.connect(self._solved)
         services.session.opened.connect(self._date)
-        job = services.jobs.run(_loaded(), "sky")
+        job = services.jobs.run(read_sky(), "sky")
         job.succeeded.connect(lambda read: self.chart.fill(*read))
         job.failed.connect(self.description.setText)
         self._date()
@@ -108,7 +91,7 @@ class Atlas(QDialog):
         frame, site = self._services.session.known.frame, self._services.settings.site
         hint = Hint() if frame is None else frame.hint
         self._when, self._site = hint.taken_utc or datetime.now(UTC), hint.site or site
-        job = self._services.jobs.run(_bodies(self._when, self._site), "bodies")
+        job = self._services.jobs.run(read_bodies(self._when, self._site), "bodies")
         job.succeeded.connect(self._has_bodies)
         self.dated.setText(tr("Planets: {time} UTC", time=f"{self._when:%Y-%m-%d %H:%M}"))
 

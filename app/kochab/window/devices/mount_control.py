@@ -242,7 +242,7 @@ class MountControl(QObject):
             case LineLost():
                 self.message.emit(event.again or event.sentence, "wrong")
             case Stopped():
-                self.message.emit(tr("Stop sent."), "muted")
+                self.message.emit(tr("Stopping…"), "muted")
             case StandsStill():
                 self.message.emit(tr("Mount stopped."), "muted")
             case StopFailed() | LimitReached():

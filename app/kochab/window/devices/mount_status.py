@@ -11,7 +11,8 @@ from PySide6.QtWidgets import QApplication, QMainWindow, QWidget
 from kochab.core.mount import MountState
 from kochab.gear.actions import action
 from kochab.gear.mount_events import MountSnapshot
-from kochab.text.translation import tr, tr_noop
+from kochab.text.angle_text import angle_text
+from kochab.text.translation import number, tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.widgets import ElidedLabel, button, row, set_role
 
@@ -51,6 +52,7 @@ class StopKey(QObject):
         return stamp != last or self._last[1] - when > SAME_S
 
 
+ROUND_DEG = 10.0  # from here on a way is told in whole degrees
 LINES = {
     "off": tr_noop("No mount"),
     "connecting": tr_noop("Mount: connecting…"),
@@ -100,12 +102,30 @@ def mount_status_text(known: MountSnapshot) -> str:
     if known.phase in LINES:
         return tr(LINES[known.phase])
     name = tr("Practice mount") if known.practice else tr("Mount")
+    if known.stopping:
+        return tr("{mount}: stopping…", mount=name)
+    if known.left_deg is not None:
+        return f"{name}: {way_text(known)}"
     if known.busy:
         # The bar has no room for what stands in brackets, as "(F4)".
         doing = tr(action(known.busy).doing).partition(" (")[0]
         return f"{name}: {doing or known.busy}"
     state = tr("connected") if known.report is None else words_of(known.report.state)[0]
     return f"{name}: {state}"
+
+
+def way_text(known: MountSnapshot) -> str:
+    """Where a slew goes, how far it still is, and how long that takes at the speed of now."""
+    if known.left_deg is None:
+        return ""
+    left = f"{number(known.left_deg, '.0f')}°" if known.left_deg >= ROUND_DEG else angle_text(known.left_deg)
+    if known.left_s is not None:
+        seconds = max(1, round(known.left_s))
+        left = tr("{angle} to go, {seconds} s", angle=left, seconds=seconds)
+    else:
+        left = tr("{angle} to go", angle=left)
+    going = tr("slewing to {target}", target=known.target) if known.target else tr("slewing")
+    return f"{going} · {left}"
 
 
 def _closes_something() -> bool:

@@ -32,7 +32,10 @@ class FrameTitle(QObject):
 
     def _opening(self, path: Path) -> None:
         self._entitle(printable(path.name))
-        self._window.show_frame_page()
+        if self._session.known.path is None:
+            self._window.take_frame()
+        else:
+            self._window.show_frame_page()
         self._bar.show_progress(Progress("read", None))
 
     def _entitle(self, name: str, state: str = "") -> None:

@@ -48,6 +48,7 @@ class MainWindow(QMainWindow):
         self.pages.addWidget(self.welcome)
         self.pages.addWidget(self.workspace)
         self.setCentralWidget(self.pages)
+        self._page: QWidget = self.welcome  # the one that a room gives its place back to
         self.log = LogPanel(self)
         self.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, self.log)
         self.log.hide()
@@ -73,8 +74,28 @@ class MainWindow(QMainWindow):
             self.close()
 
     def show_frame_page(self) -> None:
+        self._page = self.workspace
         self.pages.setCurrentWidget(self.workspace)
         self.workspace.view.setFocus()
+
+    def take_frame(self) -> None:
+        """A camera's frame has come: it takes the welcome page's place, but not that of a view's room."""
+        if self.in_room:
+            self._page = self.workspace
+        else:
+            self.show_frame_page()
+
+    @property
+    def in_room(self) -> bool:
+        """Whether a view's room fills the middle."""
+        return self.pages.currentWidget() not in (self.welcome, self.workspace)
+
+    def show_room(self, room: QWidget | None) -> None:
+        """Fill the middle with a view's room, or with what was there before it."""
+        if room is not None and self.pages.indexOf(room) < 0:
+            self.pages.addWidget(room)
+            self.has_part.emit(room)
+        self.pages.setCurrentWidget(self._page if room is None else room)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

@@ -38,6 +38,7 @@ VIEWS: dict[str, Mode] = {
     "laboratory": Mode(tr_noop("&Laboratory"), "F6", "kochab.window.laboratory.view:LaboratoryView", tr_noop("Lab")),
 }
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
+BESIDE_ROOM, BESIDE_ROOM_PX = 0.2, 400  # the same beside a view's own room
 LEAST_SHARE = 0.5  # of the image, in a window that was made smaller
 
 
@@ -69,6 +70,8 @@ class ViewDock(QDockWidget):
         if self.widget() is None:
             self.setWidget(holder := scrolled(view))  # a view may be taller than a small screen
             self._appearance.redden_carets(view)
+            if isinstance(view, View) and view.room is not None:
+                self._appearance.redden_carets(view.room)
             # Styled here, while `toggle` shows it in the next turn of the event loop.
             holder.ensurePolished()
 
@@ -90,6 +93,7 @@ class Views(QObject):
         self._appearance, self._mount_status = appearance, mount_status
         self._made: dict[str, View] = {}
         self.docks: dict[str, ViewDock] = {}
+        self._room: QWidget | None = None  # of the view that is shown
         self._coming = ""  # the view that is being made, styled and shown, each in a turn of the event loop
         self.image = self._action("image", tr("Ima&ge"), "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
@@ -122,6 +126,7 @@ class Views(QObject):
         module, _, kind = mode.made_by.partition(":")
         view: View = getattr(import_module(module), kind)(self._services)
         self._made[name] = view
+        view.frame_wanted.connect(lambda on: self._window.show_room(None if on else view.room))
         return view
 
     def _add(self, name: str) -> None:
@@ -147,16 +152,25 @@ class Views(QObject):
         self.image.setChecked(not set(self.docked) - {"details"})
         if not self.docked:
             self.emptied.emit()
+        shown = [view for name, view in self._made.items() if not self.docks[name].isHidden()]
+        room = next((view.room for view in shown if view.room is not None), None)
+        if room is not self._room:  # and not again, when the open frame was asked for in its place
+            self._room = room
+            self._window.show_room(room)
 
     def _keep_share(self) -> None:
         """Leave the image half of a window that was made smaller: what stands beside it keeps its width by itself."""
         for dock in map(self.docks.__getitem__, self.docked):
             if dock.width() > LEAST_SHARE * self._window.width():
-                self._window.resizeDocks([dock], [self._share_px], Qt.Orientation.Horizontal)
+                self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
 
-    @property
-    def _share_px(self) -> int:
-        return min(round(self._window.width() * SHARE), MOST_PX)
+    def _share_px(self, dock: ViewDock) -> int:
+        share, most = (BESIDE_ROOM, BESIDE_ROOM_PX) if self._has_room(dock) else (SHARE, MOST_PX)
+        return min(round(self._window.width() * share), most)
+
+    @staticmethod
+    def _has_room(dock: ViewDock | None) -> bool:
+        return dock is not None and isinstance(dock.view, View) and dock.view.room is not None
 
     def aim(self, action: str, target: str) -> None:
         """Have the Mount view go to a target, or "centre" it."""
@@ -177,6 +191,8 @@ class Views(QObject):
             self._coming = name
             dock.make()
             QTimer.singleShot(0, self, self._go_on)
+        elif not dock.isHidden() and self._has_room(dock) and not self._window.in_room:
+            self._window.show_room(self._room)
         else:
             self.show(name if dock.isHidden() else "image")
 
@@ -195,8 +211,9 @@ class Views(QObject):
         if dock is not None:
             dock.show()
             dock.raise_()
-            if not dock.isFloating() and not before:
-                self._window.resizeDocks([dock], [self._share_px], Qt.Orientation.Horizontal)
+            wide = [self._has_room(self.docks[other]) for other in before] != [self._has_room(dock)]
+            if not dock.isFloating() and wide:
+                self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
             if dock.view is not None:
                 dock.view.setFocus()
         for other in before:
