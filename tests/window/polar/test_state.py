@@ -148,6 +148,10 @@ def test_one_uncertainty_is_told_everywhere_and_it_counts_flexure(qtbot):
     assert numbers.total.text() == "73″ ± 30″"
     told = numbers.split.text()
     assert told == "Uncertainty: 3″ measurement, 30″ possible flexure."
+    assumed = PolarFinding(PolarFindingKind.FLEXURE_NOT_MEASURED, "Flexure not measured (±30″ assumed).")
+    numbers.show_state(AlignmentState("done", error=off, findings=(assumed,)), 0.0)
+    assert not numbers.split.text(), "one line says it: what was not measured is not split again"
+    assert "not measured" in numbers.findings.text()
     assert np.hypot(seen.sigma_total_arcsec, off.flexure_along_arcsec) == pytest.approx(
         off.with_systematics.sigma_total_arcsec
     )

@@ -193,7 +193,7 @@ class Numbers(QWidget):
         self.total.setText(total[0].upper() + total[1:] if total else NONE)
         parts = (
             ""
-            if error is None or state.known_error is None
+            if error is None or state.known_error is None or not state.flexure_measured
             else tr("Uncertainty: {parts}.", parts=split_in_words(error))
         )
         show_text(self.split, parts)

@@ -62,6 +62,11 @@ class AlignmentState:
         return all(finding.kind is not PolarFindingKind.UNCHECKED for finding in self.findings)
 
     @property
+    def flexure_measured(self) -> bool:
+        """Whether the flexure in the uncertainty is more than assumed."""
+        return all(finding.kind is not PolarFindingKind.FLEXURE_NOT_MEASURED for finding in self.findings)
+
+    @property
     def spoilt(self) -> bool:
         """Whether no bolt is to be turned."""
         return any(finding.spoils for finding in self.findings)
