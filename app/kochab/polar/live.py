@@ -218,10 +218,7 @@ class LivePhase:
         elif abs(theta) > elapsed * SIDEREAL_RAD_S + np.radians(SLIPPED_DEG):
             yield PolarFinding(
                 PolarFindingKind.SLIPPING,
-                tr(
-                    "RA moved by {degrees:.1f}°. Lock its clutch; the error shown is still right.",
-                    degrees=abs(np.degrees(theta)),
-                ),
+                tr("RA moved {degrees:.1f}°. Lock it; the result stands.", degrees=abs(np.degrees(theta))),
             )
         if moved_deg > LARGE_MOVE_DEG:
             yield PolarFinding(

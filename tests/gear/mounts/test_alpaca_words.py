@@ -392,7 +392,7 @@ def test_a_mount_that_wakes_at_home_after_its_server_missed_an_answer_needs_a_sy
     assert mount.missed == 1
     link.properties |= {"rightascension": 5.5, "declination": 86.5, "athome": True}  # as near as it might have tracked
     guard.position()
-    assert "may have been switched off and on" in guard.policy.slew_block_reason
+    assert "Was it switched off and on?" in guard.policy.slew_block_reason
 
 
 def unanswered(_):

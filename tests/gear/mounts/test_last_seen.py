@@ -62,7 +62,7 @@ def test_a_mount_that_wakes_at_its_home_between_two_sessions_is_not_slewed_from_
     cut_between_two_sessions(board)
     with session(board) as guard:
         told = said(lambda: guard.goto(*place(board, -60.0, 45.0)))
-    assert "it may have been switched off and on since. Sync first" in told
+    assert "Was it switched off and on? Sync first" in told
     assert not board.false_slews()
     with session(board) as guard:  # nor by the third, which saw it at home already
         assert "Sync first" in said(lambda: guard.goto(*place(board, -60.0, 45.0)))
@@ -156,7 +156,7 @@ def test_the_next_command_says_it(monkeypatch, tmp_path) -> None:
         board.cut_power(0.0)
         board.timing.sleep(board.boot_s + 0.5)
         told = subprocess.run(position, capture_output=True, text=True)
-    assert "it may have been switched off and on since. Sync first" in told.stdout, told.stderr
+    assert "Was it switched off and on? Sync first" in told.stdout, told.stderr
 
 
 # -- The file ----------------------------------------------------------------------------------

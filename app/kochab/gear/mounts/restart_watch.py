@@ -17,28 +17,21 @@ CURE = tr_noop(
     "Sync first, on a solved frame. If the sync is refused, switch the mount off, put the tube at its home, switch it"
     " on there, and say that the mount is right (--trust-mount)."
 )
-WOKE_UP = tr_noop(
-    "Mount was restarted (switched off and on): it says that it is at its home, {:.0f}° from where it was."
-)
+WOKE_UP = tr_noop("Mount was restarted (switched off and on): it jumped {:.0f}° to its home.")
 SILENT = tr_noop(
-    "The mount did not answer for a while, and now says that it is at its home or parked, {:.0f}° from where it was: it"
-    " may have been switched off and on."
+    "Mount did not answer for a while, then jumped {:.0f}° to its home or park position. Was it switched off and on?"
 )
-ASTRAY = tr_noop(
-    "The mount says that it is at its home or parked, {:.0f}° from where it was and off its way: it may have been"
-    " switched off and on."
-)
+ASTRAY = tr_noop("Mount jumped {:.0f}° to its home or park position, off its path. Was it switched off and on?")
 
 
 ELSEWHERE = tr_noop(
-    "The mount did not answer for a while, and now says that it is {:.0f}° from where it was: it may have been switched"
-    " off and on."
+    "Mount did not answer for a while, and now reports a place {:.0f}° from where it was. Was it switched off and on?"
 )
 
 
 BETWEEN = tr_noop(
-    "The mount says that it is at its home or parked, {:.0f}° from where Kochab saw it last, and Kochab did not send it"
-    " there: it may have been switched off and on since."
+    "Mount is at its home or park position, {:.0f}° from where Kochab saw it last, and Kochab did not send it there."
+    " Was it switched off and on?"
 )
 
 
