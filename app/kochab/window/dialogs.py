@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QColor, QDropEvent, QGuiApplication, QIcon, QPainter, QPalette
-from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QMessageBox, QWidget
+from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QInputDialog, QMessageBox, QWidget
 
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress, Task
@@ -100,6 +100,27 @@ def tell(parent: QWidget, title: str, text: str) -> None:
     box.addButton(QMessageBox.StandardButton.Ok)
     without_icons(box.buttons())
     box.open()
+
+
+def ask_text(parent: QWidget, title: str, question: str, then: Callable[[str], object]) -> None:
+    """Ask for one line, without waiting for it.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The view that asks.
+    title, question : str
+        Of the dialog, and of its field.
+    then : Callable
+        Called with what was typed; not called on Cancel.
+    """
+    dialog = QInputDialog(parent)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.setWindowTitle(title)
+    dialog.setLabelText(question)
+    without_icons(dialog.findChildren(QAbstractButton))
+    dialog.textValueSelected.connect(lambda text: then(text.strip()))
+    dialog.open()
 
 
 def without_icons(buttons: Iterable[QAbstractButton]) -> None:

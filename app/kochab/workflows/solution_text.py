@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 
 from kochab.core.camera import FisheyeCamera
-from kochab.core.solution import NoSolution, Solution
+from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.solver.diagnosis import DAY_SHARE
 from kochab.text.angle_text import (
     AngleStyle,
     angle_text,
@@ -189,6 +190,13 @@ UNITS = (
     ("_share", " %", 100.0),
     ("_sigma", " σ", 1.0),
 )
+
+
+def reason_text(n: NoSolution) -> str:
+    """The reason as the title over its advice: a sky without stars is either too bright, or hidden or too dark."""
+    if n.reason is not Reason.CLOUDED_OR_DARK:
+        return tr(n.reason)
+    return tr("too bright") if n.measured.get("background_share", 0.0) > DAY_SHARE else tr("no stars visible")
 
 
 def measured_rows(n: NoSolution) -> list[tuple[str, str]]:

@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt, QTimer
+from PySide6.QtWidgets import QInputDialog, QLabel
 
 from kochab.core.capture import CameraDevice, CaptureLimits
 from kochab.core.errors import LineLostError, PortError
 from kochab.core.frame import Frame, Hint
 from kochab.frames.fits_write import write_fits
 from kochab.gear.session import CameraSelection
+from kochab.solver.camera_profile import new_profile
 from kochab.window.live.camera_panel import CameraPanel
 from kochab.window.live.status_text import NOTHING
 from kochab.window.live.view import LiveView
@@ -21,7 +23,7 @@ from kochab.workflows.session.live_stream import StreamRequest
 from kochab.workflows.session.wiring import Wiring
 from tests.window.fakes import FakeEngine, fake_solution, star_field
 from tests.window.test_night import assert_red
-from tests.workflows.live_sources import Clockwork, Told, refusal
+from tests.workflows.live_sources import CAMERA, Clockwork, Told, refusal
 
 FIELD = star_field().pixels
 
@@ -193,7 +195,7 @@ def test_a_slow_camera_leaves_the_window_answering(qtbot, live):
     wait_drawn(qtbot, view, 2)
     qtbot.waitUntil(lambda: len(seen) > 1, timeout=15_000)
     assert min(seen) >= 10
-    qtbot.waitUntil(lambda: "clouded" in view.title.text(), timeout=15_000)
+    qtbot.waitUntil(lambda: "no stars visible" in view.title.text(), timeout=15_000)
     assert "Wait for the clouds" in view.text.text()
 
 
@@ -511,3 +513,33 @@ def test_a_stretch_that_is_moved_shows_in_the_next_frame(qtbot, make_window):
 
 def _mean(commands):
     return float((commands.window.workspace.view.picture.memory & 0xFF).mean())
+
+
+def test_a_lens_without_a_name_is_saved_from_the_pointing_page(qtbot, live):
+    """It said only that the lens was to be named, while the field for the name is locked during a stream."""
+    view, _ = live
+    solver = Told(answer)
+    solver.name, solver.profile = "", replace(new_profile("", CAMERA), frames=3)
+    run(view, Stars(0.05), solver)
+    qtbot.waitUntil(lambda: view.pointing.save.isVisible())
+    view.pointing.save.click()
+    dialog = view.findChild(QInputDialog)
+    dialog.setTextValue(" guide scope ")
+    dialog.accept()
+    qtbot.waitUntil(lambda: solver.name == "guide scope")
+    assert view.camera.lens.text() == "guide scope"
+    view.write()
+    assert not view.pointing.save.isVisible()
+    view.end()
+    wait_idle(qtbot, view)
+
+
+def test_rates_have_no_rows_before_they_are_measured(qtbot, live):
+    view, _ = live
+    run(view, Stars(0.05))
+    qtbot.waitUntil(lambda: view.pointing.values["Frame rate"].isVisible())
+    assert view.pointing.values["Rates"].text() == NOTHING
+    assert not view.pointing.values["Rates"].isVisible()
+    assert "Rates" not in [name.text() for name in view.pointing.findChildren(QLabel) if name.isVisible()]
+    view.end()
+    wait_idle(qtbot, view)

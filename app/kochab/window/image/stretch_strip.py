@@ -76,11 +76,11 @@ class StretchStrip(QFrame):
         self.histogram = Histogram()
         self.auto = switch(tr("Auto stretch"), tr("Stretch the image so that faint stars show (T)"))
         self.auto.setChecked(True)
-        self.black, self.bright = self._slider(tr("Black point")), self._slider(tr("Brightness"))
+        self.black, self.bright = self._slider(tr("Black point")), self._slider(tr("Midtones"))
         self.auto.toggled.connect(self._auto_toggled)
         for slider in (self.black, self.bright):
             slider.valueChanged.connect(self._moved)
-        black, bright = QLabel(tr("Blac&k")), QLabel(tr("Bri&ght"))
+        black, bright = QLabel(tr("Blac&k")), QLabel(tr("Midt&ones"))
         black.setBuddy(self.black)
         bright.setBuddy(self.bright)
         sliders = grid((black, self.black), (bright, self.bright), across=8, down=2)

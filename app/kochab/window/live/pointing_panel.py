@@ -4,7 +4,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PySide6.QtCore import QSize
+from PySide6.QtCore import QSize, Signal
 from PySide6.QtWidgets import QSizePolicy
 
 from kochab.core.arrays import Floats
@@ -15,7 +15,18 @@ from kochab.window.charts.plot_area import PlotArea
 from kochab.window.live import status_text
 from kochab.window.live.sky_points import SkyPoints, Trail
 from kochab.window.live.status_text import NOTHING
-from kochab.window.widgets import Page, column, facts_grid, label, position_labels, set_role, show_text, value_label
+from kochab.window.widgets import (
+    Page,
+    button,
+    column,
+    facts_grid,
+    label,
+    position_labels,
+    row,
+    set_role,
+    show_text,
+    value_label,
+)
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.live_stream import Lens
 
@@ -94,11 +105,14 @@ ROWS = {
     tr_noop("Latency"): tr_noop("Time to solve, and from mid-exposure to the screen"),
     tr_noop("Lens"): tr_noop("Calibration of camera and lens"),
 }
+RATES = ("Drift RA", "Drift Dec", "Rates")
 STOPPED = tr_noop("OLD: last pointing before the camera stopped")
 
 
 class PointingPanel(Page):
     """Rewritten a few times a second, so that the age runs on without new frames."""
+
+    save_wanted = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -109,14 +123,19 @@ class PointingPanel(Page):
         self.chart = SkyChart()
         self.values = {title: value_label(tr(title), tr(tip)) for title, tip in ROWS.items()}
         rows = ((tr(title), value) for title, value in self.values.items())
-        grid = facts_grid(4, (tr("RA"), self.ra), (tr("Dec"), self.dec), *rows)
-        column(self.old, grid, self.doubt, (self.chart, 1), on=self, spacing=8, margins=(10, 10, 10, 10))
+        self._grid = facts_grid(4, (tr("RA"), self.ra), (tr("Dec"), self.dec), *rows)
+        tip = tr("Name camera and lens, and use this calibration the next time")
+        self.save = button(tr("Save &lens as…"), self.save_wanted.emit, tip=tip)
+        save = row(self.save, None)
+        column(self.old, self._grid, save, self.doubt, (self.chart, 1), on=self, spacing=8, margins=(10, 10, 10, 10))
         self.clear()
 
     def clear(self) -> None:
         """Nothing is known."""
         for value in (self.ra, self.dec, *self.values.values()):
             value.setText(NOTHING)
+        self._hide_unmeasured()
+        self.save.setVisible(False)
         show_text(self.old, "")
         show_text(self.doubt, "")
         self.chart.clear()
@@ -154,9 +173,11 @@ class PointingPanel(Page):
             "Rates": NOTHING if old else status_text.rates_text(update),
             "Frame rate": status_text.frame_rate_text(update),
             "Latency": status_text.latency_text(update, screen_ms),
-            "Lens": status_text.lens_text(lens, name),
+            "Lens": status_text.lens_text(lens),
         }.items():
             self.values[title].setText(text)
+        self._hide_unmeasured()
+        self.save.setVisible(not name and lens.profile is not None and lens.profile.frames > 0)
         self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
         show_text(self.old, status_text.old_text(good.age_s(now)) if old and good is not None else "")
         show_text(self.doubt, lens.doubt)
@@ -172,9 +193,19 @@ class PointingPanel(Page):
         for title, value in self.values.items():
             if title != "Lens":
                 value.setText(NOTHING)
+        self._hide_unmeasured()
+        self.save.setVisible(False)
         show_text(self.old, tr(STOPPED))
         if self.chart.trail.here is not None:
             self.chart.show_pointing(self.chart.trail.here, old=True)
+
+    def _hide_unmeasured(self) -> None:
+        """Rates come after several frames: until then their rows are not shown."""
+        for line, (title, value) in enumerate(self.values.items(), 2):  # below RA and Dec
+            for at in (0, 1) if title in RATES else ():
+                item = self._grid.itemAtPosition(line, at)
+                if item is not None and (part := item.widget()) is not None:
+                    part.setVisible(value.text() != NOTHING)
 
     def _mute_position(self, old: bool) -> None:
         for value in (self.ra, self.dec):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QDateTime, QLocale
 
+from kochab.attitude.filter import RATE_SIGMA_RAD_S
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.capture import CaptureLimits
@@ -15,9 +16,11 @@ from kochab.window.live.rendering import Levels
 from kochab.workflows.live.session import Recorder
 from kochab.workflows.live.update import Drift, LiveUpdate
 from kochab.workflows.session.live_stream import Lens
+from kochab.workflows.solution_text import reason_text
 
 NOTHING = "–"
 SLEW_ARCSEC_S = 360.0  # faster rates are shown in degrees per second
+MEASURED_DEG_S = 0.1 * math.degrees(RATE_SIGMA_RAD_S)  # a rate better known than before any frame
 OLD_S = 1.0  # added to three frame intervals: an older solution may no longer be true
 
 
@@ -62,7 +65,7 @@ def stream_status(update: LiveUpdate, now_s: float, seen_s: float = float("-inf"
     ``seen_s`` is the arrival of the newest frame, which may not be solved yet.
     """
     if isinstance(update.result, NoSolution):
-        return StreamStatus(tr("No solution: {reason}", reason=tr(update.result.reason)), update.result.advice, "bad")
+        return StreamStatus(tr("No solution: {reason}", reason=reason_text(update.result)), update.result.advice, "bad")
     if update.age_s(now_s) > limit_s(update):
         since = age_text(update.age_s(now_s))
         # Frames come, and none of them is solved.
@@ -103,17 +106,19 @@ def sigma_text(update: LiveUpdate) -> str:
 
 
 def rates_text(update: LiveUpdate) -> str:
-    """Rotation rates about the camera's three axes."""
+    """Rotation rates about those of the camera's three axes where they are measured by now."""
     rates, sigmas = update.track.rates_deg_s, update.track.rates_sigma_deg_s
     if rates is None or sigmas is None:
         return NOTHING
-    quick = max(map(abs, rates)) * 3600.0 >= SLEW_ARCSEC_S
+    fastest = max(map(abs, rates))
+    quick = fastest * 3600.0 >= SLEW_ARCSEC_S
     factor, unit = (1.0, "°/s") if quick else (3600.0, "″/s")
     parts = [
         f"{name} {_figures(rate * factor, '+')} ± {_figures(sigma * factor)}"
         for name, rate, sigma in zip("xyz", rates, sigmas, strict=True)
+        if sigma < max(MEASURED_DEG_S, 0.3 * fastest)
     ]
-    return f"{',  '.join(parts)} {unit}"
+    return f"{',  '.join(parts)} {unit}" if parts else NOTHING
 
 
 def drift_texts(drift: Drift | None) -> tuple[str, str]:
@@ -146,20 +151,19 @@ def latency_text(update: LiveUpdate, screen_ms: float | None) -> str:
     return tr("{ms:.0f} ms to solve, {screen} to the screen", ms=update.latency_ms, screen=screen)
 
 
-def lens_text(lens: Lens, name: str) -> str:
+def lens_text(lens: Lens) -> str:
     """The calibration of camera and lens."""
     profile = lens.profile
     if profile is None or not profile.frames:
-        return tr("Not measured yet") if name else tr("Not measured yet. Name the lens to save it.")
+        return tr("Not measured yet")
     focal, sigma = profile.camera.focal_px, profile.sigma["focal_px"]
-    text = tr_n(
+    return tr_n(
         "Focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frame",
         "Focal length {focal:.1f} ± {sigma:.2g} px, {n:,} frames",
         profile.frames,
         focal=focal,
         sigma=sigma,
     )
-    return text if name else tr("{text}. Name the lens to save it.", text=text)
 
 
 def levels_text(levels: Levels) -> str:

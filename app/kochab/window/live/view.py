@@ -16,7 +16,7 @@ from kochab.gear.profiles import current_profile
 from kochab.sky import open_catalogue
 from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import TITLES
-from kochab.window.dialogs import ask_folder
+from kochab.window.dialogs import ask_folder, ask_text
 from kochab.window.job import Job
 from kochab.window.live import status_text
 from kochab.window.live.camera_panel import CameraPanel
@@ -123,6 +123,7 @@ class LiveView(View):
         cameras.gone.connect(self._show_gone)
         services.session.opening.connect(self._make_way)
         services.jobs.closing.connect(self._save)
+        self.pointing.save_wanted.connect(self._ask_lens)
 
     def showEvent(self, event: QShowEvent) -> None:
         if self.stream is None:
@@ -185,6 +186,16 @@ class LiveView(View):
     def _set_camera(self, settings: CaptureSettings) -> None:
         if self.stream is not None:
             self.stream.capture.configure(settings)
+
+    def _ask_lens(self) -> None:
+        ask_text(self, tr("Save lens as"), tr("Name of camera and lens"), self.name_lens)
+
+    def name_lens(self, name: str) -> None:
+        """Keep what this stream learns of its lens under a name, now and the next time."""
+        if self.stream is not None and name:
+            self.stream.name_lens(name)
+            self.camera.lens.setText(name)
+            self._show_message(tr("The lens is saved as “{profile}” when the camera stops.", profile=name))
 
     def _set_recording(self, folder: Path | None) -> None:
         if self.stream is not None:

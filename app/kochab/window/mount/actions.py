@@ -23,6 +23,7 @@ from kochab.workflows.goto_target import FlipQuestion, flip_mount, goto_typed
 from kochab.workflows.nudge import Nudged, Turn, bring_here, nudge
 from kochab.workflows.pointing_model import use_model
 from kochab.workflows.recover_mount import why_they_disagree
+from kochab.workflows.solution_text import reason_text
 from kochab.workflows.spiral_search import spiral_search
 from kochab.workflows.sync_mount import SyncDone, SyncOffer, accept_sync, offer_of, offer_sync, sync_by_hand
 
@@ -49,7 +50,7 @@ def outcome_text(result: Any, sight: SolvedPosition | None) -> tuple[str, str]:
         case SyncDone():
             return result.sentence, "good" if result.synced else ""
         case NoSolution():
-            return tr("No solution: {reason}. {advice}", reason=tr(result.reason), advice=result.advice), "wrong"
+            return tr("No solution: {reason}. {advice}", reason=reason_text(result), advice=result.advice), "wrong"
         case Solution() if sight is not None:
             off = angle_text(apart_deg(sight.mount_deg, result.ra_dec_deg))
             return tr("Solved. Mount is off by {off}.", off=off), ""

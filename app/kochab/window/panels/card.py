@@ -106,7 +106,8 @@ class Card(QFrame):
     def show_failure(self, failure: NoSolution, source: str = "") -> None:
         """Why there is no solution, and what to do about it."""
         tried = tr("Tried: {tried}", tried=failure.tried) if failure.tried and failure.searched else ""
-        self._say(tr("No solution: {reason}", reason=tr(failure.reason)), tried, failure.advice, role="bad")
+        title = tr("No solution: {reason}", reason=solution_text.reason_text(failure))
+        self._say(title, tried, failure.advice, role="bad")
         self._failure, self._source = failure, source
         numbers = [*solution_text.measured_rows(failure), (tr("time"), solution_text.times_text(failure.elapsed_ms))]
         for at, (name, value) in enumerate(numbers):

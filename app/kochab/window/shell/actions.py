@@ -77,7 +77,7 @@ COMMANDS = (
         tr_noop("Histogra&m"),
         "strip.setVisible",
         "H",
-        tr_noop("Show the histogram, black point and brightness"),
+        tr_noop("Show the histogram, black point and midtones"),
         switch=True,
         short=tr_noop("Stretch"),
     ),

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 
@@ -125,13 +125,14 @@ class Stream:
         self.recording = Recording(to_record, {"camera": request.name, "solve": options_json(self.options)})
         self._show = show
         self._make_engine = make_engine or self._engine
+        self._used: ProfiledTracker | None = None
         self._held: tuple[Frame, float] | None = None  # waits for its answer, since when
         self._quick = False
 
     def task(self) -> Task[None]:
         """Everything, until it is cancelled or the camera ends it with a DeviceError."""
         yield Progress("load")
-        engine = self._make_engine()
+        self._used = engine = self._make_engine()
         live = live_solve(self.capture, engine)
         try:
             for step in live:
@@ -151,6 +152,12 @@ class Stream:
                     self.messages.append(tr("The camera profile “{profile}” was kept.", profile=self.request.profile))
             except KochabError as error:
                 self.messages.append(str(error))
+
+    def name_lens(self, name: str) -> None:
+        """Keep what is learned of the optics under a name after all; it is written at the end."""
+        self.request = replace(self.request, profile=name)
+        if self._used is not None:
+            self._used.name = name
 
     def _see(self, frame: Frame) -> None:
         """A frame has come: shown at once unless its answer will be there in a moment."""
