@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from threading import Lock
 from time import gmtime
@@ -50,8 +49,9 @@ def open_journal(folder: Path | None = None, terminal: bool = False) -> Path | N
     """Write everything under the logger ``kochab`` to a rotating file; None when that cannot be.
 
     Each record is handed to the system at once: it survives a ``kill -9`` of this program. Faults
-    that are not caught, in any thread, are written with their traceback. With ``terminal``
-    warnings go to standard error as well, as they do without a journal.
+    that are not caught, in any thread, are written with their traceback. With ``terminal``, of a command,
+    warnings go to standard error as well, as they do without a journal, and the packages' versions are left out:
+    asking for them delays the start.
     """
     from logging.handlers import RotatingFileHandler
 
@@ -80,7 +80,7 @@ def open_journal(folder: Path | None = None, terminal: bool = False) -> Path | N
         root.addHandler(logging.lastResort)
     root.setLevel(logging.DEBUG)
     _log_uncaught_faults()
-    logger.info("started: %s", ", ".join(f"{name} {version}" for name, version in versions().items()))
+    logger.info("started: %s", ", ".join(f"{name} {version}" for name, version in versions(not terminal).items()))
     return path
 
 
@@ -91,9 +91,13 @@ class JournalFormatter(logging.Formatter):
         return "\n".join(map(printable, super().formatMessage(record).split("\n")))
 
 
-def versions() -> dict[str, str]:
-    """Versions of Kochab, Python, the system and the main packages."""
+def versions(packages: bool = True) -> dict[str, str]:
+    """Versions of Kochab, Python, the system and, as they are installed, the main ``packages``."""
     found = {"Kochab": __version__, "Python": platform.python_version(), "system": platform.platform()}
+    if not packages:
+        return found
+    from importlib import metadata
+
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
