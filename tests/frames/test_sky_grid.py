@@ -1,6 +1,7 @@
 """The lines of a grid have the values that they claim, also against astropy's horizon."""
 
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from kochab.core.attitude import attitude_from, radec_deg
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Solution
-from kochab.frames.sky_grid import GridLine, grid_lines
+from kochab.frames.sky_grid import DEC_STEPS_DEG, RA_STEPS_DEG, GridLine, grid_lines
 from kochab.sky.horizon import STANDARD_REFRACTION as AIR
 from kochab.sky.horizon import Horizon
 
@@ -111,6 +112,19 @@ def test_the_text_of_a_line_says_which_grid_it_belongs_to():
     assert {text.split()[0] for text in texts} == {"az", "alt"}
     assert any(text.startswith("alt +5") for text in texts)
     assert all(text.endswith("°") for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("steps_deg", "turn_deg", "per_turn_s"), [(RA_STEPS_DEG, 360.0, 86400), (DEC_STEPS_DEG, 180.0, 648000)]
+)
+def test_the_steps_of_a_grid_are_whole_seconds_and_part_the_turn(steps_deg, turn_deg, per_turn_s):
+    """Lines at 23h 45m and 0h 05m would be as far apart as no others; a step of 33° ends in no whole turn."""
+    assert list(steps_deg) == sorted(steps_deg, reverse=True)
+    for step in steps_deg:
+        assert turn_deg / step == pytest.approx(round(turn_deg / step), abs=1e-9)
+        assert step / turn_deg * per_turn_s == pytest.approx(round(step / turn_deg * per_turn_s), abs=1e-6)
+    ratios = [coarse / fine for coarse, fine in pairwise(steps_deg)]
+    assert max(ratios) <= 3.01, "zooming in steps over no scale"
 
 
 def test_the_equator_has_no_sign():

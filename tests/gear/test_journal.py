@@ -96,6 +96,28 @@ def test_the_command_line_keeps_versions_and_bytes_both_ways(tmp_path, repositor
     assert re.search(rf"^\S+Z DEBUG \S+serial_line {bench.port} < b'[0-9A-F]{{8}},[0-9A-F]{{8}}#'$", text, re.M)
 
 
+def test_a_command_does_not_ask_for_the_versions_of_packages(tmp_path, repository) -> None:
+    """Reading the metadata of five packages, and the email package that it takes, delayed the start of each."""
+    code = (
+        "import sys, pathlib\n"
+        "from kochab.gear.journal import open_journal\n"
+        "open_journal(pathlib.Path(sys.argv[1]), terminal=bool(sys.argv[2]))\n"
+        "print({'importlib.metadata', 'email'} & set(sys.modules))\n"
+    )
+    for terminal in ("yes", ""):
+        ran = subprocess.run(
+            [sys.executable, "-c", code, tmp_path / f"of {terminal}", terminal],
+            cwd=repository,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert (ran.stdout.strip() == "set()") is bool(terminal), ran.stderr
+        text = (tmp_path / f"of {terminal}" / FILE).read_text("utf-8")
+        assert f"started: Kochab {versions()['Kochab']}, Python {platform.python_version()}, system" in text
+        assert ("numpy" in text) is not bool(terminal)
+
+
 def test_a_fault_that_nobody_catches_is_there_with_its_traceback(tmp_path, repository) -> None:
     code = (
         "import sys, threading, pathlib\n"
