@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.making.merge import merge
-from catalogs.making.objects import write_boundaries, write_objects, write_outlines
+from catalogs.making.objects import write_boundaries, write_object_index, write_objects, write_outlines
 from catalogs.making.solar_system import write_ephemeris, write_small_bodies
 from catalogs.making.sources import LIST_EPOCH, POLE_SIN, Listed, Sources, least_of_each, read_sources, row_of
 from kochab.core.attitude import ARCSEC
@@ -171,7 +171,7 @@ def compare(deep: Path, listed: Listed) -> dict[str, float]:
 
 
 TABLES = ("names.tsv", "variables.tsv", "objects.tsv", "lines.tsv", "outlines.tsv", "boundaries.tsv")
-FILES = ("deep.kcat", "bright.kcat", "ephemeris.kcat", "small_bodies.kcat", *TABLES, "manifest.json")
+FILES = ("deep.kcat", "bright.kcat", "ephemeris.kcat", "small_bodies.kcat", "objects.kcat", *TABLES, "manifest.json")
 """What :func:`build` writes into its folder."""
 
 
@@ -189,6 +189,7 @@ def build(sources: Path, out: Path) -> Task[dict[str, Any]]:
     files = src.files
     counts["variable stars"] = write_variables(files["gcvs_hip_part.dat"], set(src.stars.hip.tolist()), out)
     counts |= write_objects(files["ongc.db"], files["catalog.dat"], files["names.dat"], out / "objects.tsv")
+    write_object_index(out / "objects.tsv", out / "objects.kcat")
     counts["constellation segments"] = write_lines(files["constellationship.fab"], out / "lines.tsv")
     counts["outlines"] = write_outlines(files["outlines.dat"], out / "outlines.tsv")
     counts["boundaries"] = write_boundaries(files["constellation_boundaries.dat"], out / "boundaries.tsv")

@@ -12,8 +12,9 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.errors import CatalogueError
 from kochab.lab.bench.stellarium_objects import SkyObject, designation, plain, read_names, read_stellarium
-from kochab.sky.catalogue_file import write_whole
-from kochab.sky.names import GENITIVES
+from kochab.sky.catalogue_file import TURN, write_container, write_whole
+from kochab.sky.names import GENITIVES, MAG_SOURCES, read_objects
+from kochab.sky.sky_tables import ranks_of
 
 BROUGHT = (
     "M",
@@ -117,6 +118,7 @@ def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]
                 word for word in other.also if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))
             ]
             at.mag, at.band = magnitude((at.visual, other.visual), (at.blue, other.blue))
+            at.source = "O" if at.mag in (at.visual, at.blue) else "S"
             larger = at.kind in CLUSTERS and (other.major or 0.0) > (at.major or 0.0)
             if at.major is None or larger:
                 at.major, at.minor, at.pa_deg = other.major, other.minor, other.pa_deg
@@ -126,6 +128,7 @@ def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]
     for one in (*objects, *brought.values()):
         if not one.band:
             one.mag, one.band = magnitude((one.visual,), (one.blue,))
+            one.source = "S" if one.name in brought else "O"
         if one.kind == "GCl" and in_the_clouds(one) and one.name not in OLD_IN_THE_CLOUDS:
             one.kind = "OCl"
     return sorted((*objects, *brought.values()), key=lambda one: one.name)
@@ -171,7 +174,7 @@ def corrected(objects: list[SkyObject], path: Path) -> tuple[list[SkyObject], in
     named = {word: one for one in objects for word in one.also} | {one.name: one for one in objects}
     gone, left = set[str](), 0
     for line in path.read_text("utf-8").splitlines()[1:]:
-        name, column, value, _ = line.split("\t")
+        name, column, value, reason = line.split("\t")
         one = named.get(name)
         if one is None:  # in no source
             left += 1
@@ -183,6 +186,7 @@ def corrected(objects: list[SkyObject], path: Path) -> tuple[list[SkyObject], in
             one.also.remove(value)
         elif column == "mag":
             one.mag, one.band = (float(value.split()[0]), value.split()[1]) if value else (None, "")
+            one.source = source_of(reason) if value else ""
         elif column == "size":
             one.major, one.minor = (float(side) for side in (value.split() * 2)[:2])
         elif column == "place":
@@ -199,11 +203,22 @@ def corrected(objects: list[SkyObject], path: Path) -> tuple[list[SkyObject], in
             for member in members:
                 one.common += [word for word in member.common if word not in one.common]
                 one.also += [word for word in (member.name, *member.also) if word not in (*one.also, one.name)]
+        elif column == "rename":
+            one.name, one.also = value, [word for word in (one.name, *one.also) if word != value]
         elif column == "drop":
             gone.add(one.name)
         else:
             raise CatalogueError("{path} knows no column {column}.", path=path.name, column=column)
     return [one for one in objects if one.name not in gone], left
+
+
+def source_of(reason: str) -> str:
+    """Whose magnitude a row of ``corrections.tsv`` gives, a key of `MAG_SOURCES`: who is named first in the reason."""
+    named = {reason.find(name.partition(" ")[0]): key for key, name in MAG_SOURCES.items()}
+    named.pop(-1, None)
+    if not named:
+        raise CatalogueError("{reason} names no source of a magnitude.", reason=reason)
+    return named[min(named)]
 
 
 def added(path: Path) -> list[SkyObject]:
@@ -213,7 +228,7 @@ def added(path: Path) -> list[SkyObject]:
         name, kind, ra, dec, mag, major, minor, pa, common, also, _ = line.split("\t")
         one = SkyObject(name, kind, float(ra), float(dec))
         one.mag, one.major, one.minor, one.pa_deg = (float(text) if text else None for text in (mag, major, minor, pa))
-        one.band = "V" if mag else ""
+        one.band, one.source = ("V", "H") if mag else ("", "")
         one.common, one.also = ([word for word in words.split(",") if word] for words in (common, also))
         found.append(one)
     return found
@@ -232,14 +247,32 @@ def write_objects(database: Path, catalogue: Path, names: Path, path: Path) -> d
     counts = named_by_both(all_of := joined(objects, second), pairs, given)
     all_of, counts["corrections of no object"] = corrected([*all_of, *added(MORE_OBJECTS)], CORRECTIONS)
     all_of.sort(key=lambda one: one.name)
-    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso\tband"]
+    lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso\tband\tsource"]
     for one in all_of:
         mag, major, minor, pa = (_number(value) for value in (one.mag, one.major, one.minor, one.pa_deg))
         at, also = f"{one.ra_deg:.5f}\t{one.dec_deg:.5f}", ",".join(dict.fromkeys(one.also))
-        texts = (one.name, one.kind, at, mag, major, one.messier, ",".join(one.common), minor, pa, also, one.band)
-        lines.append("\t".join(texts))
+        texts = (one.name, one.kind, at, mag, major, one.messier, ",".join(one.common), minor, pa, also)
+        lines.append("\t".join((*texts, one.band, one.source if mag else "")))
     write_whole(path, ["\n".join([*lines, ""]).encode("utf-8")])
     return {"deep-sky objects": len(all_of), **counts}
+
+
+def write_object_index(table: Path, path: Path) -> None:
+    """Write where each row of the table begins, and its place, size and rank, for ``kochab.sky.object_index``."""
+    objects = read_objects(table)
+    lengths = np.array([len(line) for line in table.read_bytes().split(b"\n")[:-1]])
+    begin = np.concatenate([[0], np.cumsum(lengths + 1)])
+    x, y, z = objects.vector.T
+    turn = TURN / (2.0 * np.pi)
+    columns = {
+        "ra": (np.rint(np.arctan2(y, x) * turn).astype(np.int64) % 2**32).astype("<u4"),
+        "dec": np.rint(np.arcsin(z) * turn).astype("<i4"),
+        "major": objects.major.astype("<f4"),
+        "minor": objects.minor.astype("<f4"),
+        "rank": ranks_of(objects).astype("<f4"),
+        "at": begin[1:].astype("<u4"),
+    }
+    write_container(path, {"kind": "objects", "rows": len(objects)}, columns)
 
 
 def _number(value: float | None) -> str:

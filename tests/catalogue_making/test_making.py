@@ -179,7 +179,7 @@ def test_the_same_sources_give_the_same_bytes(sky, built, tmp_path):
     run(build(sky, tmp_path))
     names = sorted(p.name for p in built[2].iterdir())
     assert names == sorted(p.name for p in tmp_path.iterdir())
-    assert len(names) == 11
+    assert len(names) == 12
     for name in names:
         assert (tmp_path / name).read_bytes() == (built[2] / name).read_bytes(), name
 

@@ -10,7 +10,7 @@ import pytest
 from kochab.cli.main import main
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame, Hint
-from kochab.workflows.frame_objects import objects_csv, objects_json, objects_of, sky_regions
+from kochab.workflows.frame_objects import deep_sky_of, objects_csv, objects_json, objects_of, sky_regions
 from tests.workflows.test_annotated_image import solution
 
 BARE = Frame(np.zeros((960, 1280), np.uint8))
@@ -67,3 +67,33 @@ def test_the_command_line_lists_the_objects_of_a_frame(repository, tmp_path, cap
     assert ("loadSkyImage" if ending == ".ssc" else "M 42") in out.read_text()
     assert main(["solve", str(picture), "--objects", str(picture.with_suffix(".txt"))]) == 2
     assert ".csv, .reg or .ssc" in capsys.readouterr().err
+
+
+def test_a_solution_on_the_command_line_always_lists_its_objects(repository, capsys):
+    """M 42's magnitude is OpenNGC's; the best known 200 are listed, and --objects without a file lists more."""
+    picture = str(repository / "resources" / "samples" / "orion.png")
+    assert main(["solve", picture, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    orion = next(one for one in told["objects"] if one["name"] == "M 42")
+    assert (orion["magnitude"], orion["magnitude_source"]) == (4.0, "OpenNGC")
+    assert "Orion Nebula" in orion["names"]
+    assert "bodies" not in told  # the sample says no date
+    assert isinstance(told["not_in_catalogue"], list)
+    assert main(["solve", picture, "--json", "--objects"]) == 0
+    more = json.loads(capsys.readouterr().out)
+    assert len(more["objects"]) == len(told["objects"]) + told["objects_left_out"]
+
+
+def test_the_list_says_how_many_it_leaves_out():
+    wide = solution(187.0, 12.0, fov_deg=40.0)
+    few, left_out = deep_sky_of(wide, 50)
+    every, none = deep_sky_of(wide, 5000)
+    assert len([one for one in few if not one.larger]) == 50
+    assert (left_out, none) == (len([one for one in every if not one.larger]) - 50, 0)
+    assert [one.name for one in few][:50] == [one.name for one in every][:50]
+
+
+def test_an_object_about_as_large_as_the_frame_is_in_the_list():
+    """M 31, 178 by 70 arcmin, does not hold a frame of two degrees, and reaches out of it."""
+    names = [one.name for one in objects_of(BARE, solution(10.7, 41.3, fov_deg=2.0))]
+    assert "M 31" in names

@@ -18,6 +18,7 @@ from kochab.workflows.solution_json import Json, as_json, bodies_json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections, Site
+    from kochab.sky.frame_bodies import BodyInFrame
     from kochab.sky.layer import Layers
     from kochab.sky.solar_system import Moving
     from kochab.solver import SolveOptions
@@ -25,6 +26,8 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
 TABLES = (".csv", ".reg", ".ssc")
 ALIASES = (".jpeg", ".tiff")  # of endings that are told
 WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
+LISTED = 200
+"""Of a frame's deep-sky objects the best known that its JSON has where --objects does not ask for all."""
 PIXELS = (2, 1_000_000, "size in pixels")
 
 
@@ -32,7 +35,7 @@ PIXELS = (2, 1_000_000, "size in pixels")
 class SolveRequest:
     """One file and what is to be written from it; ``list_size`` is the frame's, px, of a list of stars.
 
-    ``objects`` is the file that the frame's objects go to, "" for the JSON alone, None for nowhere.
+    ``objects`` is the file that the frame's objects go to, "" for all of them in the JSON, None for the best known.
     """
 
     file: str
@@ -65,7 +68,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         nargs="?",
         const="",
         metavar="FILE",
-        help="list what is in the frame with --json, or in FILE: .csv, .reg for DS9, .ssc for Stellarium",
+        help="write what is in the frame: .csv, .reg for DS9, .ssc for Stellarium; without FILE, list more than"
+        " the 200 best known objects in the JSON",
     )
     help_text = (
         "bodies to look for in dated frames: MPC lines, SBDB's JSON or CSV, satellites' TLE or OMM; may be repeated"
@@ -140,7 +144,11 @@ def solve_one(
         What ``--annotate`` draws; None for the usual.
     """
     from kochab.core.solution import Solution
+    from kochab.sky import open_catalogue
+    from kochab.sky.frame_bodies import bodies_in_frame
+    from kochab.sky.layer import MOST
     from kochab.solver.pipeline import with_doubts, within_radius
+    from kochab.workflows.frame_objects import all_of, objects_json
     from kochab.workflows.solve_frame import solve_file, solve_star_list
 
     if request.list_size is not None:
@@ -154,32 +162,27 @@ def solve_one(
     result = within_radius(found, bound)
     outcome = as_json(request.file, with_doubts(result, options, header))
     hint = header if options.hint is None or options.hint.time_utc is None else options.hint
-    if isinstance(result, Solution) and frame is not None and hint and (taken := hint.taken_utc):
-        from kochab.sky import open_catalogue
-        from kochab.sky.frame_bodies import bodies_in_frame
-
-        place, more = site or hint.site or frame.hint.site, tables_of(elements)
-        exposure_s = hint.exposure_s or frame.hint.exposure_s or 0.0
-        found_bodies = yield from bodies_in_frame(
-            result, solved.detections, taken, place, open_catalogue(), more, exposure_s
-        )
-        outcome |= bodies_json(found_bodies)
-        outcome["warnings"] += [text for table in more if (text := table.warning(taken, place))]
-    failures: list[str] = []
-    if isinstance(result, Solution):
-        if request.wcs is not None:
-            failures += write_wcs_to(request.wcs, result)
-        if frame is not None and (request.annotate is not None or request.objects is not None):
-            dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
-            if request.annotate is not None:
-                found_px = solved.detections.xy
-                failures += write_picture(request.annotate, dated, result, tables_of(elements), layers, found_px)
-            if request.objects is not None:
-                from kochab.workflows.frame_objects import objects_json, objects_of
-
-                objects = objects_of(dated, result, tables_of(elements))
-                outcome["objects"] = objects_json(objects)
-                failures += write_objects(request.objects, dated, result, objects) if request.objects else []
+    if not isinstance(result, Solution):
+        return outcome
+    bodies: Sequence[BodyInFrame] = ()
+    taken = hint.taken_utc if hint else None
+    if frame is not None:
+        place, more = site or (hint and hint.site) or frame.hint.site, tables_of(elements)
+        exposure_s = (hint and hint.exposure_s) or frame.hint.exposure_s or 0.0
+        others = yield from bodies_in_frame(result, solved.detections, taken, place, open_catalogue(), more, exposure_s)
+        outcome |= bodies_json(others, dated=taken is not None)
+        outcome["warnings"] += [text for table in more if taken and (text := table.warning(taken, place))]
+        bodies = others.bodies
+    objects, left_out = all_of(result, bodies, LISTED if request.objects is None else MOST)
+    outcome |= {"objects": objects_json(objects), "objects_left_out": left_out}
+    failures = [] if request.wcs is None else write_wcs_to(request.wcs, result)
+    if frame is not None and (request.annotate or request.objects):
+        dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
+        if request.annotate:
+            found_px = solved.detections.xy
+            failures += write_picture(request.annotate, dated, result, tables_of(elements), layers, found_px)
+        if request.objects:
+            failures += write_objects(request.objects, dated, result, objects)
     return {**outcome, "failures": failures} if failures else outcome
 
 

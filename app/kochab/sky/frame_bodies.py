@@ -22,6 +22,8 @@ COMPLETE_TO_V = 9.5
 FEWEST = 10
 """Stars from which a zero point is taken."""
 
+UNDATED = 2015.0
+"""The year for which the stars' places are taken in a frame without a date."""
 SEEN_ARCSEC = 100.0
 """No detection is taken for a body whose place is less certain; for the Moon it is."""
 TRAIL_POINTS = 16
@@ -61,7 +63,7 @@ class FrameBodies:
 def bodies_in_frame(
     solution: Solution,
     detections: Detections,
-    time_utc: datetime,
+    time_utc: datetime | None,
     site: Site | None,
     catalogue: Catalogue,
     more: Sequence[Moving] = (),
@@ -69,14 +71,16 @@ def bodies_in_frame(
 ) -> Task[FrameBodies]:
     """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed.
 
+    Of a frame without a time no bodies are looked for; a planet in it is a detection that is in no catalogue.
+
     Parameters
     ----------
     solution : Solution
         Where the frame points.
     detections : Detections
         Its detections; those without a star may be bodies.
-    time_utc : datetime
-        Mid-exposure.
+    time_utc : datetime or None
+        Mid-exposure; None where nobody knows.
     site : Site or None
         Where it was taken; None: the Earth's centre.
     catalogue : Catalogue
@@ -88,7 +92,9 @@ def bodies_in_frame(
     """
     camera, radius = solution.camera, solution.radius_rad + np.radians(0.3)
     faintest = max((star.mag for star in solution.stars), default=0.0)
-    near = yield from bodies_near(time_utc, site, solution.centre_vector, radius, faintest, more, exposure_s)
+    near: Sequence[Body] = ()
+    if time_utc is not None:
+        near = yield from bodies_near(time_utc, site, solution.centre_vector, radius, faintest, more, exposure_s)
     matched = np.linalg.norm(detections.xy[:, None] - solution.stars_px[None], axis=2) <= 1e-6
     free = ~matched.any(axis=1)
     bodies = []
@@ -108,7 +114,8 @@ def bodies_in_frame(
         # a detection belongs to one body: the brightest, as bodies come in that order
         free &= ~its
         bodies.append(BodyInFrame(body, x, y, bool(its.any())))
-    return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, julian_years(time_utc), catalogue))
+    year = UNDATED if time_utc is None else julian_years(time_utc)
+    return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, year, catalogue))
 
 
 def _clipped_to_frame(solution: Solution, body: Body) -> Body:

@@ -13,6 +13,7 @@ import numpy as np
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
 from kochab.core.solution import Solution
+from kochab.sky.object_index import holding
 from kochab.sky.sky_tables import EPOCH, SkyTables
 from kochab.text.translation import tr, tr_noop
 
@@ -213,20 +214,10 @@ def _constellations(
             yield name, seen.mean(axis=0)
 
 
-def around(tables: SkyTables, solution: Solution) -> Ints:
-    """Rows of the objects that the whole frame lies in, the smallest first."""
-    objects = tables.objects
-    smaller = np.where(np.isfinite(objects.minor), objects.minor, objects.major)
-    gap = np.arccos(np.clip(objects.vector @ solution.centre_vector, -1.0, 1.0))
-    # a circle of its smaller diameter, for that of its parts which the table's ellipse has
-    rows = np.flatnonzero(np.nan_to_num(np.radians(smaller / 120.0)) >= gap + solution.radius_rad)
-    return np.asarray(rows[np.argsort(objects.major[rows], kind="stable")])
-
-
 def around_text(tables: SkyTables, solution: Solution) -> str:
     """What is said of the smallest object with a name that the whole frame lies in; nothing where there is none."""
     objects = tables.objects
-    for row in around(tables, solution).tolist():
+    for row in holding(objects, solution.centre_vector, solution.radius_rad).tolist():
         if objects.common[row] or objects.messier[row]:
             name = str(objects.common[row]).partition(",")[0] or objects.designation(row)
             return tr("within {name}", name=name)

@@ -1,6 +1,5 @@
 """Names of stars, constellations and deep-sky objects, and finding them by any name."""
 
-import csv
 import json
 import re
 import unicodedata
@@ -210,9 +209,9 @@ def position_name(vector: Floats) -> str:
 class SkyObjects(Table):
     """Deep-sky objects: texts (N,), ICRS vectors (N, 3), magnitude, diameters in arcmin, PA in degrees.
 
-    ``band`` is that of the magnitude: V, B, or ? where two sources contradict each other by more than a magnitude.
-    NaN is unknown. ``kind`` is OpenNGC's, with GalCl a cluster of galaxies; ``also`` are other designations and names,
-    ``common`` those that are shown, both parted by commas.
+    ``band`` is that of the magnitude: V, B, or ? where two sources contradict each other by more than a magnitude;
+    ``source`` says whose it is, a key of `MAG_SOURCES`. NaN is unknown. ``kind`` is OpenNGC's, with GalCl a cluster of
+    galaxies; ``also`` are other designations and names, ``common`` those that are shown, both parted by commas.
     """
 
     name: np.ndarray[tuple[int], np.dtype[np.str_]]
@@ -226,6 +225,7 @@ class SkyObjects(Table):
     common: np.ndarray[tuple[int], np.dtype[np.str_]]
     also: np.ndarray[tuple[int], np.dtype[np.str_]]
     band: np.ndarray[tuple[int], np.dtype[np.str_]]
+    source: np.ndarray[tuple[int], np.dtype[np.str_]]
 
     def designation(self, row: int) -> str:
         """How it is called first: M 42, NGC 2024, Sh2-155."""
@@ -241,20 +241,28 @@ class SkyObjects(Table):
 def read_objects(path: Path) -> SkyObjects:
     """The table of objects; `CatalogueError` when it is missing or damaged."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = [*csv.reader(file, delimiter="\t", quoting=csv.QUOTE_NONE)]
-        head, *rows = rows
-        columns = dict(zip(head, zip(*rows, strict=True), strict=True))
-        texts = {name: np.array(columns[name]) for name in ("name", "type", "messier", "common", "also", "band")}
-        ra, dec, mag, major, minor, pa = (
-            np.array([float(value or "nan") for value in columns[name]])
-            for name in ("ra_deg", "dec_deg", "mag", "size_arcmin", "minor_arcmin", "pa_deg")
-        )
-        if not (np.isfinite(ra).all() and np.isfinite(dec).all()):
-            raise ValueError
+        head, *rows = path.read_text(encoding="utf-8").splitlines()
+        return objects_of_rows(head, rows)
     except (OSError, ValueError, KeyError, TypeError):
         raise CatalogueError("The table of objects {path} is missing or damaged.", path=path) from None
-    shape = (unit_vectors(ra, dec), mag, major, minor, pa)
-    return SkyObjects(
-        texts["name"], texts["type"], *shape, texts["messier"], texts["common"], texts["also"], texts["band"]
+
+
+def objects_of_rows(head: str, rows: Sequence[str]) -> SkyObjects:
+    """Objects of some lines of ``objects.tsv``, of which ``head`` is the first; ValueError and KeyError if damaged."""
+    names = head.split("\t")
+    cells = list(zip(*(row.split("\t") for row in rows), strict=True)) or [()] * len(names)
+    columns = dict(zip(names, cells, strict=True))
+    texts = {name: np.array(columns[name], dtype=np.str_) for name in TEXTS}
+    ra, dec, mag, major, minor, pa = (
+        np.array([float(value or "nan") for value in columns[name]], dtype=np.float64)
+        for name in ("ra_deg", "dec_deg", "mag", "size_arcmin", "minor_arcmin", "pa_deg")
     )
+    if not (np.isfinite(ra).all() and np.isfinite(dec).all()):
+        raise ValueError
+    name, kind, *rest = texts.values()
+    return SkyObjects(name, kind, unit_vectors(ra, dec).reshape(-1, 3), mag, major, minor, pa, *rest)
+
+
+TEXTS = ("name", "type", "messier", "common", "also", "band", "source")
+MAG_SOURCES = {"O": "OpenNGC", "S": "Stellarium", "H": "Harris 1996", "K": "HNSKY"}
+"""Whose magnitude an object has; HNSKY's table is Han Kleijn's, after Steinicke."""

@@ -10,11 +10,11 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.export import csv_text, ds9_regions
-from kochab.sky.frame_bodies import body_marks
-from kochab.sky.layer import DOT_PX, FAMILIES, around, in_frame
-from kochab.sky.sky_tables import sky_tables
-from kochab.sky.solar_system import Moving
-from kochab.workflows.annotated_image import INKS
+from kochab.sky.frame_bodies import BodyInFrame, body_marks
+from kochab.sky.layer import DOT_PX, FAMILIES, MOST, inside
+from kochab.sky.names import MAG_SOURCES, SkyObjects
+from kochab.sky.object_index import holding, object_index
+from kochab.sky.solar_system import Body, Moving
 from kochab.workflows.solution_json import Json
 
 NAN = float("nan")
@@ -25,8 +25,9 @@ class FrameObject:
     """An object or a body whose middle is in the frame, or an object that holds the whole frame (``larger``).
 
     ``x``, ``y`` px of the middle, of a larger object outside the frame too, NaN where the lens shows it nowhere; ICRS
-    degrees; ``magnitude`` in ``band``: V, B, or ? where two sources contradict each other; ``size_arcmin`` largest and
-    smallest diameter; ``position_angle_deg`` of the larger one from north over east. NaN is unknown.
+    degrees; ``magnitude`` in ``band``: V, B, or ? where two sources contradict each other; ``source`` is whose
+    magnitude it is; ``size_arcmin`` largest and smallest diameter; ``position_angle_deg`` of the larger one from north
+    over east. NaN is unknown.
     """
 
     name: str
@@ -38,6 +39,7 @@ class FrameObject:
     dec_deg: float
     magnitude: float
     band: str
+    source: str
     size_arcmin: tuple[float, float]
     position_angle_deg: float
     larger: bool = False
@@ -49,36 +51,49 @@ def objects_of(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) ->
 
     Bodies need the frame's time; ``more`` are tables of them beside the shipped one's.
     """
-    found = []
-    for mark in in_frame(sky_tables(), solution, also=run(body_marks(frame, solution, more=more))).marks:
-        x, y = map(float, mark.xy)
-        if (body := mark.body) is not None:
-            wide = (body.diameter_arcsec / 60.0 or NAN, NAN)
-            place = (x, y, body.ra_deg, body.dec_deg)
-            found.append(FrameObject(mark.short, (), mark.kind, *place, body.magnitude, "V", wide, NAN, moves=True))
-        elif mark.kind != "star":
-            found.append(_object(mark.row, x, y, mark.short))
-    return [*found, *_larger(solution, {one.name for one in found})]
+    marks = run(body_marks(frame, solution, more=more)) if frame.hint.taken_utc is not None else ()
+    bodies = [_body(mark.body, *mark.xy.tolist()) for mark in marks if mark.body is not None]
+    return [*bodies, *deep_sky_of(solution)[0]]
 
 
-def _object(row: int, x: float, y: float, name: str, larger: bool = False) -> FrameObject:
-    objects = sky_tables().objects
+def all_of(solution: Solution, bodies: Sequence[BodyInFrame], most: int = MOST) -> tuple[list[FrameObject], int]:
+    """The frame's bodies and at most ``most`` of its deep-sky objects; how many of these were left out."""
+    found, left_out = deep_sky_of(solution, most)
+    return [*(_body(one.body, one.x, one.y) for one in bodies), *found], left_out
+
+
+def deep_sky_of(solution: Solution, most: int = MOST) -> tuple[list[FrameObject], int]:
+    """The ``most`` best known objects in the frame and those larger than it; how many in the frame were left out."""
+    index, centre = object_index(), solution.centre_vector
+    rows = index.within(centre, 1.2 * solution.radius_rad)
+    xy = solution.pixels_of(index.vector[rows])
+    seen = np.flatnonzero(inside(solution, xy))
+    seen = seen[np.argsort(index.rank[rows[seen]], kind="stable")]
+    shown = seen[:most]
+    around = np.setdiff1d(holding(index, centre, solution.radius_rad), rows[shown], assume_unique=True)
+    around = around[np.argsort(index.major[around], kind="stable")]
+    places = np.concatenate([xy[shown], solution.pixels_of(index.vector[around])])
+    objects = index.read(np.concatenate([rows[shown], around]))
+    held = {*holding(objects, centre, solution.radius_rad).tolist()}
+    found = [_object(objects, row, x, y, row in held) for row, (x, y) in enumerate(places.tolist())]
+    # the best known first, what holds the whole frame last
+    return sorted(found, key=lambda one: one.larger), len(seen) - len(shown)
+
+
+def _body(body: Body, x: float, y: float) -> FrameObject:
+    wide = (body.diameter_arcsec / 60.0 or NAN, NAN)
+    place = (x, y, body.ra_deg, body.dec_deg)
+    return FrameObject(body.name, (), str(body.kind), *place, body.magnitude, "V", "", wide, NAN, moves=True)
+
+
+def _object(objects: SkyObjects, row: int, x: float, y: float, larger: bool) -> FrameObject:
     ra, dec = radec_deg(objects.vector[row])
-    size = (float(objects.major[row]), float(objects.minor[row]))
+    name, *names = objects.names(row)
     bright, band = float(objects.mag[row]), str(objects.band[row])
-    names, angle = tuple(objects.names(row)[1:]), float(objects.pa_deg[row])
-    return FrameObject(name, names, str(objects.kind[row]), x, y, ra, dec, bright, band, size, angle, larger)
-
-
-def _larger(solution: Solution, named: set[str]) -> list[FrameObject]:
-    """The objects that the whole frame lies in, the smallest first."""
-    tables = sky_tables()
-    rows = around(tables, solution)
-    objects = tables.objects
-    xy = solution.pixels_of(objects.vector[rows])
-    at = zip(rows, xy, strict=True)
-    found = [_object(int(row), float(x), float(y), objects.designation(int(row)), True) for row, (x, y) in at]
-    return [one for one in found if one.name not in named]
+    source = MAG_SOURCES.get(str(objects.source[row]), "")
+    size, angle = (float(objects.major[row]), float(objects.minor[row])), float(objects.pa_deg[row])
+    place = (x, y, ra, dec)
+    return FrameObject(name, tuple(names), str(objects.kind[row]), *place, bright, band, source, size, angle, larger)
 
 
 def objects_json(found: Sequence[FrameObject]) -> list[Json]:
@@ -94,6 +109,7 @@ def objects_json(found: Sequence[FrameObject]) -> list[Json]:
             "y": one.y,
             "magnitude": one.magnitude,
             "band": one.band if np.isfinite(one.magnitude) else "",
+            "magnitude_source": one.source,
             "size_arcmin": None if np.isnan(one.size_arcmin[0]) else [s for s in one.size_arcmin if np.isfinite(s)],
             "position_angle_deg": one.position_angle_deg,
             "where": "larger" if one.larger else "inside",
@@ -104,12 +120,12 @@ def objects_json(found: Sequence[FrameObject]) -> list[Json]:
 
 def objects_csv(found: Sequence[FrameObject]) -> str:
     """A line an object: px, ICRS degrees, magnitude and band, sizes in arcmin, position angle in degrees."""
-    head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "band", "major_arcmin", "minor_arcmin")
-    rows: list[tuple[object, ...]] = [(*head, "pa_deg", "where")]
+    head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "band", "source", "major_arcmin")
+    rows: list[tuple[object, ...]] = [(*head, "minor_arcmin", "pa_deg", "where")]
     for one in found:
         place = (f"{one.x:.2f}", f"{one.y:.2f}", f"{one.ra_deg:.5f}", f"{one.dec_deg:.5f}")
         values = [_number(value) for value in (one.magnitude, *one.size_arcmin, one.position_angle_deg)]
-        values.insert(1, one.band if values[0] else "")
+        values[1:1] = [one.band if values[0] else "", one.source]
         rows.append((one.name, ";".join(one.names), one.kind, *place, *values, "larger" if one.larger else "inside"))
     return csv_text(rows)
 
@@ -123,6 +139,8 @@ def sky_regions(solution: Solution, found: Sequence[FrameObject]) -> str:
 
     DS9 counts an ellipse's angle from west over north, 90 degrees more than the position angle.
     """
+    from kochab.workflows.annotated_image import INKS
+
     lines, least = [], DOT_PX * solution.camera.scale_arcsec_px
     for one in (one for one in found if not one.larger):
         major, minor = (side * 30.0 for side in one.size_arcmin)  # diameters in arcmin, radii in arcsec

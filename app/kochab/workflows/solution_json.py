@@ -69,13 +69,16 @@ def _unsolved(file: str, n: "NoSolution") -> Json:
     return {"file": file, "solved": False, **asdict(n), "reason": str(n.reason), "warnings": list(n.warnings)}
 
 
-def bodies_json(found: "FrameBodies") -> Json:
-    """The bodies of the Solar System in a frame, and the bright detections that are in no catalogue."""
+def bodies_json(found: "FrameBodies", dated: bool = True) -> Json:
+    """The bright detections that are in no catalogue, and of a ``dated`` frame the bodies of the Solar System."""
+    unknown = {"not_in_catalogue": [asdict(source) for source in found.unknown]}
+    if not dated:
+        return unknown
     bodies = [{**asdict(b.body), "x": b.x, "y": b.y, "seen": b.seen} for b in found.bodies]
     for body in bodies:
         if not body["trail"]:
             del body["trail"]
-    return {"bodies": bodies, "not_in_catalogue": [asdict(source) for source in found.unknown]}
+    return {"bodies": bodies, **unknown}
 
 
 def _finite(value: Any) -> Any:

@@ -28,7 +28,8 @@ SPELT = str.maketrans({"'": "", "-": " ", "’": ""})
 class SkyObject:
     """One object: degrees ICRS, arcmin, PA east of north; ``also`` are its other designations and names.
 
-    ``visual`` and ``blue`` are what a source says; ``mag`` in ``band`` is what was chosen of them.
+    ``visual`` and ``blue`` are what a source says; ``mag`` in ``band`` is what was chosen of them, and ``source`` whose
+    it is, a key of ``kochab.sky.names.MAG_SOURCES``.
     """
 
     name: str
@@ -39,6 +40,7 @@ class SkyObject:
     blue: float | None = None
     mag: float | None = None
     band: str = ""
+    source: str = ""
     major: float | None = None
     minor: float | None = None
     pa_deg: float | None = None
