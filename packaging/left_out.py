@@ -34,7 +34,7 @@ _QT_PLUGINS = (
 )
 _SCIPY = (
     *("_lib", "constants", "fft", "integrate", "interpolate", "linalg", "ndimage", "optimize", "sparse", "spatial"),
-    *("special", "stats"),
+    "special",
 )
 
 KEPT: Mapping[str, tuple[str, tuple[str, ...]]] = {
@@ -57,7 +57,7 @@ KEPT: Mapping[str, tuple[str, tuple[str, ...]]] = {
     ),
     "imagecodecs": ("codecs that neither pictures, TIFF nor XISF use", ("*.py", *(f"_{name}.*" for name in CODECS))),
     "scipy": (
-        "SciPy's signal, io, cluster, fftpack, odr, datasets",
+        "SciPy's stats, signal, io, cluster, fftpack, odr, datasets",
         (
             "__init__.py",
             "__config__.py",

@@ -170,7 +170,7 @@ def doubt(profile: Profile, new: CameraEvidence) -> str:
 
 def _chance(profile: Profile, information: Floats, vector: Floats) -> float:
     """How likely ``vector`` is when the profile's camera is right within its own uncertainty."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc  # scipy.stats takes two seconds to load
 
     floor = np.zeros(len(TERMS))
     floor[:3] = FOCAL_FLOOR**2, CENTRE_FLOOR_PX**2, CENTRE_FLOOR_PX**2
@@ -182,7 +182,7 @@ def _chance(profile: Profile, information: Floats, vector: Floats) -> float:
     values, axes = np.linalg.eigh(covariance / np.outer(scale, scale))
     solid = values > 1e-9 * values[-1]
     along = (axes.T @ (vector / scale))[solid]
-    return float(chi2.sf(float(np.sum(along**2 / values[solid])), int(solid.sum())))
+    return float(chdtrc(int(solid.sum()), float(np.sum(along**2 / values[solid]))))
 
 
 # -- Camera profiles on disk: one JSON file for each camera, lens and size of frame ------------

@@ -261,6 +261,6 @@ def hostile_goals(rows: Sequence[Row]) -> list[Goal]:
 
 def chance_of_so_many(count: int, promised: float) -> float:
     """The probability of ``count`` or more where ``promised`` are expected."""
-    from scipy.stats import poisson
+    from scipy.special import gammainc
 
-    return float(poisson.sf(count - 1, promised))
+    return float(gammainc(count, promised)) if count else 1.0
