@@ -3,8 +3,10 @@
 import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from kochab.cli.faces import face_of, named_face
+from kochab.cli.warm import is_for_worker
 
 if TYPE_CHECKING:
     from kochab.server.phone_page import PhonePage
@@ -17,12 +19,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
     """
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    arguments = _own_arguments() if argv is None else list(argv)
     # Before anything heavy is imported and before the rest is parsed: the mount may be moving towards something.
     if arguments[:2] == ["mount", "stop"]:
         from kochab.gear.quick_stop import send_first_stop
 
         send_first_stop(arguments)
+    # Before as well: what a worker does costs no import here.
+    if argv is None and is_for_worker(arguments):
+        from kochab.server.hand_over import hand_over
+
+        if (code := hand_over(arguments)) is not None:
+            return code
     if getattr(sys, "frozen", False):
         from kochab.frames.sandbox import support_frozen
 
@@ -37,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         make_ready()
 
-        to_window = not arguments or _are_files(arguments)
+        to_window = not arguments or (face_of(arguments) is None and _are_files(arguments))
         open_journal(terminal=not to_window)
         if to_window:
             return _window(arguments, spoken)
@@ -48,10 +56,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
+def _own_arguments() -> list[str]:
+    """What we were called with; called by another program's name, that name comes first."""
+    face = named_face(sys.argv[0])
+    return [*([face] if face else []), *sys.argv[1:]]
+
+
 def _are_files(arguments: list[str]) -> bool:
     """Whether all arguments are files and folders to open, and the first is no command of the same name."""
     if any(argument.startswith("-") for argument in arguments):
         return False
+    from pathlib import Path
+
     from kochab.cli.main import COMMANDS
 
     # A name with an ending is a file even if there is none: the window then says what is wrong with it.

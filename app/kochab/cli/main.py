@@ -13,7 +13,9 @@ from importlib import import_module
 from typing import NoReturn
 
 from kochab.cli import process
+from kochab.cli.faces import FACES, face_of
 from kochab.cli.process import ended_by_signals
+from kochab.cli.warm import NO_WORKER
 from kochab.core import __version__
 from kochab.core.errors import KochabError, UsageError
 
@@ -30,6 +32,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "practice": ("kochab.cli.practice:add_parser", "a simulated telescope to practise on"),
     "mount": ("kochab.cli.mount:add_parser", "a telescope mount: probe, sync, goto, stop, centre, recover, disagree"),
     "polar": ("kochab.cli.polar:add_parser", "polar alignment error, from two frames or more"),
+    "serve": ("kochab.server.command:add_parser", "a worker that makes solve and others quick"),
     "bench": ("kochab.lab.bench.command:add_parser", "measure and compare with the goals"),
 }
 
@@ -50,12 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     process.make_ready()
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        if "-f" in arguments and re.match("-[a-z]", arguments[0]):  # ASTAP's words have one dash
-            from kochab.cli.faces.astap import run
-
-            code = run(arguments)
-        else:
-            code = _command(arguments)
+        arguments = [argument for argument in arguments if argument != NO_WORKER]
+        code = _of_face(face, arguments) if (face := face_of(arguments)) else _command(arguments)
         # A full disk or a closed pipe shows only when the buffer is written: here, not at the interpreter's end.
         sys.stdout.flush()
     except KeyboardInterrupt:
@@ -69,6 +68,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:  # our own mistake: its traceback goes to the journal
         process.say(process.fault(error))
         return 2
+    return code
+
+
+def _of_face(face: str, arguments: list[str]) -> int:
+    """Answer as the program called ``face`` does."""
+    module, _, function = FACES[face].partition(":")
+    code: int = getattr(import_module(module), function)(arguments[arguments[0] == face :])
     return code
 
 
@@ -86,6 +92,7 @@ def _command(arguments: list[str]) -> int:
             from kochab.cli.profile import use_profile
 
             use_profile(args)
+        args.main = main  # for a command that does others (serve)
         with ended_by_signals():
             code: int = args.run(args)
     except SystemExit as end:  # argparse: --help, --version, bad arguments
@@ -139,6 +146,7 @@ def build_parser(arguments: Sequence[str]) -> Parser:
     parser.add_argument(
         "--debug", action="store_true", help="show the journal on standard error; works with any command"
     )
+    parser.add_argument(NO_WORKER, action="store_true", help="do the work here though kochab serve runs")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, (place, text) in COMMANDS.items():
         # The others appear in --help with their one line and cost no import.

@@ -330,3 +330,16 @@ def test_it_is_called_as_a_program_too(repository, tmp_path) -> None:
     assert done.returncode == 16
     assert "does not exist" in done.stderr
     assert ini_of(tmp_path / "absent.ini")["PLTSOLVD"] == "F"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights there; a copy of the program does it")
+@pytest.mark.parametrize("name", ["astap", "astap_cli"])
+def test_a_link_with_its_name_is_enough(tmp_path, name) -> None:
+    program = tmp_path / name
+    program.write_text(f"#!{sys.executable}\nfrom kochab.start import main\nimport sys\nsys.exit(main())\n")
+    program.chmod(0o755)
+    done = subprocess.run([program, "-z", "0"], capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stderr) == (1, "kochab: Name the frame: -f FILE.\n")
+    done = subprocess.run([program, "-f", tmp_path / "none.fits"], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 16
+    assert "PLTSOLVD=F" in (tmp_path / "none.ini").read_text()

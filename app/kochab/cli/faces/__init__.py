@@ -1,1 +1,28 @@
-"""Other programs' command lines, each answered as the original answers."""
+"""Other programs' command lines, each answered as the original answers.
+
+A face is chosen by the name that Kochab is called by (a link or a copy named ``astap_cli``), or by the same word as the
+first argument. ``kochab -f FILE ...`` is ASTAP's as well.
+"""
+
+import os
+import re
+from collections.abc import Sequence
+
+FACES = {"astap": "kochab.cli.faces.astap:run", "astap_cli": "kochab.cli.faces.astap:run"}
+"""By the original's name, what takes its arguments and returns its exit code."""
+
+
+def named_face(program: str) -> str | None:
+    """The face that a program's path names: ``astap_cli`` for ``/opt/bin/astap_cli`` and ``astap_cli.exe``."""
+    name = os.path.basename(program).lower().removesuffix(".exe")
+    return name if name in FACES else None
+
+
+def face_of(arguments: Sequence[str]) -> str | None:
+    """The face that a command line is for; None for Kochab's own commands."""
+    if not arguments:
+        return None
+    if arguments[0] in FACES:
+        return arguments[0]
+    # ASTAP's words have one dash.
+    return "astap" if "-f" in arguments and re.match("-[a-z]", arguments[0]) else None

@@ -1,6 +1,6 @@
 """ASTAP's command line, so that capture programs can call Kochab instead of it.
 
-``kochab -f FILE ...``, or a program named ``astap`` or ``astap_cli`` (``kochab faces install``).
+``kochab -f FILE ...``, or Kochab called by the name ``astap`` or ``astap_cli``.
 
 Facts: the options, the ``.ini`` and the exit codes of ASTAP's manual, "command line", and what Debian's ``astap_cli``
 does. 0 solved or measured, 1 no solution, 2 too few stars, 16 the frame cannot be read, 32 no star catalogue, 33 it is

@@ -1,0 +1,192 @@
+"""A command's side of the worker (:mod:`kochab.server.worker`): find it, hand the command over, return its exit code.
+
+Loaded before anything heavy, with the standard library alone. The socket lies in a folder that only its owner may
+enter; its name stands for what must be equal on both sides: this installation, and the variables that change what
+Kochab reads and how it writes. The command's own streams and folder are handed over: nothing is copied, a terminal
+stays a terminal.
+
+Whatever goes wrong before the command has written anything, the command is done here, as without a worker.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+from zlib import crc32
+
+if TYPE_CHECKING:
+    import socket
+
+MAGIC = b"kochab-worker-1\n"
+WRITTEN, OTHER_VERSION, DONE = b"w", b"v", b"d"
+"""What a worker says: something was written; it has another version; done, followed by the exit code as four bytes."""
+CONNECT_S = 5.0
+"""For the worker to take the request: it forks at once, however busy the commands before are."""
+SAME = ("HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH", "LD_PRELOAD")
+SAME_PREFIXES = ("KOCHAB_", "XDG_", "LC_", "PYTHON", "OMP_", "OPENBLAS_", "MKL_")
+
+
+class Place(NamedTuple):
+    """Where this user's worker listens, and what it must be: its version, installation and variables."""
+
+    path: str
+    identity: bytes
+
+
+def place() -> Place:
+    """The socket for this installation and these variables."""
+    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    kept = sorted(f"{k}={v}" for k, v in os.environ.items() if k in SAME or k.startswith(SAME_PREFIXES))
+    world = os.fsencode("\n".join((package, sys.executable or "", *kept)))
+    # What carries a version is not in the name: a newer Kochab finds the older one's worker, and ends it.
+    return Place(os.path.join(folder(), f"{crc32(world):08x}.sock"), _version().encode() + b"\n" + world)
+
+
+def folder() -> str:
+    """Where sockets lie: the user's runtime folder, which a restart empties, else the user's state."""
+    base = os.environ.get("KOCHAB_CONFIG") or os.environ.get("XDG_RUNTIME_DIR")
+    if base:
+        return os.path.join(base, "kochab-worker")
+    base = os.environ.get("XDG_STATE_HOME") or os.path.join(os.path.expanduser("~"), ".local", "state")
+    return os.path.join(base, "kochab", "worker")
+
+
+def _version() -> str:
+    """The version, and when it was put here: an installation renewed under the same number is another one."""
+    from kochab import core
+
+    return f"{core.__version__} {os.stat(core.__file__).st_mtime_ns}"
+
+
+def connected(path: str) -> "socket.socket | None":
+    """The connection to our own worker; None when there is none, or what is there may be another user's."""
+    try:
+        inside, around = os.lstat(path), os.stat(os.path.dirname(path))
+    except (OSError, ValueError):
+        return None
+    import socket
+    import stat
+
+    private = stat.S_ISSOCK(inside.st_mode) and not around.st_mode & 0o077
+    if not private or inside.st_uid != os.geteuid() or around.st_uid != os.geteuid():
+        return None
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(CONNECT_S)
+    try:
+        connection.connect(path)
+        if peer_user(connection) == os.geteuid():
+            return connection
+    except OSError:  # whoever listened there has ended
+        pass
+    connection.close()
+    return None
+
+
+def peer_user(connection: "socket.socket") -> int:
+    """The user at the other end, as the system tells it; where it does not (macOS), the folder alone guards."""
+    import socket
+    import struct
+
+    if not hasattr(socket, "SO_PEERCRED"):
+        return os.geteuid()
+    told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    return int(struct.unpack("3i", told)[1])
+
+
+def hand_over(arguments: Sequence[str]) -> int | None:
+    """The exit code of a command that the worker has done; None when it is to be done here."""
+    if sys.platform == "win32":  # no fork, and no streams through a socket
+        return None
+    where = place()
+    connection = connected(where.path)
+    if connection is None:
+        return None
+    with connection:
+        try:
+            _send_request(connection, where.identity, arguments)
+        except OSError:
+            return None
+        return _awaited(connection)
+
+
+def _send_request(connection: "socket.socket", identity: bytes, arguments: Sequence[str]) -> None:
+    """Send the command with its streams, folder, variables and limits; OSError when that cannot be."""
+    import resource
+    import socket
+
+    here = os.open(".", os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+    try:
+        umask = os.umask(0o077)
+        os.umask(umask)
+        limits = [resource.getrlimit(number)[0] for number in limit_numbers()]
+        head = [str(umask), str(os.nice(0)), *map(str, limits), str(len(arguments))]
+        variables = [f"{name}={value}" for name, value in os.environ.items()]
+        body = b"\0".join([identity, *(os.fsencode(text) for text in (*head, *arguments, *variables))])
+        # OSError where one of the three is closed, which a child would have to imitate.
+        socket.send_fds(connection, [MAGIC + len(body).to_bytes(4, "big")], [0, 1, 2, here])
+        connection.sendall(body)
+    finally:
+        os.close(here)
+
+
+def limit_numbers() -> list[int]:
+    """The limits that a shell may have set (``ulimit``), in the order in which they are sent."""
+    import resource
+
+    names = ("RLIMIT_AS", "RLIMIT_CORE", "RLIMIT_CPU", "RLIMIT_DATA", "RLIMIT_FSIZE", "RLIMIT_NOFILE", "RLIMIT_STACK")
+    return [getattr(resource, name) for name in names]
+
+
+def _awaited(connection: "socket.socket") -> int | None:
+    """The exit code; signals that would end the command are passed on meanwhile."""
+    import signal
+
+    relayed = 0
+
+    def relay(number: int, frame: object) -> None:
+        nonlocal relayed
+        relayed = number
+        with suppress(OSError):  # it is just ending
+            connection.send(bytes([number]))
+
+    asked = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+    before = {n: signal.signal(n, relay) for n in asked if signal.getsignal(n) is not signal.SIG_IGN}
+    connection.settimeout(None)
+    written = False
+    try:
+        while said := connection.recv(1):
+            if said == WRITTEN:
+                written = True
+            elif said == OTHER_VERSION:
+                _restart()
+                return None
+            elif said == DONE:
+                return int.from_bytes(connection.recv(4), "big")
+    except OSError:
+        pass
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if relayed:  # the command ended as the signal has it, and so do we
+        os.kill(os.getpid(), relayed)
+        return 128 + relayed
+    if not written:  # killed before it had begun to answer
+        return None
+    print("kochab: The worker was ended from outside in mid-command.", file=sys.stderr)
+    return 2
+
+
+def worker_command() -> list[str]:
+    """The command line that starts a worker of this installation."""
+    frozen = getattr(sys, "frozen", False)
+    return [sys.executable, *([] if frozen else ["-m", "kochab"]), "serve"]
+
+
+def _restart() -> None:
+    """Start a worker of our own version, for the next command; the old one has ended itself."""
+    import subprocess
+
+    nothing = subprocess.DEVNULL
+    with suppress(OSError):
+        subprocess.Popen(worker_command(), stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)

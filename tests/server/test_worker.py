@@ -1,0 +1,300 @@
+"""The worker: the same answers as without it, for its owner alone, and nothing lost when it goes."""
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from kochab.server import hand_over
+from kochab.server.hand_over import DONE, MAGIC, OTHER_VERSION, WRITTEN
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the worker is for Linux")
+KOCHAB = [sys.executable, "-m", "kochab"]
+SAMPLES = Path(__file__).resolve().parents[2] / "resources" / "samples"
+TIMES = re.compile(rb'"elapsed_ms": \{[^}]*\}|\d+ ms\b')
+
+
+@pytest.fixture
+def runtime(monkeypatch):
+    """A runtime folder of our own, short enough for a socket's name."""
+    folder = tempfile.mkdtemp(prefix="kochab-")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+    monkeypatch.delenv("KOCHAB_CONFIG", raising=False)
+    yield Path(folder)
+    shutil.rmtree(folder)
+
+
+@pytest.fixture
+def worker(runtime):
+    """A worker's process, started as a person starts it."""
+    process = subprocess.Popen([*KOCHAB, "serve"], stdout=subprocess.PIPE, text=True)
+    assert "ready" in process.stdout.readline()
+    yield process
+    process.terminate()
+    process.wait(20)
+    process.stdout.close()
+
+
+def command(*arguments, **more):
+    """What a command writes and its exit code, times taken out."""
+    done = subprocess.run([*KOCHAB, *map(str, arguments)], capture_output=True, timeout=250, **more)
+    said = b"".join(line for line in done.stderr.splitlines(True) if not line.endswith(b" ...\n"))  # busy machines
+    return TIMES.sub(b"", done.stdout), said, done.returncode
+
+
+def children(process) -> list[int]:
+    return [int(n) for n in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+
+
+def until(what, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+class Listener:
+    """Something else at the worker's place: accepts one connection, reads, says ``reply``, and goes."""
+
+    def __init__(self, reply: bytes) -> None:
+        path = hand_over.place().path
+        os.makedirs(os.path.dirname(path), mode=0o700)
+        self.socket, self.heard = socket.socket(socket.AF_UNIX), b""
+        self.socket.bind(path)
+        self.socket.listen(1)
+        self.thread = threading.Thread(target=self._answer, args=(reply,), daemon=True)
+        self.thread.start()
+
+    def _answer(self, reply: bytes) -> None:
+        try:
+            connection = self.socket.accept()[0]
+        except OSError:
+            return
+        self.socket.close()
+        with connection:
+            self.heard = connection.recv(100_000)
+            connection.send(reply)
+
+    def close(self) -> bytes:
+        with contextlib.suppress(OSError):  # nobody came
+            self.socket.shutdown(socket.SHUT_RDWR)
+        self.thread.join(10)
+        self.socket.close()
+        return self.heard
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("arguments", [["--json"], [], ["--json", "--workers", "2"]])
+def test_real_frames_give_the_same_bytes_and_code(worker, shared_frames, arguments):
+    frames = sorted(path.name for path in shared_frames.iterdir() if path.suffix not in (".json", ".md"))
+    asked = ["solve", *frames[:: 4 if arguments == ["--json"] else 9], *arguments]
+    with_worker = command(*asked, cwd=shared_frames)
+    assert len(with_worker[0]) > 1000
+    assert with_worker == command(*asked, "--no-worker", cwd=shared_frames)
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        (["solve", "missing.fits"], 2),
+        (["solve", "missing.fits", "--json"], 2),
+        (["solve", "--fov", "much", "a.fits"], 2),
+        (["solve", "--help"], 0),
+        (["detect", SAMPLES / "orion.png"], 0),
+        (["find", "M 42"], 0),
+        (["-f", "missing.fits"], 16),
+        (["solve", SAMPLES / "orion.png", "--timeout", "0.000001"], 1),
+    ],
+)
+def test_other_ends_are_the_same_too(worker, tmp_path, asked, code):
+    done = command(*asked, cwd=tmp_path)
+    assert done[2] == code
+    assert done == command(*asked, "--no-worker", cwd=tmp_path)
+
+
+def test_a_command_is_done_by_the_worker_and_as_its_own_process_would(worker, tmp_path, monkeypatch):
+    """Its folder, umask, variables and input are the command's, not the worker's."""
+    shutil.copy(SAMPLES / "orion.png", tmp_path / "a.png")
+    monkeypatch.setenv("COLUMNS", "50")
+    old = os.umask(0o027)
+    try:
+        done = command("solve", "a.png", "--wcs", "--json", cwd=tmp_path)
+    finally:
+        os.umask(old)
+    assert done[2] == 0
+    assert stat.S_IMODE((tmp_path / "a.png.wcs").stat().st_mode) == 0o640
+    wide = command("solve", "--help")
+    assert max(map(len, wide[0].splitlines())) <= 50
+
+
+def test_the_command_itself_loads_nothing_heavy(worker):
+    """That is the whole point: the libraries are the worker's."""
+    code = (
+        "import sys; sys.argv[1:] = sys.argv[1:]\n"
+        "from kochab.__main__ import main\n"
+        "code = main()\n"
+        "heavy = {'numpy', 'argparse', 'json', 'logging', 'pathlib'} & set(sys.modules)\n"
+        "print('LOADED', code, sorted(heavy), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "solve", str(SAMPLES / "orion.png")], capture_output=True, text=True
+    )
+    assert done.stderr.strip() == "LOADED 0 []"
+    assert "centre" in done.stdout
+
+
+def test_its_place_is_closed_to_others(worker):
+    path = Path(hand_over.place().path)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+
+
+def test_a_socket_that_nobody_listens_at_is_passed_by_and_replaced(runtime):
+    path = hand_over.place().path
+    os.makedirs(os.path.dirname(path), mode=0o700)
+    with socket.socket(socket.AF_UNIX) as left:
+        left.bind(path)
+    assert command("solve", SAMPLES / "orion.png")[2] == 0
+    started = command("serve", "--background")
+    try:
+        assert b"ready" in started[0]
+        assert b"runs already" in command("serve", "--background")[0]
+    finally:
+        assert command("serve", "--stop")[2] == 0
+    assert not os.path.exists(path)
+    assert command("serve", "--stop")[2] == 1
+
+
+@pytest.mark.parametrize("whose", ["open to others", "another user's folder", "another user's socket"])
+def test_what_another_user_may_have_put_there_is_not_spoken_to(runtime, whose):
+    listener = Listener(DONE + bytes(4))
+    path = Path(hand_over.place().path)
+    if whose == "open to others":
+        path.parent.chmod(0o755)
+    elif os.geteuid() == 0:
+        os.chown(path.parent if "folder" in whose else path, 12345, -1)
+    else:
+        pytest.skip("only root can give a file to another user")
+    out, _, code = command("solve", SAMPLES / "orion.png")
+    assert listener.close() == b""
+    assert (code, b"centre" in out) == (0, True)
+
+
+def test_a_worker_that_is_killed_before_it_answers_costs_nothing(runtime):
+    listener = Listener(b"")
+    out, err, code = command("solve", SAMPLES / "orion.png")
+    assert listener.close().startswith(MAGIC)
+    assert (code, err, b"centre" in out) == (0, b"", True)
+
+
+def test_one_that_is_killed_in_mid_answer_is_told_of_in_a_sentence(runtime):
+    listener = Listener(WRITTEN)
+    out, err, code = command("solve", SAMPLES / "orion.png")
+    listener.close()
+    assert (out, code) == (b"", 2)
+    assert err == b"kochab: The worker was ended from outside in mid-command.\n"
+
+
+def test_the_command_goes_on_when_the_worker_is_killed(worker, tmp_path):
+    """Whoever does the command is a process of its own."""
+    many = [SAMPLES / "orion.png"] * 40
+    asked = subprocess.Popen([*KOCHAB, "solve", "--json", *map(str, many)], stdout=subprocess.PIPE)
+    first = asked.stdout.readline()
+    worker.kill()
+    rest = asked.communicate(timeout=100)[0].splitlines()
+    assert [json.loads(line)["solved"] for line in (first, *rest)] == [True] * 40
+    assert asked.returncode == 0
+
+
+@pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", bytes(200), MAGIC + b"\xff\xff\xff\xff", MAGIC])
+def test_garbage_harms_nobody(worker, garbage):
+    path = hand_over.place().path
+    with socket.socket(socket.AF_UNIX) as rude:
+        rude.connect(path)
+        rude.send(garbage)
+        rude.shutdown(socket.SHUT_WR)
+        rude.settimeout(20)
+        with contextlib.suppress(ConnectionResetError):  # not all of it was read
+            assert rude.recv(100) == b""
+    with socket.socket(socket.AF_UNIX) as rude:  # and the right streams with fields that are none
+        rude.connect(path)
+        body = hand_over.place().identity + b"\0x\0y\0z"
+        socket.send_fds(rude, [MAGIC + len(body).to_bytes(4, "big") + body], [0, 1, 2, 0])
+        rude.settimeout(20)
+        assert rude.recv(100) == b""
+    assert worker.poll() is None
+    assert command("solve", SAMPLES / "orion.png")[2] == 0
+
+
+def test_another_version_ends_the_worker_and_starts_its_own(worker, runtime, monkeypatch):
+    started = []
+    monkeypatch.setattr(hand_over, "_version", lambda: "99.0 0")
+    monkeypatch.setattr(hand_over, "_restart", lambda: started.append(1))
+    assert hand_over.hand_over(["solve", "a.png"]) is None
+    assert started == [1]
+    assert worker.wait(20) == 0
+    assert not os.path.exists(hand_over.place().path)
+
+
+def test_a_worker_of_another_version_is_replaced(runtime):
+    listener = Listener(OTHER_VERSION)
+    out, _, code = command("solve", SAMPLES / "orion.png")
+    listener.close()
+    assert (code, b"centre" in out) == (0, True)
+    until(lambda: command("serve", "--stop")[2] == 0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_cancels_what_the_worker_does(worker, number):
+    asked = subprocess.Popen([*KOCHAB, "solve", "--json", *[str(SAMPLES / "orion.png")] * 2000], stdout=subprocess.PIPE)
+    asked.stdout.readline()
+    assert len(children(worker)) == 1
+    asked.send_signal(number)
+    asked.stdout.read()
+    assert asked.wait(30) == 130
+    until(lambda: not children(worker))
+    assert worker.poll() is None
+    asked.stdout.close()
+
+
+def test_the_death_of_the_command_cancels_its_work(worker):
+    asked = subprocess.Popen([*KOCHAB, "solve", "--json", *[str(SAMPLES / "orion.png")] * 2000], stdout=subprocess.PIPE)
+    asked.stdout.readline()
+    asked.kill()
+    asked.wait(20)
+    until(lambda: not children(worker))
+    assert worker.poll() is None
+    asked.stdout.close()
+
+
+def test_it_ends_when_idle(runtime):
+    done = command("serve", "--idle", "0.005")
+    assert done[2] == 0
+    assert b"ready" in done[0]
+    assert not os.path.exists(hand_over.place().path)
+
+
+def test_a_command_without_input_does_its_work_itself(worker):
+    """A closed stream cannot be handed over."""
+    code = f"exec {sys.executable} -m kochab solve {SAMPLES / 'orion.png'} <&-"
+    assert subprocess.run(["sh", "-c", code], capture_output=True).returncode == 0
+
+
+def test_other_variables_have_another_worker(runtime, monkeypatch):
+    here = hand_over.place()
+    monkeypatch.setenv("UNRELATED", "1")
+    assert hand_over.place() == here
+    monkeypatch.setenv("KOCHAB_CACHE", "/elsewhere")
+    assert hand_over.place().path != here.path
