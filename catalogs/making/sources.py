@@ -10,9 +10,9 @@ import numpy as np
 from kochab.core.arrays import Bools, Bytes, Floats, Ints, Table
 from kochab.core.attitude import ARCSEC, unit
 from kochab.core.errors import CatalogueError
-from kochab.sky.astrometry_index import read_index
 from kochab.sky.catalogue_file import StarList
 from kochab.sky.proper_motion import tangent
+from kochab.sky.user_catalogues.index_files import read_index
 
 # -- Stellarium's star files: zones of a geodesic grid holding Hipparcos and Tycho-2 stars -----
 # The layout is a documented fact of the format (Stellarium 0.22, type 0 and type 1 files): a header of eight int32, a

@@ -11,10 +11,10 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
 from kochab.core.progress import run
 from kochab.sky import Catalogue, catalogue_file, open_catalogue
-from kochab.sky.astrometry_index import read_index
 from kochab.sky.inventory import inventory
 from kochab.sky.names import StarNames, read_objects
 from kochab.sky.proper_motion import moved
+from kochab.sky.user_catalogues.index_files import read_index
 from tests.sky.packages import index_file, star_file, write_packages
 
 YEARS = 2000.0 - EARLY
@@ -243,7 +243,7 @@ def test_index_files_come_back(tmp_path):
 
 def test_a_file_that_is_no_index_is_said(tmp_path):
     (tmp_path / "no.fits").write_bytes(b"SIMPLE  =                    T")
-    with pytest.raises(CatalogueError, match=r"no\.fits is not an index"):
+    with pytest.raises(CatalogueError, match=r"no\.fits is not a FITS file"):
         read_index(tmp_path / "no.fits")
 
 

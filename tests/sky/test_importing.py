@@ -12,7 +12,9 @@ from kochab.core.errors import CatalogueError
 from kochab.core.progress import run
 from kochab.sky import catalogue_file, open_catalogue
 from kochab.sky.catalogue_file import StarList
-from kochab.sky.catalogue_import import MARK, ForeignStars, combine, decode, read_foreign, user_folder, v_of_gaia
+from kochab.sky.catalogue_import import combine, read_foreign, user_folder
+from kochab.sky.user_catalogues.astap_database import MARK, decode
+from kochab.sky.user_catalogues.gaia_table import ForeignStars, v_of_gaia
 from tests.sky.packages import index_file
 
 
@@ -97,6 +99,9 @@ def test_the_sun_has_its_colour():
 
 
 SIMPLE = b"SIMPLE  =                    T".ljust(80)
+END = b"END".ljust(80)
+TABLE = (SIMPLE + b"NAXIS   =                    0".ljust(80) + END).ljust(2880) + b"XTENSION= 'BINTABLE'".ljust(80)
+SIZE = b"".join(card.ljust(80) for card in (b"NAXIS   = 2", b"NAXIS1  = 0", b"NAXIS2  = 0"))
 
 
 @pytest.mark.parametrize(
@@ -109,9 +114,13 @@ SIMPLE = b"SIMPLE  =                    T".ljust(80)
         ("g.csv.gz", gzip.compress(GAIA.encode(), mtime=0)[:10] + b"\x07" + 20 * b"\0", "cannot be read"),
         ("g.csv", b"\xff\xfe\x00", "cannot be read"),
         ("g.csv", GAIA.replace("2016.0\n2", "2015.5\n2").encode(), "mixes epochs"),
-        ("x.fits", b"SIMPLE", "not an index"),
-        ("x.fits", SIMPLE + b"NAXIS   =           99999999".ljust(80), "more axes or columns than FITS allows"),
-        ("x.fits", SIMPLE + b"TFIELDS =               1000".ljust(80), "more axes or columns than FITS allows"),
+        ("x.fits", b"SIMPLE", "not a FITS file"),
+        ("x.fits", SIMPLE + b"NAXIS   =           99999999".ljust(80) + END, "more axes or columns than FITS allows"),
+        (
+            "x.fits",
+            (TABLE + SIZE + b"TFIELDS =               1000".ljust(80) + END).ljust(5760),
+            "more axes or columns than FITS allows",
+        ),
         ("x.txt", b"hello", "no catalogue that can be imported"),
     ],
 )

@@ -49,16 +49,25 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     bring.add_argument("--mag-limit", type=number, metavar="V", help="leave fainter stars out")
 
+    use = actions.add_parser(
+        "use",
+        help="solve narrow fields with a star catalogue that you already have",
+        description="ASTAP's databases, astrometry.net index files or a Gaia table, read where they are, beside the"
+        " shipped stars. They solve fields down to 0.1 degrees whose place and scale are known.",
+    )
+    use.add_argument("what", metavar="NAME|PATH|none", help="D50, 5200, a folder or a file; none: shipped stars only")
+    listed = actions.add_parser("list", help="star catalogues on this computer, and which one is used")
+
     add_options(build, "--overwrite")
     add_options(bring, "--overwrite")
-    for action in (build, info, reach, bring):
+    for action in (build, info, reach, bring, use, listed):
         add_options(action, "--json")
         action.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what ``args`` ask for; the exit code: 0 done, 1 a check failed, 2 unusable input."""
-    action = {"build": _build, "info": _info, "coverage": _coverage, "import": _import}
+    action = {"build": _build, "info": _info, "coverage": _coverage, "import": _import, "use": _use, "list": _list}
     try:
         return action[args.action](args)
     except KochabError as error:
@@ -191,4 +200,27 @@ def _import(args: argparse.Namespace) -> int:
         "catalog info and coverage read it; frames are still solved with the shipped catalogue.",
     ]
     tell({"folder": str(folder), **manifest}, "\n".join(lines), args.json)
+    return 0
+
+
+def _use(args: argparse.Namespace) -> int:
+    from kochab.sky import user_catalogues
+
+    if args.what.lower() == "none":
+        user_catalogues.forget()
+        tell({"in_use": None}, "Solving with the shipped stars only.", args.json)
+        return 0
+    catalogue = with_progress("catalog", user_catalogues.choose(args.what))
+    facts = user_catalogues.facts_of(catalogue)
+    tell({"in_use": facts}, f"Using {user_catalogues.described(facts)}", args.json)
+    return 0
+
+
+def _list(args: argparse.Namespace) -> int:
+    from kochab.sky import user_catalogues
+
+    rows = user_catalogues.listed()
+    lines = [("* " if row["in_use"] else "  ") + user_catalogues.described(row) for row in rows]
+    lines += [] if any(row["in_use"] for row in rows) else ["Only the shipped stars are used; see kochab catalog use."]
+    tell({"catalogues": rows}, "\n".join(lines), args.json)
     return 0
