@@ -6,7 +6,7 @@ import pytest
 from catalogs.making.objects import SkyObject, plain, read_names, read_stellarium
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError, UsageError
-from kochab.folders import cache_folder
+from kochab.lab.bench.sources import BROUGHT_BY, STELLARIUM_OBJECTS, source_file
 from kochab.sky.finder import finder
 from kochab.sky.names import GENITIVES, GREEK, WELL_KNOWN, position_name, printed, read_objects
 
@@ -71,13 +71,13 @@ def test_deep_sky_objects_are_found_as_directions(name, ra, dec):
 
 
 def test_the_names_of_objects_agree_with_the_second_source(catalogue):
-    """Every shown name that Stellarium has, in the package that ``kochab catalog build`` fetches, is where it is there."""
-    found = sorted((cache_folder() / "catalogue-sources").rglob("nebulae/default/catalog.dat"))
-    if not found:
-        pytest.skip("Stellarium's table of objects is not here: make catalogs fetches it")
-    names = read_names(found[0].with_name("names.dat"))
+    """Every shown name that Stellarium has is where it is there; Debian's package, or what a build fetched."""
+    found = source_file(STELLARIUM_OBJECTS)
+    if found is None:
+        pytest.skip(f"Stellarium's table of objects is not here: {BROUGHT_BY[STELLARIUM_OBJECTS]} has it")
+    names = read_names(found.with_name("names.dat"))
     places = {}
-    for one in read_stellarium(found[0]):
+    for one in read_stellarium(found):
         for word in one.also:
             for name, _ in names.get(word, ()):
                 places.setdefault(plain(name), []).append((one, word))

@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 
-from kochab.lab.bench import load_bench
+from kochab.lab.bench import load_bench, sources
 from tests.patterns import REPOSITORY
 
 TRUTH = json.loads((REPOSITORY / "tests" / "sky" / "asteroids.json").read_text(encoding="utf-8"))["rows"]
@@ -11,6 +11,8 @@ TRUTH = json.loads((REPOSITORY / "tests" / "sky" / "asteroids.json").read_text(e
 def test_the_bench_of_the_sky_measures_planets_asteroids_and_time(monkeypatch, tmp_path):
     """With Stellarium's list among the packages that a build of the catalogue keeps."""
     monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
+    monkeypatch.setattr(sources, "DEBIAN", ())
+    monkeypatch.setattr(sources, "find_spec", lambda name: None)
     _, epoch, q, e, i, node, peri, tp = next(row for row in TRUTH if row[0] == "1 Ceres")
     axis = q / (1 - e)
     anomaly = (epoch - tp) * np.degrees(0.01720209895) / axis**1.5
@@ -36,3 +38,7 @@ def test_the_bench_of_the_sky_measures_planets_asteroids_and_time(monkeypatch, t
     assert goals["frames of 60 with names that overlap"].met
     assert not goals["names elsewhere in the second source"].met  # its table is not among the packages
     assert rows["frames of the sky layer"]["names"] > 100
+    missing = " ".join(body for body in rows if "not here" in body)
+    for package in ("stellarium-data", "fchart3", "skyfield"):
+        assert package in missing
+    assert "0.22" not in missing  # the asteroids are here

