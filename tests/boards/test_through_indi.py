@@ -15,6 +15,7 @@ from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.workflows.nudge import nudge
 from tests.boards import BEHIND_INDI, SITE
 from tests.boards.exos2 import GOTO
 from tests.boards.indi import PROGRAMS, behind_indi
@@ -331,3 +332,12 @@ def test_indis_exos2_driver_for_an_intel_computer_which_hears_nothing_is_not_bel
             pytest.skip("only where a char has a sign")
         with pytest.raises(NoAnswerError, match="does not report where it points"):
             opened(board, indi)
+
+
+@pytest.mark.parametrize("direction", [Direction.WEST, Direction.NORTH])
+def test_a_stargo_whose_nudge_does_not_end_is_seen_to_run_on(direction, tmp_path):
+    """INDI tells its place once a second: two looks within that time see the same one, of a mount that moves."""
+    with at_the_telescope("stargo", tmp_path) as (board, guard, _):
+        board.lose_stops(1)
+        run(nudge(guard, direction, 252.0, rate_deg_s=0.1))
+        assert not board.moving

@@ -20,6 +20,7 @@ class RigMount:
     blind_stop = b""
     ends_alone = True
     missed = 0
+    lag_s = 0.0
     rates_deg_s = (15.0 / 3600.0, 120.0 / 3600.0, 1.0)
 
     def __init__(self, rig):

@@ -184,6 +184,10 @@ class Mount(Protocol):
         """Whether the mount itself ends :meth:`move`, as each ends pulses and gotos, if this program fails."""
 
     @property
+    def lag_s(self) -> float:
+        """How old a place may be that it tells, seconds: a server repeats what it last asked its mount for."""
+
+    @property
     def lacks(self) -> Mapping[Ability, str]:
         """What it cannot do, each with the reason in one sentence."""
 

@@ -111,7 +111,9 @@ class Stopped(MountEvent):
 
 @dataclass(frozen=True, slots=True)
 class StandsStill(MountEvent):
-    """After a Stop the mount was seen to stand still."""
+    """After a Stop the mount was seen to stand still; ``sentence`` is what it did before, if anything."""
+
+    sentence: str = ""
 
 
 @dataclass(frozen=True, slots=True)

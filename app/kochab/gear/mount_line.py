@@ -146,22 +146,22 @@ class MountLine:
         if not guard.emergency.unconfirmed:
             return
         try:
-            guard.emergency.confirm()
+            seen = guard.emergency.confirm()
         except NotStoppedError as error:
             self._tell(events.StopFailed(str(error)))
         else:
-            self._tell(events.StandsStill())
+            self._tell(events.StandsStill(seen))
 
     def _part(self, guard: Guard) -> None:
         """The end of the session: whatever moves is stopped and seen to stand, and what was seen is told."""
         moved = guard.emergency.unseen
         try:
-            guard.see_stopped()
+            seen = guard.see_stopped()
         except DeviceError as error:
             self._tell(events.StopFailed(str(error)))
         else:
             if moved:
-                self._tell(events.StandsStill())
+                self._tell(events.StandsStill(seen))
         guard.close()
 
     def _next(self, guard: Guard) -> Task[None]:

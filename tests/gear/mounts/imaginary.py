@@ -26,6 +26,7 @@ class Imaginary:
     blind_stop = b""
     ends_alone = True
     rates_deg_s = ()
+    lag_s = 0.0
     missed = 0
 
     def __init__(self, ra_deg=0.0, dec_deg=0.0, slew_deg_s=inf):

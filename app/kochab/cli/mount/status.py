@@ -59,13 +59,13 @@ def _stop(args: argparse.Namespace) -> int:
     try:
         with guarded_mount(args, stop_first=True) as guard:
             guard.stop()
-            guard.emergency.confirm()
+            seen = guard.emergency.confirm()
     # The port could not be opened, so no Stop was sent: whoever holds it has to stop the mount.
     except PortError as error:
         raise PortError(f"{error} {ELSEWHERE}") from error
     except (NoAnswerError, RefusedError, LineLostError) as error:
         raise NotStoppedError(f"{MAY_STILL_MOVE} {error}") from error
-    tell({"stopped": True}, "The mount has stopped.", args.json)
+    tell({"stopped": True} | ({"seen": seen} if seen else {}), f"The mount has stopped. {seen}".rstrip(), args.json)
     return 0
 
 

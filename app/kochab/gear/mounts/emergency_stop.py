@@ -9,18 +9,20 @@ from math import inf
 from threading import Lock, Timer
 from time import monotonic
 
+from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.mount import Mount
 from kochab.gear.journal import MotionLog
-from kochab.gear.mounts.standing import Reading, seen_to_stand
+from kochab.gear.mounts.standing import SLOWEST_DEG_S, Reading, seen_to_stand
 from kochab.text.translation import tr, tr_noop
 
 CANNOT_STOP = tr_noop("Kochab can't stop the mount: cut its power.")
 MAY_STILL_MOVE = tr_noop("THE MOUNT MAY STILL MOVE: CUT ITS POWER.")
 MOVES = tr_noop("It is still moving after two Stop commands.")
 MUTE = tr_noop("It does not answer after two Stop commands.")
+RAN_ON = tr_noop("It ran on, by {moved:.2f}° or more, and was stopped again.")
 LOOKS = 4  # motors run out of a slew within two seconds
-LONG_S = 4.0  # no more checks after this time: a silent mount is as bad as a moving one
+LONG_S = 4.0  # after this time one that does not agree is stopped again: a silent mount is as bad as a moving one
 
 logger = logging.getLogger(__name__)
 
@@ -42,9 +44,17 @@ class EmergencyStop:
         self._moves_until = 0.0
         self.ended = 0.0, clock()  # when the last motion that was ordered ended, by both clocks
         self._sent = self._confirmed = 0  # Stops sent, and those whose effect was checked
+        self._moved = False  # and nobody has seen its end: the bytes that end a move can be lost
+        self._slowest_deg_s = SLOWEST_DEG_S  # of what was ordered since
 
-    def begin(self, seconds: float) -> None:
-        """A motion lasts at most ``seconds``; ``inf`` until the mount reports its end."""
+    def begin(self, seconds: float, rate_deg_s: float = 0.0) -> None:
+        """A motion lasts at most ``seconds``; ``inf`` until the mount reports its end.
+
+        ``rate_deg_s`` is the slowest that it may have; 0.0: not known.
+        """
+        slowest = max(SLOWEST_DEG_S, rate_deg_s)
+        self._slowest_deg_s = min(self._slowest_deg_s, slowest) if self.unseen else slowest
+        self._moved = True
         self._moves_until = max(self._moves_until, monotonic() + seconds)  # a short pulse must not cut a move
 
     def end(self) -> None:
@@ -87,17 +97,16 @@ class EmergencyStop:
     @property
     def unseen(self) -> bool:
         """Whether something may move, or nobody has seen yet that a Stop has worked."""
-        return self.moving or self.unfinished or self.unconfirmed
+        return self.moving or self.unfinished or self.unconfirmed or self._moved
 
-    def see_stopped(self) -> None:
-        """Before a session ends: stop what moves, and see that it stands.
+    def see_stopped(self) -> str:
+        """Before a session ends: stop what moves, and see that it stands; what was seen, as :meth:`confirm`.
 
         Raises `LineLostError` when no Stop went out, and `NotStoppedError` when the mount moves on, or does not answer.
         """
         if self.moving or self.unfinished:
             self.stop()
-        if self.unconfirmed:
-            self.confirm()
+        return self.confirm() if self.unseen else ""
 
     def at_exit(self) -> None:
         """The same when the program ends or the guard was dropped; never raises, and writes what is wrong to stderr."""
@@ -130,41 +139,58 @@ class EmergencyStop:
         """A motion begins: no earlier Stop needs to be confirmed."""
         self._confirmed = self._sent
 
-    def confirm(self) -> None:
-        """Check that the mount stands still after a Stop; send Stop once more when it does not.
+    def came_to_rest(self) -> None:
+        """The end of the last motion was seen, by the mount's word and its place."""
+        self._moved = False
 
-        Only for the thread that owns the port; :meth:`stop` never waits for this.
+    def confirm(self) -> str:
+        """Check that the mount stands still or follows the sky; send Stop once more when it does not.
+
+        Empty when it stood, else what was seen, in one sentence. Only for the thread that owns the port;
+        :meth:`stop` never waits for this.
 
         Raises `NotStoppedError` when it still moves, or does not answer, after the second Stop.
         """
+        ran_on = ""
         try:
             # Some mounts lose a Stop while they slew: send one more before raising the alarm.
-            if not self._comes_to_rest()[1]:
+            seen, stands = self._comes_to_rest()
+            if not stands:
                 try:
                     self.halt()
                 finally:  # afterwards: a slow disk must not delay a Stop
                     self._log.add("stop", "failed", "The mount kept moving after a Stop.")
-                last, stands = self._comes_to_rest()
+                again, stands = self._comes_to_rest()
                 if not stands:
                     self._log.add("stop", "failed", MAY_STILL_MOVE)
-                    raise NotStoppedError("{may} {why}", may=tr(MAY_STILL_MOVE), why=tr(MOVES if last else MUTE))
+                    raise NotStoppedError("{may} {why}", may=tr(MAY_STILL_MOVE), why=tr(MOVES if again else MUTE))
+                ran_on = _ran_on(seen, self.mount.lag_s)
         finally:
-            self._confirmed = self._sent  # the outcome is reported once
-        self._log.add("stop", "done")
+            self._confirmed, self._moved, self._slowest_deg_s = self._sent, False, SLOWEST_DEG_S  # reported once
+        self._log.add("stop", "done", ran_on)
+        return ran_on
 
-    def _comes_to_rest(self) -> tuple[Reading | None, bool]:
-        return seen_to_stand(self._read, self.wait, LOOKS, LONG_S)
+    def _comes_to_rest(self) -> tuple[list[Reading], bool]:
+        return seen_to_stand(self._read, self.wait, LOOKS, LONG_S, self._slowest_deg_s, self.mount.lag_s)
 
     def _read(self) -> Reading | None:
         """Past the guard, which would stop a motion that goes wrong: this one has been stopped."""
         sent_s, now = monotonic(), self._clock()
         try:
             slewing = self.mount.state().slewing
-            return Reading(self.mount.position(), sent_s, now, slewing)
+            return Reading(self.mount.position(), sent_s, now, slewing, monotonic())
         except LineLostError:
             raise
         except DeviceError:
             return None
+
+
+def _ran_on(seen: list[Reading], lag_s: float) -> str:
+    """How far it was seen to go before it was stopped again; empty where its answers were only missed."""
+    if not any(reading.slewing or not reading.agrees(seen[0], lag_s) for reading in seen):
+        return ""
+    places = [(reading.here.ra_deg, reading.here.dec_deg) for reading in seen]
+    return tr(RAN_ON, moved=max(apart_deg(places[0], place) for place in places))
 
 
 class Watchdog:

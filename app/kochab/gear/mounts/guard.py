@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from math import inf
 from time import monotonic, sleep
 from types import TracebackType
@@ -18,7 +19,7 @@ from typing import Generic, NoReturn, Self, TypeVar
 from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
 from kochab.core.frame import Site
-from kochab.core.mount import Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
 from kochab.core.progress import Task
 from kochab.gear.journal import MotionLog, utc_now
 from kochab.gear.mounts.clock_and_site import ClockAndSite, wall_clock
@@ -39,6 +40,8 @@ DOUBTFUL_SYNC = tr_noop(
 )
 PATIENCE_S, RETRY_S = 20.0, 1.0  # to open a broken line again, and between two tries
 COARSE_READ_BACK_ARCSEC = 240.0
+SLEWS_DEG_S = 0.1  # the slowest slew that may run on
+FAST_DEG_S = 4.0 * SIDEREAL_DEG_S  # what creeps more slowly shifts a sync by less than it is read back to
 FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
 
 T = TypeVar("T")
@@ -131,6 +134,7 @@ class Guard:
     blind_stop = FromDriver(lambda driver: driver.blind_stop)
     ends_alone = FromDriver(lambda driver: driver.ends_alone)
     rates_deg_s = FromDriver(lambda driver: driver.rates_deg_s)
+    lag_s = FromDriver(lambda driver: driver.lag_s)
     missed = FromDriver(lambda driver: driver.missed)
     identify = FromDriver(lambda driver: driver.identify)
     altaz_deg = FromDriver(lambda driver: driver.altaz_deg)
@@ -297,13 +301,12 @@ class Guard:
 
     def _place_of_rest(self, looks: int = LOOKS) -> tuple[Pointing, bool]:
         """The last position, and whether the tube stands there."""
-        last, stands = seen_to_stand(self._read, self.emergency.wait, looks)
-        assert last is not None  # a missed answer raises
-        return last.here, stands
+        seen, stands = seen_to_stand(self._read, self.emergency.wait, looks, slowest_deg_s=FAST_DEG_S, lag_s=self.lag_s)
+        return seen[-1].here, stands  # a missed answer raises
 
     def _read(self) -> Reading:
         asked_s, asked = monotonic(), self.clock()
-        return Reading(self.position(), asked_s, asked)
+        return Reading(self.position(), asked_s, asked, answered_s=monotonic())
 
     def _sync(self, before: Pointing, ra_deg: float, dec_deg: float) -> None:
         self.supervisor.forget()  # the end of a pulse may still be waited for: this is no jump
@@ -404,7 +407,8 @@ class Guard:
         plan, preview = self.policy.rest(action, self.position(), self._settled_state(), self.park_altitude_deg())
         self._require_allowed(preview, confirmed=True)
         send = self.mount.park if action == "park" else self.mount.go_home
-        self._send(action, self.limits.slew_timeout_s, send, SupervisedMotion(plan, anywhere()), stops)
+        motion = SupervisedMotion(plan, anywhere())
+        self._send(action, self.limits.slew_timeout_s, send, motion, stops, SLEWS_DEG_S)
 
     def _finish(self, action: str, arrival: Task[T]) -> Task[T]:
         """Wait for the end of a motion, which is stopped when it does not come."""
@@ -423,6 +427,7 @@ class Guard:
             if not ended:
                 self.halt()
         self.emergency.end()
+        self.emergency.came_to_rest()
         self.log.add(action, "done")
         return result
 
@@ -458,6 +463,7 @@ class Guard:
             lambda: self.mount.move(direction, rate_deg_s, seconds),
             self._allowed_move("move", direction, rate, seconds),
             stops,
+            rate / (2.0 if self.rates_deg_s else FASTER),
             direction=str(direction),
             rate_deg_s=rate,
             seconds=seconds,
@@ -504,7 +510,8 @@ class Guard:
         plan, preview = self.policy.goto(*self._look(), (ra_deg, dec_deg), flip)
         self._require_allowed(preview, confirmed=True)
         motion = SupervisedMotion(plan, allowed_region(plan))
-        self._send("goto", inf, lambda: self.mount.goto(ra_deg, dec_deg), motion, stops, ra_deg=ra_deg, dec_deg=dec_deg)
+        goto = partial(self.mount.goto, ra_deg, dec_deg)
+        self._send("goto", inf, goto, motion, stops, SLEWS_DEG_S, ra_deg=ra_deg, dec_deg=dec_deg)
         return plan
 
     def _allowed_move(self, action: str, direction: Direction, rate_deg_s: float, seconds: float) -> SupervisedMotion:
@@ -545,9 +552,9 @@ class Guard:
         self.clock_and_site.reconnected()
         self.emergency.reconnect(self._reopen)
 
-    def see_stopped(self) -> None:
+    def see_stopped(self) -> str:
         """As :meth:`EmergencyStop.see_stopped`."""
-        self.emergency.see_stopped()
+        return self.emergency.see_stopped()
 
     def stop_on_new_line(self, patience_s: float = PATIENCE_S) -> None:
         """The line broke in a motion: open it again, send Stop and see that the mount stands.
@@ -618,6 +625,7 @@ class Guard:
         do: Callable[[], None],
         motion: SupervisedMotion | None = None,
         stops: int | None = None,
+        slowest_deg_s: float = 0.0,
         **detail: float | str,
     ) -> None:
         """Send once, not after a Stop since the count ``stops``; stop when the reply does not show what it does."""
@@ -627,7 +635,7 @@ class Guard:
             self.emergency.expect_motion()
         if lasts_s:
             self.supervisor.begin(motion)  # before the bytes: from now on every position is checked against it
-            self.emergency.begin(lasts_s)
+            self.emergency.begin(lasts_s, slowest_deg_s)
         try:
             if stops is not None:  # the questions before it took time, in which a Stop may have come
                 self.check_not_stopped(stops, action)

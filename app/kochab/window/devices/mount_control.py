@@ -244,7 +244,9 @@ class MountControl(QObject):
             case Stopped():
                 self.message.emit(tr("Stopping…"), "muted")
             case StandsStill():
-                self.message.emit(tr("Mount stopped."), "muted")
+                self.message.emit(
+                    f"{tr('Mount stopped.')} {event.sentence}".rstrip(), "wrong" if event.sentence else "muted"
+                )
             case StopFailed() | LimitReached():
                 self.message.emit(event.sentence, "bad")
         self.changed.emit()

@@ -100,6 +100,7 @@ class IndiMount(ServerMount):
                 raise silent
             super().__init__(settings.get("epoch") or PLACES[self._at], link.close)
             self._poll_s = min(CALL_S, (device.number("POLLING_PERIOD", "PERIOD_MS") or 1000.0) / 1000.0 + LATE_S)
+            self.lag_s = self._poll_s
             self._unsettled_s = self._refused_s = 0.0
             self._looked_s = monotonic()
             self._heard = LastHeard(device, self._at) if only_listens(device) else None

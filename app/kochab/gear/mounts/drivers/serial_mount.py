@@ -38,6 +38,7 @@ class SerialMount:
     blind_stop: ClassVar[bytes]
     ends_alone: ClassVar[bool] = False
     rates_deg_s: tuple[float, ...] = ()
+    lag_s: ClassVar[float] = 0.0  # each question goes to the mount itself
 
     def __init__(self, link: SerialLink, **settings: Unpack[MountSettings]) -> None:
         self.epoch = settings.get("epoch") or self.default_epoch

@@ -20,6 +20,7 @@ class ServerMount:
     blind_stop: ClassVar[bytes] = b""
     ends_alone: ClassVar[bool] = False
     rates_deg_s: ClassVar[tuple[float, ...]] = ()
+    lag_s: float = 1.0  # ASCOM's drivers ask their mounts about so often
 
     def __init__(self, epoch: Epoch, hang_up: Callable[[], None]) -> None:
         self.epoch = epoch
