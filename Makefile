@@ -6,7 +6,7 @@
 #   make smoke    a minute that touches every room, for the loop while one works
 #   make test-any-day   tests that know of time, on other days and in other places (needs faketime)
 #   make house    what the house looks like: sizes of the rooms, circles of imports, the files of each walk
-#   make resolve  every dependency has a wheel for Python 3.11, 3.12 and 3.13
+#   make resolve  which systems and Pythons have every dependency as a wheel: writes packaging/RESOLVED.md (needs the network)
 #   make lint     the checks alone          make format   put the source in order
 #   make coverage   every test, and the share of each room's lines that they execute
 #   make mutants  deliberate bugs that the tests must catch         (make mutants MUTANTS="--minutes 5")
@@ -77,9 +77,8 @@ style: $(STAMP)
 types: $(STAMP)
 	@$(BIN)/mypy
 
-# Asks the package index, about a minute.
 resolve: $(STAMP)
-	@KOCHAB_RESOLVE=1 $(BIN)/python -m pytest -n 0 tests/test_wheel.py -k every_dependency
+	@$(BIN)/python packaging/resolve.py
 
 # Counting lines makes the tests a third slower, so `make test` does without.
 coverage: SYSTEM = test

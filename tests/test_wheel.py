@@ -126,17 +126,6 @@ def test_a_checkout_runs_without_being_installed(repository, tmp_path):
     assert Path(run([sys.executable, "-c", code], tmp_path).splitlines()[-1]).is_relative_to(tmp_path)
 
 
-@pytest.mark.skipif("KOCHAB_RESOLVE" not in os.environ, reason="asks the package index; run make resolve")
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("version", ["3.11", "3.12", "3.13"])
-def test_every_dependency_has_a_wheel_for(version, wheel, tmp_path):
-    for extra in ("", "[cameras]"):
-        command = [sys.executable, "-m", "pip", "install", "--dry-run", "--quiet", "--only-binary=:all:"]
-        command += ["--python-version", version, "--target", tmp_path, f"{wheel}{extra}"]
-        done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-
-
 def test_both_ways_to_start_tell_the_version(scripts, elsewhere):
     assert run([scripts / "kochab", "--version"], elsewhere).strip() == f"kochab {kochab.__version__}"
     told = run([scripts / "python", "-m", "kochab", "--version"], elsewhere).strip()
