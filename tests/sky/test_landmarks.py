@@ -34,7 +34,15 @@ def test_constellations_are_astropys_but_for_places_on_a_boundary():
         (83.8, -5.4, 1.0, "M 42 in Orion"),
         (84.0, -4.0, 12.0, "M 42 in Orion"),
         (85.3, -2.2, 2.0, "Horsehead Nebula in Orion"),
-        (84.05, -1.2, 12.0, "Flame Nebula in Orion"),  # brighter clusters of little-known names are near
+        (84.05, -1.2, 12.0, "Orion's Belt in Orion"),
+        (84.0, -0.8, 10.1, "Orion's Belt in Orion"),
+        (85.2, -4.2, 10.2, "M 42 in Orion"),
+        (128.5, -45.8, 6.0, "Vela Remnant in Vela"),  # NGC 2645, 3 arcmin, stands in its middle
+        (130.0, 20.0, 67.0, "Cancer"),  # M 44, a degree and a half of it
+        (56.3, 30.7, 10.2, "Taurus"),  # IC 348, ten arcmin
+        (308.1, 39.8, 13.0, "Sadr Region in Cygnus"),  # M 29, seven arcmin
+        (193.0, -62.8, 12.0, "Coalsack Nebula in Crux"),
+        (83.0, -2.0, 1.0, "Orion"),  # within Barnard's Loop, which is twenty degrees wide
         (315.0, 44.4, 4.0, "North America Nebula in Cygnus"),
         (10.7, 41.3, 3.0, "M 31 in Andromeda"),
         (56.7, 24.1, 3.0, "M 45 in Taurus"),

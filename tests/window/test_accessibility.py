@@ -89,7 +89,7 @@ def test_a_whole_solve_by_keyboard_alone(qtbot, make_window, engine, tmp_path):
         press(window, Qt.Key.Key_Space)
     assert isinstance(commands.session.known.result, Solution)
     card = QAccessible.queryAccessibleInterface(window.workspace.card)
-    qtbot.waitUntil(lambda: card.text(QAccessible.Text.Name) == "Flame Nebula in Orion")
+    qtbot.waitUntil(lambda: card.text(QAccessible.Text.Name) == "Orion's Belt in Orion")
     assert "24 stars matched" in card.text(QAccessible.Text.Description)
     press(window, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier)
     assert QGuiApplication.clipboard().text() == "05:36:12.00 -01:12:00.0"

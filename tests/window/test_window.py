@@ -53,8 +53,8 @@ def test_opening_shows_solves_and_marks(qtbot, opened):
     window, commands = opened
     panes = window.workspace
     assert panes.view.picture is not None
-    qtbot.waitUntil(lambda: panes.card.title.text() == "Flame Nebula in Orion")
-    assert panes.card.accessibleName() == "Flame Nebula in Orion"
+    qtbot.waitUntil(lambda: panes.card.title.text() == "Orion's Belt in Orion")
+    assert panes.card.accessibleName() == "Orion's Belt in Orion"
     assert "1 in 10¹⁴" in panes.card.text.text()
     assert panes.card.ra.isVisible()
     assert panes.card.ra.text() == "05h 36m 12.00s"

@@ -7,23 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.solution import Solution
 from kochab.sky.catalogue import shipped_folder
 from kochab.text.translation import tr
 
-LEAST_SHARE = 0.01  # of the frame's shorter side: a smaller object does not name a frame
+LEAST_SHARE = 0.04  # of the frame's shorter side: a smaller object does not name a frame
+AREA_MAG = 1.0  # by which an object that fills the frame counts as brighter than one a tenth as long
 MARGIN = 0.1  # of the frame's sides, where an object is not what the frame is of
 TO_EDGE_MAG = 5.0  # by which an object at the edge must be brighter than one at the centre
 MESSIER_MAG, NAMED_MAG = 4.5, 2.0  # by which a name counts as brighter
-UNKNOWN_MAG, FAINTEST_MAG = 9.0, 11.0
+BRIGHTEST_MAG, UNKNOWN_MAG, FAINTEST_MAG = 2.0, 9.0, 11.0  # the Belt, V 0.6, is no better known than M 42
 FAINTEST_AT_1_DEG = 12.5  # that names a frame, and five magnitudes brighter for ten times the field
 STAR_MAG, STAR_FIELD_DEG = 4.0, 10.0  # the faintest star that names a frame, and the widest
 UNKNOWN_ARCMIN = 1.0
 WIDEST_NAMED_DEG = 45.0  # wider frames are of a constellation, not of an object in it
 NEBULAE = ("HII", "Neb", "EmN", "RfN", "DrkN", "SNR", "Cl+N")  # a named one counts as this bright, but for loops
-NEBULA_MAG, WIDEST_ARCMIN = 5.2, 200.0
+NEBULA_MAG = 5.2
+LOOP_ARCMIN, LOOP_SHARE = 200.0, 1.2  # a nebula as large names a frame that has it whole, no field within it
+WIDEST_NEBULA_ARCMIN = 600.0  # Barnard's Loop and the Gum Nebula name none
 MINOR = ("Cr ", "Mel ", "Ru ", "Stock ", "Tr ", "Arp ", "HCG ", "RCW ", "Ced ", "SNR ", "PK ", "LBN ", "LDN ")
 """Catalogues whose numbers name no field."""
 STARS = ("*", "**")  # OpenNGC's types of entries that are no objects
@@ -62,13 +65,17 @@ def constellation_names() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Landmarks:
-    """Deep-sky objects worth a name: ICRS vectors (N, 3), V, by how much a name counts, diameters in degrees (N,)."""
+    """Deep-sky objects worth a name: ICRS vectors (N, 3), V, by how much a name counts, diameters in degrees (N,).
+
+    ``loop`` (N,) says which are nebulae so large that they name no field within them.
+    """
 
     names: list[str]
     vectors: Floats
     mag: Floats
     fame_mag: Floats
     size_deg: Floats
+    loop: Bools
 
 
 @cache
@@ -82,14 +89,16 @@ def landmarks() -> Landmarks:
     for row in rows:
         name, kind, ra, dec, mag, size, messier, common = (row.split("\t") + [""] * 7)[:8]
         v = float(mag or UNKNOWN_MAG + FAINTEST_MAG * (not (messier or common)))
-        if kind in NEBULAE and common and float(size or UNKNOWN_ARCMIN) < WIDEST_ARCMIN:
+        arcmin, nebula = float(size or UNKNOWN_ARCMIN), kind in NEBULAE
+        if nebula and common and arcmin < WIDEST_NEBULA_ARCMIN:
             v = min(v, NEBULA_MAG)
         if kind not in STARS and (messier or common or (v < FAINTEST_MAG and not name.startswith(MINOR))):
             names.append(f"M {messier[1:].lstrip('0')}" if messier else common.partition(",")[0] or name)
             fame = MESSIER_MAG if messier else NAMED_MAG if common else 0.0
-            numbers.append((float(ra), float(dec), v, fame, float(size or UNKNOWN_ARCMIN) / 60.0))
-    table = np.array(numbers).reshape(-1, 5)
-    return Landmarks(names, unit_vectors(table[:, 0], table[:, 1]), *table.T[2:])
+            numbers.append((float(ra), float(dec), v, fame, arcmin / 60.0, nebula and arcmin > LOOP_ARCMIN))
+    table = np.array(numbers).reshape(-1, 6)
+    mag, fame_mag, size_deg, loop = table.T[2:]
+    return Landmarks(names, unit_vectors(table[:, 0], table[:, 1]), mag, fame_mag, size_deg, loop > 0.0)
 
 
 def name_of_field(solution: Solution) -> str:
@@ -104,11 +113,13 @@ def name_of_field(solution: Solution) -> str:
     around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
     away = np.where(around, 0.0, away)
     seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)
-    seen &= wide <= WIDEST_NAMED_DEG
+    seen &= (wide <= WIDEST_NAMED_DEG) & ~(known.loop[near] & (known.size_deg[near] > LOOP_SHARE * wide))
     seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
     constellation = constellation_at(solution.centre_vector)
     if seen.any():
-        score = known.mag[near] - known.fame_mag[near] + TO_EDGE_MAG * away**2
+        share = np.clip(known.size_deg[near] / narrow, LEAST_SHARE, 1.0)
+        score = np.maximum(known.mag[near], BRIGHTEST_MAG) - known.fame_mag[near] - AREA_MAG * np.log10(share)
+        score += TO_EDGE_MAG * away**2
         best = int(np.argmin(np.where(seen, score, np.inf)))
         place = constellation_at(known.vectors[near[best]])
         if place == constellation or away[best] < 0.5:  # towards the edge a neighbour's object names no frame

@@ -95,9 +95,9 @@ def test_the_card_names_the_field_of_a_running_camera(qtbot, live):
     view, commands = live
     run(view, Stars())
     title = commands.window.workspace.card.title
-    qtbot.waitUntil(lambda: title.text() == "Flame Nebula in Orion")
+    qtbot.waitUntil(lambda: title.text() == "Orion's Belt in Orion")
     commands.session.solved.emit(fake_solution(600, 400))
-    assert title.text() == "Flame Nebula in Orion"
+    assert title.text() == "Orion's Belt in Orion"
     view.end()
     wait_idle(qtbot, view)
 
