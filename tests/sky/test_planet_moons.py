@@ -1,4 +1,4 @@
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from kochab.core.attitude import ARCSEC, apart_deg, east_north
 from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.sky.planet_moons import MOONS, from_planet, planet_moons
-from kochab.sky.small_bodies import bodies_near
+from kochab.sky.small_bodies import bodies_near, body_called
 from kochab.sky.solar_system import BodyKind, major_bodies, observer_at
 
 JUPITER = [  # arcsec east and north of Jupiter, from the Earth's centre: PyEphem 4.2.1, whose moons are the BDL's series
@@ -207,3 +207,20 @@ def test_the_moons_that_a_frame_reaches_are_among_its_bodies(planet, faintest, m
     found = {body.name: body.kind for body in run(bodies_near(when, place, body.vector, 0.005, faintest))}
     assert found == {planet: BodyKind.PLANET, **dict.fromkeys(found.keys() & MOONS[planet], BodyKind.SATELLITE)}
     assert len(found) == 1 + moons
+
+
+def test_a_moon_behind_its_planet_is_found_by_its_name():
+    """Io is behind Jupiter for two hours of each turn of 42."""
+    hours = [datetime(2026, 11, 20, tzinfo=UTC) + timedelta(hours=hour) for hour in range(48)]
+    seen = {when: jupiter_and_moons(when) for when in hours}
+    hidden = [when for when, (_, moons) in seen.items() if "Io" not in [moon.name for moon in moons]]
+    assert 1 <= len(hidden) <= 5
+    io = run(body_called("io", hidden[0], None))
+    assert io.name == "Io"
+    assert apart_deg(io.vector, seen[hidden[0]][0].vector) * 3600.0 < 25.0
+
+
+def jupiter_and_moons(when):
+    observer = observer_at(when, None)
+    jupiter = next(body for body in major_bodies(observer) if body.name == "Jupiter")
+    return jupiter, planet_moons(observer, jupiter)

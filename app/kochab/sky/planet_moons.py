@@ -81,10 +81,15 @@ def from_planet(planet: str, name: str, jd_tdb: Floats) -> Floats:
     return np.asarray(np.stack(places, axis=1) @ np.array(theory["to_icrs"]).T)
 
 
-def planet_moons(observer: Observer, planet: Body) -> list[Body]:
-    """The moons of Jupiter or Saturn that are not behind it; eclipses and the rings are left out."""
+def planet_moons(observer: Observer, planet: Body, only: str = "") -> list[Body]:
+    """The moons of Jupiter or Saturn that are not behind it; eclipses and the rings are left out.
+
+    With ``only`` the moon of that name alone, hidden or not.
+    """
     ephemeris, found = shipped_ephemeris(), []
     for name, (radius_km, v, sigma) in MOONS[planet.name].items():
+        if only and name != only:
+            continue
 
         def where(jd: Floats, name: str = name) -> Floats:
             return ephemeris(planet.name.lower(), jd) + from_planet(planet.name, name, jd)
@@ -108,6 +113,6 @@ def planet_moons(observer: Observer, planet: Body) -> list[Body]:
         )
         apart = angle_between(body.vector, planet.vector) / ARCSEC
         # hidden only when farther than the planet and within its disc
-        if distance < planet.distance_au or apart > planet.diameter_arcsec / 2.0:
+        if only or distance < planet.distance_au or apart > planet.diameter_arcsec / 2.0:
             found.append(body)
     return found

@@ -19,7 +19,17 @@ from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.sky.orbits import carried, days_since_perihelion, period_years, two_body
 from kochab.sky.planet_moons import MOONS, planet_moons
-from kochab.sky.solar_system import Body, BodyKind, Moving, Observer, covers, lit_share, major_bodies, observer_at
+from kochab.sky.solar_system import (
+    RADIUS_KM,
+    Body,
+    BodyKind,
+    Moving,
+    Observer,
+    covers,
+    lit_share,
+    major_bodies,
+    observer_at,
+)
 
 ASTEROID_SIGMA_ARCSEC, ASTEROID_PER_YEAR2 = 1.0, 0.008
 """1 sigma of asteroids while their orbits were fitted, and its growth with the square of years: others pull them, whose
@@ -299,10 +309,11 @@ def body_called(text: str, time_utc: datetime, site: Site | None, more: Sequence
     if not covers(time_utc):
         return None
     observer, wanted = observer_at(time_utc, site), text.casefold().strip()
-    bodies = major_bodies(observer)
-    bodies += [moon for planet in bodies if planet.name in MOONS for moon in planet_moons(observer, planet)]
-    if found := next((body for body in bodies if body.name.casefold() == wanted), None):
-        return found
+    if wanted in RADIUS_KM:
+        return major_bodies(observer, wanted)[0]
+    for planet, moons in MOONS.items():
+        if moon := next((name for name in moons if name.casefold() == wanted), None):
+            return planet_moons(observer, major_bodies(observer, planet.casefold())[0], moon)[0]
     for table in (*more, shipped_small_bodies()):
         row = _rows_called(tuple(table.names)).get(wanted)
         if row is not None and (body := (yield from table.body(row, observer))) is not None:

@@ -165,11 +165,13 @@ SATURN_POLE = unit_vectors(40.589, 83.537)
 """ICRS, J2000 (IAU WGCCRE 2015)."""
 
 
-def major_bodies(observer: Observer) -> list[Body]:
-    """The Sun, the Moon, the planets and Pluto."""
+def major_bodies(observer: Observer, only: str = "") -> list[Body]:
+    """The Sun, the Moon, the planets and Pluto; with ``only`` the one of that name, lower case."""
     ephemeris = shipped_ephemeris()
     found = []
     for name, radius_km in RADIUS_KM.items():
+        if only and name != only:
+            continue
         vectors, jd = observer.sees(partial(ephemeris, name))
         from_sun = (observer.place + vectors - ephemeris("sun", jd))[0]
         distance = float(np.linalg.norm(vectors))
