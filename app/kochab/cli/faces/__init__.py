@@ -8,7 +8,11 @@ import os
 import re
 from collections.abc import Sequence
 
-FACES = {"astap": "kochab.cli.faces.astap:run", "astap_cli": "kochab.cli.faces.astap:run"}
+FACES = {
+    "astap": "kochab.cli.faces.astap:run",
+    "astap_cli": "kochab.cli.faces.astap:run",
+    "solve-field": "kochab.cli.faces.solve_field:run",
+}
 """By the original's name, what takes its arguments and returns its exit code."""
 
 

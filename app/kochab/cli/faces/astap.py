@@ -22,12 +22,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from kochab.cli.batch import attempt
+from kochab.cli.faces.plane import cd_at_centre
 from kochab.cli.output import with_progress
 from kochab.cli.process import say
-from kochab.core.attitude import east_north
 from kochab.core.errors import CatalogueError, FrameError, KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
@@ -326,7 +324,7 @@ def _cards(solution: Solution) -> dict[str, str]:
     """
     ra, dec = solution.ra_dec_deg
     width, height = solution.camera.width, solution.camera.height
-    (a, b), (c, d) = _cd_at_centre(solution)
+    (a, b), (c, d) = cd_at_centre(solution)
     # y grows downwards: an unmirrored frame has a positive determinant, and the sign of CDELT1 tells it.
     side = math.copysign(1.0, a * d - b * c)
     keywords = {
@@ -344,20 +342,6 @@ def _cards(solution: Solution) -> dict[str, str]:
         "CD2_2": d,
     }
     return {name: f"{value:.14E}" for name, value in keywords.items()}
-
-
-def _cd_at_centre(solution: Solution) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Degrees of (east, north) a pixel of (x, y), by a step of a pixel each way."""
-    camera = solution.camera
-    east, north = east_north(solution.centre_vector)
-    middle = np.array([camera.width - 1.0, camera.height - 1.0]) / 2.0
-    # Differences over two pixels: the lens' distortion at the centre is in them, which a formula for TAN leaves out.
-    steps = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
-    rays = camera.unproject(middle + steps) @ solution.attitude.matrix
-    ahead = rays @ np.cross(east, north)
-    plane = np.degrees(np.stack([rays @ east, rays @ north]) / ahead)
-    x, y = (plane[:, 1] - plane[:, 0]) / 2.0, (plane[:, 3] - plane[:, 2]) / 2.0
-    return (float(x[0]), float(y[0])), (float(x[1]), float(y[1]))
 
 
 def _ini_text(facts: dict[str, str]) -> str:
