@@ -356,13 +356,12 @@ class Finder:
         close = difflib.get_close_matches(wanted, near, SUGGESTIONS, 0.7)
         return tuple(dict.fromkeys(self._written(key) for key in close))
 
-    def beginning(self, text: str, most: int) -> list[str]:
-        """At most ``most`` names that begin so, the best known first; for a field that is being typed in."""
-        wanted = spelled(text)
+    def named(self) -> Iterator[tuple[str, Entry, str]]:
+        """Every spelling of an object's or a nickname's names, what it is a name of, and how it is written."""
         names, _, written = self._keys
-        found = [(names[key][0].rank if key in names else 3.0, key) for key in self._by_gram.get(wanted[:3], ())]
-        found = sorted(pair for pair in found if pair[1].startswith(wanted)) if len(wanted) > 2 else []
-        return [self._written(key) for _, key in found[:most]] if written else []
+        for key, entries in names.items():
+            for entry in entries:
+                yield key, entry, written.get(key, "")
 
     def _written(self, key: str) -> str:
         _, short, written = self._keys
