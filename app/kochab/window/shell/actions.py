@@ -1,6 +1,6 @@
 """Every command of the window, a row each: its name, its words and keys, and whose method it calls."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -211,6 +211,7 @@ COMMANDS = (
         "tools.search",
         "Ctrl+K",
         tr_noop("Find a star, an object, coordinates or a command"),
+        short=tr_noop("Search   Ctrl+K"),
     ),
     Command(
         "atlas",
@@ -273,15 +274,6 @@ def connect_actions(actions: Actions, parts: object) -> None:
             actions[command.name].toggled.connect(slot)
         else:
             actions[command.name].triggered.connect(lambda _=False, s=slot: s())
-
-
-def command_called(text: str, actions: Mapping[str, QAction]) -> Callable[[], None] | None:
-    """What runs the command that a person calls so, if it can be used now."""
-    for command in COMMANDS:
-        action, name = actions[command.name], command.text.replace("&", "").rstrip("…").casefold()
-        if action.isEnabled() and len(text) > 2 and text.casefold() in (name, command.name):
-            return action.trigger
-    return None
 
 
 def colour_icons(actions: Actions, colours: Colours) -> None:

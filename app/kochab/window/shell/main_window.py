@@ -42,6 +42,7 @@ class MainWindow(QMainWindow):
         self.welcome = Welcome(samples)
         over = [self.actions_by_name[name] for name in ("histogram", "fit", "details")]
         self.bar.add_first(button_of(self.actions_by_name["open"]))
+        self.bar.add_search(button_of(self.actions_by_name["search"]))
         buttons = [button_of(self.menus.layers.menuAction(), self.menus.layers), *map(button_of, over)]
         self.workspace = Workspace(methods, detectors, buttons)
         self.pages = _Pages()

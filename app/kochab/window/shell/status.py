@@ -49,6 +49,11 @@ class TopBar(QFrame):
         """Put a widget beside the menus."""
         self._row.insertWidget(2, widget)
 
+    def add_search(self, widget: QWidget) -> None:
+        """Put a widget that looks like a field, and opens the search, between the file's state and the progress."""
+        widget.setObjectName("search")
+        self._row.insertWidget(self._row.indexOf(self.progress), widget)
+
     def add(self, widget: QWidget) -> None:
         """Put a widget at the right end."""
         self._row.addWidget(widget)
