@@ -10,6 +10,7 @@ from kochab.core.errors import DeviceError
 from kochab.core.mount import Home
 from kochab.core.progress import run
 from kochab.gear.mounts.last_seen import LastSeen, Place
+from kochab.gear.mounts.restart_watch import turned_aside_deg
 from kochab.gear.session import Meridian as Pier
 from kochab.gear.session import MountSelection, guarded, limits_at
 from tests.boards import BOARDS, SITE, Night, served, virtual_time
@@ -157,6 +158,75 @@ def test_the_next_command_says_it(monkeypatch, tmp_path) -> None:
         board.timing.sleep(board.boot_s + 0.5)
         told = subprocess.run(position, capture_output=True, text=True)
     assert "Was it switched off and on? Sync first" in told.stdout, told.stderr
+
+
+@pytest.fixture(params=[89.3, 90.0])
+def left_at_the_pole(request, board):
+    """Where the evening's polar alignment was looked at: beside the pole, the RA axis turned, the mount aligned."""
+    board.align(-20.0, request.param)
+    with session(board) as guard:
+        seen(guard)
+    return board
+
+
+@pytest.mark.parametrize("hours", [0.01, 2.0])
+def test_a_mount_left_beside_the_pole_that_woke_up_there_has_lost_its_ra_axis(hours, left_at_the_pole) -> None:
+    """On the sky it is where it was; a slew from there would be wrong by all that the axis is turned."""
+    board = left_at_the_pole
+    if board.driver == "nexstar" and board.believed_deg()[1] > 89.9:
+        pytest.skip("it tells neither its axes nor its home: this cannot be told")
+    board.timing.sleep(3600.0 * hours)
+    board.cut_power(0.5)
+    board.timing.sleep(20.0)
+    assert board.lost_by_deg() > 20.0
+    with session(board) as guard:
+        assert "its RA axis is" in said(lambda: guard.goto(*place(board, -60.0, 45.0)))
+        assert "Sync first" in guard.policy.slew_block_reason
+    assert not board.false_slews()
+
+
+@pytest.mark.parametrize("tracking", [False, True])
+@pytest.mark.parametrize("hours", [0.01, 2.0, 9.0])
+def test_one_that_kept_its_power_there_is_believed(hours, tracking, left_at_the_pole) -> None:
+    board = left_at_the_pole
+    board.track(tracking)
+    board.timing.sleep(3600.0 * hours)
+    with session(board) as guard:
+        seen(guard)
+        assert guard.policy.slew_block_reason == ""
+
+
+def test_an_evening_that_begins_at_the_home_with_a_clock_to_be_set_is_believed(board) -> None:
+    """Another clock is another right ascension of the same axis."""
+    with board.lock:
+        for axis, home in zip(board.tube.axes, HOME_DEG, strict=True):
+            axis.at_deg = home
+        board.set_counters(HOME_DEG)
+        board.track(False)
+        board.clock_error_s = -5000.0
+    with session(board) as guard:
+        seen(guard)
+    board.clock_error_s = 0.0
+    with session(board) as guard:
+        seen(guard)
+        assert guard.policy.slew_block_reason == ""
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "passed_s", "aside"),
+    [
+        (None, 90.0, 0.0, 0.0),
+        (90.0, None, 0.0, 0.0),
+        (340.0, 90.0, 0.0, 110.0),
+        (340.0, 90.0, 3600.0, 94.96),  # tracked for an hour, and turned by the rest
+        (90.0, 340.0, 3600.0, 110.0),
+        (90.0, 80.0, 3600.0, 10.0),
+        (90.0, 100.0, 3600.0, 0.0),
+        (359.0, 1.0, 0.0, 2.0),
+    ],
+)
+def test_how_far_an_ra_axis_is_from_where_standing_or_tracking_left_it(before, now, passed_s, aside) -> None:
+    assert turned_aside_deg(before, now, passed_s) == pytest.approx(aside, abs=0.01)
 
 
 # -- The file ----------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import Ability, Mount, Pointing, SiteReport
 from kochab.gear.mounts.motion_policy import MotionPolicy
 from kochab.parsing.angles import site_text
+from kochab.sky.horizon import sidereal_deg
 from kochab.text.translation import tr, tr_n, tr_noop
 
 CLOCK_S, SITE_DEG = 120.0, 0.5  # in two minutes the sky turns by half a degree, too
@@ -100,6 +101,15 @@ class ClockAndSite:
         self.wrong = {ability: words for ability, words in conflicts.items() if words and not self._trusted}
         self._policy.clock_conflict = self._sentence(mount) if self.wrong else ""
         return self._policy.clock_conflict
+
+    def sidereal_deg(self, mount: Mount) -> float | None:
+        """By the mount's own clock and site, which its right ascension rests on; None where it does not tell both."""
+        if self._reported is None and self._left > 0:
+            self.ask(mount)
+        ahead_s, report = self._reported or (None, SiteReport())
+        if ahead_s is None or report.site is None:
+            return None
+        return sidereal_deg(report.site, self._policy.clock() + timedelta(seconds=ahead_s))
 
     def _ahead_s(self, report: SiteReport) -> float | None:
         return None if report.time_utc is None else (report.time_utc - self._policy.clock()).total_seconds()

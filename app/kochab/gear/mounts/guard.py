@@ -99,6 +99,7 @@ class Guard:
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy, last_seen)
         self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted, self.supervisor.watch.trust)
         self.supervisor.watch.on_restart = self.clock_and_site.reconnected
+        self.supervisor.watch.sidereal_deg = self.clock_and_site.sidereal_deg
         self._reopen = reopen
         self._finalizer = weakref.finalize(self, self.emergency.at_exit)  # a bound method would keep self alive
 

@@ -21,6 +21,7 @@ class Place:
     """Right ascension and declination of date, degrees, and when it was there.
 
     ``at_rest``: it said that it was at home or parked. ``sent_there``: Kochab had sent it to rest, and it had come.
+    ``hour_angle_deg`` is by its own clock and site, where it tells both and stood beside the pole.
     """
 
     ra_deg: float
@@ -28,6 +29,7 @@ class Place:
     unix_s: float
     at_rest: bool
     sent_there: bool = False
+    hour_angle_deg: float | None = None
 
     @property
     def deg(self) -> Degrees:
@@ -56,7 +58,8 @@ class LastSeen:
         """What another program has kept; None when that is half a day ago or cannot be read."""
         with suppress(ValueError, TypeError, KeyError):
             place = Place(**read_json(self._file))
-            if all(map(isfinite, (*place.deg, place.unix_s))) and abs(self._now_s - place.unix_s) < OVER_S:
+            numbers = (*place.deg, place.unix_s, place.hour_angle_deg or 0.0)
+            if all(map(isfinite, numbers)) and abs(self._now_s - place.unix_s) < OVER_S:
                 return place
         return None
 

@@ -12,6 +12,7 @@ from kochab.gear.mounts.last_seen import LastSeen, Place
 from kochab.gear.mounts.motion_policy import HOME_DEG, MotionPolicy
 from kochab.text.translation import tr, tr_noop
 
+AT_POLE_DEG = 0.1  # nearer to it a right ascension may be reckoned from angles of no size
 UNORDERED_DEG = 2.0  # how far a mount that nobody ordered to move may be found from where it was, beside tracking
 CURE = tr_noop(
     "Sync first, on a solved frame. If the sync is refused, switch the mount off, put the tube at its home, switch it"
@@ -35,6 +36,12 @@ BETWEEN = tr_noop(
 )
 
 
+TURNED = tr_noop(
+    "The mount says that it is at the pole as before, but its RA axis is not where Kochab saw it last, and Kochab did"
+    " not turn it: it may have been switched off and on since."
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Look:
     """A place of date that the mount reported, and when, by both clocks; how it was then.
@@ -52,6 +59,11 @@ class Look:
     def beside_pole(self) -> bool:
         """Where nearly every mount takes itself to be when it wakes up."""
         return 90.0 - abs(self.place_deg[1]) < HOME_DEG
+
+    @property
+    def at_pole(self) -> bool:
+        """Whether its right ascension may be anything, so that only its word of its home tells of its RA axis."""
+        return 90.0 - abs(self.place_deg[1]) < AT_POLE_DEG
 
     @property
     def at_rest(self) -> bool:
@@ -76,6 +88,19 @@ def drift_deg(passed_s: float) -> float:
     return UNORDERED_DEG + 2.0 * SIDEREAL_DEG_S * passed_s
 
 
+def turned_aside_deg(before_deg: float | None, now_deg: float | None, passed_s: float) -> float:
+    """How far the RA axis is from where standing or tracking would have left it; 0.0 where that cannot be told.
+
+    Hour angles, degrees. A mount that does not tell its own clock and site tells no hour angle, and one that woke up
+    within the angle that the sky has turned since looks like one that tracked.
+    """
+    if before_deg is None or now_deg is None:
+        return 0.0
+    turned_deg = (now_deg - before_deg) % 360.0
+    beyond_deg = turned_deg - SIDEREAL_DEG_S * passed_s
+    return max(0.0, min(beyond_deg, 360.0 - turned_deg))
+
+
 def under_way_s(before: Look, ended: tuple[float, datetime] | None, passed_s: float) -> float:
     """How long the motion that the last look saw went on; all the time since, where its end is not known."""
     if ended is None or ended[0] < before.at_s:
@@ -85,6 +110,9 @@ def under_way_s(before: Look, ended: tuple[float, datetime] | None, passed_s: fl
 
 class RestartWatch:
     """Compares what the mount says with what it said before, and forbids slews until a sync after a restart.
+
+    Between two programs it cannot tell a mount that stood at the very pole, does not say whether that was its home, and
+    woke up there with its RA axis turned: neither its place nor its word is another then.
 
     ``reach_deg`` tells how far a mount that was ordered to move may go in so many seconds. Where it was ``last_seen``
     by another program is compared with the first place that this one reads.
@@ -101,6 +129,7 @@ class RestartWatch:
         self.restarts = 0  # how many were found
         self.state = MountState()  # as it was last told
         self.on_restart: Callable[[], None] = lambda: None  # its clock and site may be others now
+        self.sidereal_deg: Callable[[Mount], float | None] = lambda _: None  # by the mount's own clock and site
         self._policy, self._log, self._reach_deg = policy, log, reach_deg
         self._seen: Look | None = None
         self._missed: int | None = mount.missed  # None: the line was opened again
@@ -182,22 +211,35 @@ class RestartWatch:
             look = self._compare_last(mount, look)
         self._seen, self._missed = look, missed
         sent_there = self._place is not None and self._place.sent_there and look.at_rest
-        self._keep(Place(*look.place_deg, look.at.timestamp(), look.at_rest, sent_there), under_way=look.ordered)
+        hour_angle = None if look.ordered else self._hour_angle_deg(mount, look)
+        place = Place(*look.place_deg, look.at.timestamp(), look.at_rest, sent_there, hour_angle)
+        self._keep(place, under_way=look.ordered)
+
+    def _hour_angle_deg(self, mount: Mount, look: Look) -> float | None:
+        """Of a mount beside the pole, where the sky tells nothing of its RA axis; None elsewhere, or not told."""
+        sidereal_deg = self.sidereal_deg(mount) if look.beside_pole and not look.at_pole else None
+        return None if sidereal_deg is None else (sidereal_deg - look.place_deg[0]) % 360.0
 
     def _compare_last(self, mount: Mount, look: Look) -> Look:
         """The first look of a session, with its state, beside what another program saw."""
         self._compares_last = False
+        self.state = mount.state()  # so that what is kept of this session knows whether it was at home
+        look = replace(look, state=self.state)
         kept = self._last_seen.read() if self._last_seen else None
         if kept is None:
             return look
-        self.state = mount.state()
-        look = replace(look, state=self.state)
         rested = MountState(at_home=kept.at_rest)
         before = Look(kept.deg, look.at_s - max(0.0, (look.at - kept.at).total_seconds()), kept.at, False, rested)
         rests = look.beside_pole or look.at_rest
-        # An evening begins at the pole, where another clock is another right ascension.
-        same = look.same_rest(before) or (look.beside_pole and before.beside_pole)
         known = kept.sent_there or self.state.home_confirmed is False  # which forbids a slew by itself
+        # An evening begins at the pole, where another clock is another right ascension, and the same hour angle.
+        same = look.same_rest(before) or (look.beside_pole and before.beside_pole)
+        turned_deg = turned_aside_deg(kept.hour_angle_deg, self._hour_angle_deg(mount, look), look.since_s(before))
+        # Neither standing nor tracking leads to the very pole.
+        came_there = look.at_pole and (kept.hour_angle_deg is not None or (look.at_rest and not kept.at_rest))
+        if same and (turned_deg > UNORDERED_DEG or came_there) and not (known or self._policy.slew_block_reason):
+            self.found(tr(TURNED))
+            return look
         if rests and not same and not known and not self._policy.slew_block_reason:
             self.found(tr(BETWEEN).format(apart_deg(before.place_deg, look.place_deg)))
         return look
