@@ -71,7 +71,10 @@ KEPT: Mapping[str, tuple[str, tuple[str, ...]]] = {
 """Packages of which only some files are needed: why others are not, and what is kept, below the package's folder."""
 
 DROPPED: Mapping[str, tuple[str, ...]] = {
-    "packages' own tests": ("*/tests/*", "*/test/*", "*/conftest.py"),
+    "packages' own tests": (
+        *("*/tests/*", "*/test/*", "*/conftest.py", "*/.gitignore"),
+        *("numpy/_core/_*_tests.*", "scipy/ndimage/_ctest*"),
+    ),
     "headers, stubs and sources for compilers": tuple(
         f"*.{ending}"
         for ending in "pyi pyx pxd pxi h hpp c cpp f90 inc lib a pyc".split()  # noqa: SIM905
