@@ -1,0 +1,102 @@
+"""What the pointing did between frames: drift in RA and Dec with its uncertainty, wander about it, and jumps.
+
+The places are those of solved frames, so that the mount's own word is not asked. A straight line is fitted to each
+stretch without jumps; its uncertainty is that of the scatter about it, widened where neighbours err alike (a periodic
+error seen for less than some turns looks like drift) and for few frames.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from kochab.core.arrays import Floats, Ints
+from kochab.workflows.night.measure import Measure, one_sigma
+
+FEWEST = 4
+"""Frames of a stretch from which a drift is told."""
+ANOTHER_FIELD = 0.2
+"""Share of the frame's width beyond which the next frame shows another field."""
+DITHER = 6.0
+"""Times the usual step beyond which a step is a dither or a knock."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width, degrees."""
+
+    time_utc: datetime
+    ra_deg: float
+    dec_deg: float
+    width_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tracking:
+    """Of one field: drift a second on the sky in arcsec an hour (RA as an arc), wander about it in arcsec RMS.
+
+    ``frames`` are indices into the places; ``dithers`` how many of its steps were jumps, across which nothing is taken.
+    """
+
+    frames: tuple[int, ...]
+    hours: float
+    ra_arcsec_h: Measure
+    dec_arcsec_h: Measure
+    wander_arcsec: tuple[float, float]
+    dithers: int
+
+
+def tracking_of(places: Sequence[Place]) -> list[Tracking]:
+    """The drift of every field that was held for `FEWEST` frames or more, in order of time."""
+    order = sorted(range(len(places)), key=lambda k: places[k].time_utc)
+    fields: list[list[int]] = []
+    for k in order:
+        if fields and _apart_deg(places[fields[-1][-1]], places[k]) < ANOTHER_FIELD * places[k].width_deg:
+            fields[-1].append(k)
+        else:
+            fields.append([k])
+    found = [_held([places[k] for k in field], tuple(field)) for field in fields if len(field) >= FEWEST]
+    return [one for one in found if one is not None]
+
+
+def _apart_deg(one: Place, other: Place) -> float:
+    east = ((other.ra_deg - one.ra_deg + 180.0) % 360.0 - 180.0) * math.cos(math.radians(one.dec_deg))
+    return math.hypot(east, other.dec_deg - one.dec_deg)
+
+
+def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
+    first = places[0]
+    hours = np.array([(p.time_utc - first.time_utc).total_seconds() / 3600.0 for p in places])
+    ra = np.array([(p.ra_deg - first.ra_deg + 180.0) % 360.0 - 180.0 for p in places])
+    dec = np.array([p.dec_deg for p in places])
+    xy = 3600.0 * np.stack([ra * math.cos(math.radians(first.dec_deg)), dec - first.dec_deg])
+    steps = np.diff(xy, axis=1)
+    usual = np.median(steps, axis=1, keepdims=True)
+    off = np.hypot(*(steps - usual))
+    jump = off > DITHER * max(1.4826 * float(np.median(off)), 1e-6)
+    group = np.concatenate([[0], np.cumsum(jump)])
+    if hours[-1] <= 0.0 or len(places) - int(group[-1]) - 2 < 1:
+        return None
+    fits = [_slope(hours, along, group) for along in xy]
+    if fits[0] is None or fits[1] is None:
+        return None
+    (ra_drift, ra_rms), (dec_drift, dec_rms) = fits[0], fits[1]
+    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), int(group[-1]))
+
+
+def _slope(hours: Floats, along: Floats, group: Ints) -> "tuple[Measure, float] | None":
+    """Slope an hour with its uncertainty, and the RMS left; each group of frames has a level of its own."""
+    rows = np.concatenate([hours[:, None], group[:, None] == np.unique(group)], axis=1)
+    dof = len(hours) - rows.shape[1]
+    centred = hours - rows[:, 1:] @ (rows[:, 1:].T @ hours / rows[:, 1:].sum(axis=0))
+    if dof < 1 or not float(centred @ centred) > 0.0:
+        return None
+    terms, *_ = np.linalg.lstsq(rows, along, rcond=None)
+    left = along - rows @ terms
+    rms = math.sqrt(float(left @ left) / dof)
+    alike = float(left[1:] @ left[:-1]) / float(left @ left) if rms > 0 and dof > 3 else 0.0
+    alike = min(max(alike, 0.0), 0.95)
+    wider = math.sqrt((1.0 + alike) / (1.0 - alike)) * one_sigma(dof)
+    return Measure(float(terms[0]), wider * rms / math.sqrt(float(centred @ centred))), rms

@@ -1,0 +1,229 @@
+"""What a night's frames measure, against frames and numbers whose truth is made here or by other programs."""
+
+import shutil
+import subprocess
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from kochab.core.frame import Frame
+from kochab.detection.auto import AutoDetector
+from kochab.frames import read_frame
+from kochab.workflows.night.sharpness import LEAST_SNR, night_field, sharpness
+from kochab.workflows.night.tracking import Place, tracking_of
+from kochab.workflows.night.transparency import StarLight, losses
+from tests.workflows.night_sky import drawn, scattered
+
+SIZE = 900, 600
+
+
+def measured(fwhm_of, seed=1, **look):
+    xy, flux = scattered(SIZE, 160, seed)
+    u, v = ((xy - (np.array(SIZE) - 1) / 2) / (np.hypot(*SIZE) / 2)).T
+    pixels = drawn(SIZE, xy, flux, np.broadcast_to(fwhm_of(u, v), len(xy)), seed, **look)
+    return sharpness(AutoDetector().detect(Frame(pixels)))
+
+
+@pytest.mark.parametrize("fwhm", [2.2, 3.5, 6.0])
+def test_fwhm_is_that_of_the_stars_drawn(fwhm):
+    found = measured(lambda u, v: fwhm + 0 * u)
+    assert found.fwhm_px.value == pytest.approx(fwhm, rel=0.03)
+    assert 0 < found.fwhm_px.sigma < 0.03 * fwhm
+    assert found.elongation.value < 1.06
+
+
+@pytest.mark.parametrize(("across", "down", "corner"), [(0.8, 0.5, "lower right"), (-0.8, 0.5, "lower left"), (-0.6, -0.6, "upper left"), (0.6, -0.6, "upper right")])  # fmt: skip
+def test_a_tilt_is_found_with_its_corner_and_size(across, down, corner):
+    field = measured(lambda u, v: 3.6 + across * u + down * v).field
+    assert field.softest == corner
+    assert field.tilt_chance < 1e-9
+    assert field.tilt.value == pytest.approx(2 * np.hypot(across, down), abs=4 * field.tilt.sigma + 0.06)
+    assert abs(field.curvature.value) < 4 * field.curvature.sigma + 0.05
+    assert max(field.corners, key=lambda name: field.corners[name].value) == corner
+
+
+def test_curvature_is_not_taken_for_tilt():
+    field = measured(lambda u, v: 3.0 + 1.2 * (u * u + v * v)).field
+    assert field.curvature.value == pytest.approx(1.2, abs=4 * field.curvature.sigma + 0.06)
+    assert field.tilt_chance > 1e-3
+
+
+def test_even_fields_have_no_tilt_and_its_chance_means_what_it_says():
+    fields = [measured(lambda u, v: 3.2 + 0 * u, seed).field for seed in range(12)]
+    assert sum(field.tilt_chance < 0.05 for field in fields) <= 3
+    assert min(field.tilt_chance for field in fields) > 1e-4
+    night = night_field(fields)
+    assert night.tilt_chance > 1e-3
+    assert night.tilt.sigma < 0.5 * np.mean([field.tilt.sigma for field in fields])
+
+
+def test_a_night_keeps_the_tilt_that_its_frames_share_while_focus_changes():
+    fields = [measured(lambda u, v, f=focus: f + 0.5 * u, int(10 * focus)).field for focus in (2.8, 3.4, 4.2)]
+    night = night_field(fields)
+    assert night.tilt.value == pytest.approx(1.0, abs=min(4 * night.tilt.sigma, 0.15))
+    assert night.tilt.sigmas > 5
+
+
+@pytest.mark.parametrize("angle_deg", [20.0, 110.0])
+def test_a_trail_is_told_with_its_direction_and_round_stars_have_none(angle_deg):
+    found = measured(lambda u, v: 3.4 + 0 * u, stretch=1.4, angle_deg=angle_deg)
+    assert found.trail.value == pytest.approx(0.4, abs=0.07)
+    assert (found.trail_deg - angle_deg + 90) % 180 - 90 == pytest.approx(0, abs=4)
+    round_ones = measured(lambda u, v: 3.4 + 0 * u)
+    assert round_ones.trail.value < max(3 * round_ones.trail.sigma, 0.01)
+
+
+# -- The same frames by other programs -------------------------------------------------------------
+
+
+@pytest.mark.skipif(not shutil.which("source-extractor"), reason="no source-extractor here")
+@pytest.mark.parametrize("fwhm", [3.0, 4.5])
+def test_source_extractor_sees_the_same_width_and_roundness(fwhm, tmp_path):
+    from astropy.io import fits
+
+    xy, flux = scattered(SIZE, 160, 5)
+    pixels = drawn(SIZE, xy, flux, np.full(160, fwhm), 5, stretch=1.25, angle_deg=30.0)
+    fits.writeto(tmp_path / "frame.fits", pixels.astype(np.float32))
+    (tmp_path / "out.param").write_text("FWHM_IMAGE\nELONGATION\nTHETA_IMAGE\nFLAGS\nSNR_WIN\n")
+    (tmp_path / "none.conv").write_text("CONV NORM\n0 0 0\n0 1 0\n0 0 0\n")
+    subprocess.run(
+        ["source-extractor", "frame.fits", "-c", "/dev/null", "-CATALOG_NAME", "out.txt", "-CATALOG_TYPE", "ASCII", "-PARAMETERS_NAME", "out.param", "-FILTER_NAME", "none.conv", "-DETECT_THRESH", "1.5", "-SATUR_LEVEL", "65000"],
+        cwd=tmp_path, check=True, capture_output=True,
+    )  # fmt: skip
+    rows = np.loadtxt(tmp_path / "out.txt")
+    rows = rows[(rows[:, 3] == 0) & (rows[:, 4] > LEAST_SNR)]
+    found = sharpness(AutoDetector().detect(Frame(pixels)))
+    assert len(rows) > 80
+    assert found.fwhm_px.value == pytest.approx(float(np.median(rows[:, 0])), rel=0.08)
+    assert found.elongation.value == pytest.approx(float(np.median(rows[:, 1])), rel=0.05)
+    assert found.trail_deg == pytest.approx(float(np.median(rows[:, 2])), abs=5)
+
+
+@pytest.mark.parametrize("name", ["apt2032.fits", "pan__19980-fine-final.fits", "exo__HATP-32171220013343.FITS"])
+def test_photutils_sees_the_same_width_in_real_frames(name, repository):
+    from photutils.psf import fit_fwhm
+
+    path = repository.parent / "shared" / "frames" / name
+    if not path.exists():
+        pytest.skip("no real frames here")
+    frame = read_frame(path)
+    detections = AutoDetector().detect(frame)
+    good = ~detections.saturated & ~detections.blended & (detections.snr > 50)
+    stars = detections.take(np.flatnonzero(good)[:40])
+    if len(stars) < 8:
+        pytest.skip("fewer than eight clear stars")
+    pixels = frame.pixels.astype(float) - detections.background
+    theirs = np.array([float(fit_fwhm(pixels, xypos=xy, fit_shape=(15, 15))[0]) for xy in stars.xy])
+    ours = sharpness(detections)
+    assert ours.fwhm_px.value == pytest.approx(float(np.median(theirs)), rel=0.15)
+
+
+# -- Transparency ----------------------------------------------------------------------------------
+
+
+def light_of(rng, stars, own, lost, noise=0.03):
+    return StarLight(
+        tuple(stars), own + rng.normal(0, noise, len(own)) + 21.0 - lost, np.full(len(own), noise)
+    )  # fmt: skip
+
+
+def test_the_light_lost_is_what_was_taken_and_its_uncertainty_holds():
+    rng = np.random.default_rng(3)
+    pulls = []
+    for _ in range(30):
+        own, lost = rng.normal(0, 0.3, 25), np.abs(rng.normal(0, 0.4, 12))
+        names = [f"s{k}" for k in range(25)]
+        found = losses([light_of(rng, names, own, one) for one in lost])
+        clear = int(np.argmin([one.value**2 for one in found]))
+        pulls += [
+            (one.value - (true - lost[clear])) / one.sigma
+            for one, true in zip(found, lost, strict=True)
+            if one.sigma > 0
+        ]
+    assert 0.7 < np.std(pulls) < 1.3
+    assert np.mean(np.abs(pulls) < 2) > 0.9
+
+
+def test_fields_without_common_stars_are_less_certain_but_right():
+    rng = np.random.default_rng(4)
+    pulls = []
+    for _ in range(40):
+        one = light_of(rng, [f"a{k}" for k in range(30)], rng.normal(0, 0.25, 30), 0.0)
+        other = light_of(rng, [f"b{k}" for k in range(30)], rng.normal(0, 0.25, 30), 0.7)
+        found = losses([one, other])
+        step = found[1].value - found[0].value
+        sigma = max(found[0].sigma, found[1].sigma)
+        assert sigma > 0.04
+        pulls.append((step - 0.7) / sigma)
+    assert 0.6 < np.std(pulls) < 1.5
+
+
+def test_a_variable_and_a_wrong_match_do_not_pull_a_frame_and_too_few_stars_say_nothing():
+    rng = np.random.default_rng(5)
+    names, own = [f"s{k}" for k in range(20)], rng.normal(0, 0.2, 20)
+    frames = [light_of(rng, names, own, lost) for lost in (0.0, 0.0, 0.5, 0.0)]
+    frames[3].excess_mag[4] -= 2.0
+    found = losses([*frames, light_of(rng, names[:2], own[:2], 0.0)])
+    assert found[3].value == pytest.approx(0.0, abs=0.06)
+    assert found[2].value == pytest.approx(0.5, abs=0.06)
+    assert found[4] is None
+
+
+# -- Tracking --------------------------------------------------------------------------------------
+
+START = datetime(2026, 1, 1, 20, tzinfo=UTC)
+
+
+def held(rng, drift_arcsec_h, count=20, noise=1.5, ra=359.999, dec=60.0, minutes=5.0, dithers=()):
+    hours = np.arange(count) * minutes / 60
+    east = drift_arcsec_h[0] * hours + rng.normal(0, noise, count)
+    north = drift_arcsec_h[1] * hours + rng.normal(0, noise, count)
+    for at in dithers:
+        east[at:] += 40.0
+        north[at:] -= 25.0
+    return [
+        Place(START + timedelta(hours=float(h)), float((ra + e / 3600 / np.cos(np.radians(dec))) % 360), float(dec + n / 3600), 1.0)
+        for h, e, n in zip(hours, east, north, strict=True)
+    ]  # fmt: skip
+
+
+def test_the_drift_is_found_across_0h_and_its_uncertainty_holds():
+    rng = np.random.default_rng(6)
+    for count in (4, 8, 25):
+        pulls = []
+        for _ in range(150):
+            (found,) = tracking_of(held(rng, (12.0, -30.0), count))
+            pulls += [
+                (found.ra_arcsec_h.value - 12.0) / found.ra_arcsec_h.sigma,
+                (found.dec_arcsec_h.value + 30.0) / found.dec_arcsec_h.sigma,
+            ]
+        assert 0.58 < np.mean(np.abs(pulls) < 1) < 0.8, count
+        assert np.mean(np.abs(pulls) < 2) > 0.83, count
+
+
+def test_dithers_are_no_drift_and_another_field_is_another_drift():
+    rng = np.random.default_rng(7)
+    places = held(rng, (6.0, 4.0), 24, dithers=(6, 12, 18))
+    later = [
+        Place(p.time_utc + timedelta(hours=3), 120.0 + p.ra_deg % 1e-9, p.dec_deg - 30, 1.0)
+        for p in held(rng, (0.0, 50.0), 12)
+    ]
+    found = tracking_of([*later, *places])
+    assert [len(one.frames) for one in found] == [24, 12]
+    assert found[0].dithers == 3
+    assert found[0].dec_arcsec_h.value == pytest.approx(4.0, abs=4 * found[0].dec_arcsec_h.sigma)
+    assert found[0].dec_arcsec_h.sigma < 3.0
+    assert found[1].dec_arcsec_h.value == pytest.approx(50.0, abs=4 * found[1].dec_arcsec_h.sigma)
+
+
+def test_half_a_turn_of_the_worm_is_not_told_as_a_sure_drift():
+    hours = np.arange(20) / 60 * 0.25
+    wave = 8.0 * np.sin(2 * np.pi * hours * 60 / 8)
+    places = [Place(START + timedelta(hours=float(h)), 100 + float(w) / 3600, 0.0, 1.0) for h, w in zip(hours, wave, strict=True)]  # fmt: skip
+    (found,) = tracking_of(places)
+    assert found.ra_arcsec_h.sigmas < 5
+
+
+def test_three_frames_say_no_drift():
+    assert tracking_of(held(np.random.default_rng(8), (5.0, 5.0), 3)) == []
