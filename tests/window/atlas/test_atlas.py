@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from astropy.wcs import WCS
 from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QColor, QGuiApplication, QWheelEvent
+from PySide6.QtGui import QColor, QGuiApplication, QImage, QPainter, QWheelEvent
 from PySide6.QtWidgets import QApplication
 
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.camera import Camera, ChartCamera
 from kochab.core.frame import Hint, Site
 from kochab.window.atlas.dialog import Atlas
+from kochab.window.atlas.frame_painting import paint_frame
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
+from kochab.window.image.screen_image import Viewport
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
 from tests.window.test_night import assert_red
@@ -255,3 +257,60 @@ def test_without_a_date_planets_stand_where_they_are(qtbot, atlas):
     told = re.search(r"\d{4}-\d\d-\d\d \d\d:\d\d", atlas.dated.text()).group()
     assert abs(datetime.now(UTC) - datetime.fromisoformat(f"{told}+00:00")) < timedelta(minutes=30)
     assert {"Sun", "Moon", "Jupiter"} <= {body.name for body in atlas.chart._bodies}
+
+
+def test_the_open_frame_is_painted_where_its_pixels_lie(opened):
+    """A quarter of it is red, through a lens with distortion: that quarter of the sky is red, and no other."""
+    frame = opened[1].session.known.solution
+    camera = replace(frame.camera, k1=-0.1)
+    frame = replace(frame, camera=camera)
+    sheet = frame_at(ChartCamera.of(500, 400, 20.0), frame.centre_vector)
+    pixels = np.zeros((200, 300, 3), np.uint8)
+    pixels[:, :, 2] = 200
+    pixels[100:, :150] = (200, 0, 0)  # the lower left
+    image = QImage(pixels.data, 300, 200, 900, QImage.Format.Format_RGB888).copy()
+    canvas = QImage(500, 400, QImage.Format.Format_RGB32)
+    canvas.fill(0)
+    painter = QPainter(canvas)
+    paint_frame(painter, image, frame, sheet, Viewport(500, 400))
+    painter.end()
+    x, y = np.meshgrid(np.linspace(8, camera.width - 9, 25), np.linspace(8, camera.height - 9, 17))
+    places = np.stack([x.ravel(), y.ravel()], axis=1)
+    places = places[(np.abs(places - (camera.width / 2, camera.height / 2)) > 8).all(axis=1)]  # not the edges
+    for place, at in zip(places.tolist(), sheet.pixels_of(frame.sky_at(places)).tolist(), strict=True):
+        colour = canvas.pixelColor(round(at[0]), round(at[1])).getRgb()[:3]
+        red = place[0] < camera.width / 2 and place[1] > camera.height / 2
+        assert colour == ((200, 0, 0) if red else (0, 0, 200)), place
+    outside = sheet.pixels_of(frame.sky_at(np.array([[-12.0, 100.0], [300.0, -12.0], [camera.width + 12.0, 50.0]])))
+    assert [canvas.pixelColor(round(px), round(py)).getRgb()[:3] for px, py in outside.tolist()] == [(0, 0, 0)] * 3
+
+
+def test_the_chart_holds_the_image_of_the_open_frame(atlas):
+    """Its middle is as bright as the frame's, and it is left out where it would be a dot."""
+    image = atlas.chart.image()
+    assert max(image.width(), image.height()) <= 900
+    bright = atlas.chart.grab().toImage()
+    atlas.chart.image = lambda: None
+    atlas.chart.repaint()
+    atlas.chart._picture = None
+    assert bright != atlas.chart.grab().toImage()
+
+
+def test_stars_have_their_colours(atlas, opened):
+    """Betelgeuse (B-V 1.85) is orange, Rigel (-0.03) blue; at night there is red light alone."""
+
+    def middle(ra, dec):
+        atlas.chart.look(unit_vectors(ra, dec), 10.0)
+        image, ratio = atlas.chart.grab().toImage(), atlas.chart.devicePixelRatio()
+        x, y = round(atlas.chart.width() / 2 * ratio), round(atlas.chart.height() / 2 * ratio)
+        around = (image.pixelColor(x + i, y + j) for i in range(-3, 4) for j in range(-3, 4))  # a figure may cross it
+        colour = max(around, key=lambda c: (abs(c.red() - c.blue()), c.red()))
+        return colour.red(), colour.green(), colour.blue()
+
+    red, green, blue = middle(88.793, 7.407)
+    assert red > green + 30 > blue + 60
+    red, green, blue = middle(78.634, -8.202)
+    assert blue > red + 30
+    opened[1].appearance.use_theme("night")
+    assert middle(78.634, -8.202)[1:] == (0, 0)
+    opened[1].appearance.use_theme("dark")

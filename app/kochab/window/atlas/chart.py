@@ -3,7 +3,7 @@
 It is drawn by the layers that lie over images, over a camera of its own.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
@@ -12,6 +12,7 @@ from PySide6.QtCore import QPoint, QPointF, Qt, Signal
 from PySide6.QtGui import (
     QColor,
     QContextMenuEvent,
+    QImage,
     QKeyEvent,
     QMouseEvent,
     QPainter,
@@ -34,7 +35,9 @@ from kochab.sky.layer import MARKS, Layers, Mark, inside
 from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body, BodyKind
 from kochab.text.translation import tr
+from kochab.window.atlas.frame_painting import paint_frame
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
+from kochab.window.dialogs import is_red
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
 from kochab.window.image.overlay import Overlay
 from kochab.window.image.screen_image import Viewport
@@ -56,6 +59,11 @@ STAR_PX, PX_A_MAG, LARGEST_PX = 1.1, 0.75, 7.0  # the faintest star's diameter, 
 
 
 SHOWN = ("objects", "names", "bodies", "figures", "boundaries", "ecliptic", "grid")
+
+
+STAR_INKS = ((0.0, "#becfff"), (0.3, "#dbe3ff"), (0.6, "#fdf8ff"), (0.9, "#ffeddf"), (1.3, "#ffdebd"), (9.9, "#ffcc94"))
+"""Up to which B-V a star is drawn in which colour: sRGB of a blackbody of the bin's temperature (Ballesteros 2012,
+EPL 97, 34008, eq. 14), through the colour matching functions of Wyman, Sloan and Shirley (2013, JCGT 2, 2)."""
 
 
 MOONS_DEG = 3.0  # wider, moons of planets are not
@@ -100,6 +108,7 @@ class StarChart(QWidget):
         self.setAccessibleDescription(tr("Plus and minus zoom, arrow keys pan, 0 shows the open frame."))
         self.overlay = Overlay(Layers(on={name: name in SHOWN for name in MARKS}))
         self.frame: Solution | None = None
+        self.image: Callable[[], QImage | None] = lambda: None  # of the open frame
         self.mosaic: Mosaic | None = None
         self.catalogue: Catalogue | None = None
         self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
@@ -108,7 +117,7 @@ class StarChart(QWidget):
         self._tables: SkyTables | None = None
         self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
         self._key: object = None
-        self._stars: tuple[Floats, Floats] = NO_STARS, np.empty(0)
+        self._stars: tuple[Floats, Floats, Floats] = NO_STARS, np.empty(0), np.empty(0)
         self._bodies: list[Body] = []
         self._pressed: QPointF | None = None
         self._dragged = False
@@ -127,7 +136,8 @@ class StarChart(QWidget):
                 # The chart shows a hemisphere at most.
                 radius = min(sheet.radius_rad, np.pi / 2.0)
                 rows = self.catalogue.brightest(self.centre, radius, STARS)
-                self._stars = sheet.pixels_of(self.catalogue.vectors(rows)), self.catalogue.mag(rows)
+                places = sheet.pixels_of(self.catalogue.vectors(rows))
+                self._stars = places, self.catalogue.mag(rows), self.catalogue.bv(rows)
         assert self.overlay.solution is not None, "shown above"
         return self.overlay.solution
 
@@ -218,6 +228,8 @@ class StarChart(QWidget):
         painter.fillRect(self.rect(), QColor(colours.sky))
         view = Viewport(self.width(), self.height())
         self._paint_stars(painter, view, colours.star)
+        if self.frame is not None and (image := self.image()) is not None:
+            paint_frame(painter, image, self.frame, sheet, view)
         self.overlay.paint(painter, view)
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.setPen(QPen(translucent(colours.figure, 150), 1.0))
@@ -231,16 +243,19 @@ class StarChart(QWidget):
             self.own.paint_ground(painter, self)
 
     def _paint_stars(self, painter: QPainter, view: Viewport, colour: str) -> None:
-        """Discs by magnitude, those of one size at once."""
-        xy, mags = self._stars
+        """Discs by magnitude in the stars' colours, those of one size and colour at once."""
+        xy, mags, bv = self._stars
         if not len(xy):
             return
+        # At night there is red light alone; a star of unknown colour is drawn white.
+        inks = (colour,) if is_red() else (*(ink for _, ink in STAR_INKS), colour)
+        ink_of = np.zeros(len(xy), dtype=int) if is_red() else np.searchsorted([limit for limit, _ in STAR_INKS], bv)
         sizes = np.clip(STAR_PX + PX_A_MAG * (mags.max() - mags), STAR_PX, LARGEST_PX)
         steps = np.rint(2.0 * sizes)
         at = view.to_screen(xy)
-        for step in np.unique(steps).tolist():
-            chosen = at[(steps == step) & np.isfinite(at[:, 0])]
-            painter.setPen(QPen(QColor(colour), step / 2.0, c=Qt.PenCapStyle.RoundCap))
+        for step, ink in np.unique(np.stack([steps, ink_of]), axis=1).T.tolist():
+            chosen = at[(steps == step) & (ink_of == ink) & np.isfinite(at[:, 0])]
+            painter.setPen(QPen(QColor(inks[int(ink)]), step / 2.0, c=Qt.PenCapStyle.RoundCap))
             painter.drawPoints(QPolygonF([QPointF(x, y) for x, y in chosen.tolist()]))
 
     def _outline(self, painter: QPainter, view: Viewport, frame: Solution, pen: QPen) -> None:

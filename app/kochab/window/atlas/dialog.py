@@ -30,6 +30,7 @@ from kochab.window.image.object_card import facts, vector_of
 from kochab.window.services import Services
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
 
+FRAME_PX = 900  # of the open frame's longer side, as it is painted into the sky
 EXAMPLE = tr_noop("M 31, Vega, Jupiter, 05h35m -5 23")
 
 
@@ -42,6 +43,7 @@ class Atlas(QDialog):
         self.setWindowTitle(tr("Sky atlas"))
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.chart = StarChart()
+        self.chart.image = partial(services.panes.view.whole, FRAME_PX)
         self.sought = text_field(tr("Find"), tr(EXAMPLE), tr("A star, an object, a planet or coordinates"))
         self.description = label("", "muted", wrap=True)
         self.dated = label("", "muted", wrap=True)

@@ -8,6 +8,7 @@ from PySide6.QtGui import (
     QColor,
     QContextMenuEvent,
     QFocusEvent,
+    QImage,
     QKeyEvent,
     QMouseEvent,
     QPainter,
@@ -69,6 +70,16 @@ class FrameView(QWidget):
         if not keep_view:
             self.fit()
         self.update()
+
+    def whole(self, longest: int) -> QImage | None:
+        """The whole image as it looks here, without marks, its longer side at most about ``longest`` px."""
+        picture = self.picture
+        if picture is None:
+            return None
+        share = min(1.0, longest / max(picture.width, picture.height))
+        wide, high = max(1, round(share * picture.width)), max(1, round(share * picture.height))
+        drawn = self._image.render(Viewport(wide, high).fitted(picture.width, picture.height), 1.0)
+        return None if drawn is None else drawn[0].copy()  # it borrows the pixels of the next
 
     def set_look(self, stretch: ScreenStretch, colour: bool, red: bool) -> None:
         """How values become brightness; ``red`` draws with red light alone."""
