@@ -42,8 +42,9 @@ APART_ARCMIN = 5.0  # a name of both sources may be that far apart, or a third o
 CITED = 3  # sources that Stellarium gives for a name before it is shown
 CORRECTIONS = Path(__file__).with_name("corrections.tsv")
 MORE_OBJECTS = Path(__file__).with_name("more_objects.tsv")
-OUTLINE_OF = {"NGC 1978": "NGC 1977", "IC 1848": "Sh2-199"}
-"""Stellarium's outline of the Running Man bears a number of the Large Magellanic Cloud, the Soul's its cluster's."""
+OUTLINE_OF = {"NGC 1978": "NGC 1977", "IC 1848": "Sh2-199", "LBN 933": "Sh2-276", "LBN 988": "Sh2-276"}
+"""Stellarium's outline of the Running Man bears a number of the Large Magellanic Cloud, the Soul's its cluster's,
+those of the two arcs of Barnard's Loop their own."""
 
 
 def read_openngc(database: Path) -> list[SkyObject]:

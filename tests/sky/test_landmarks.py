@@ -38,6 +38,8 @@ def test_constellations_are_astropys_but_for_places_on_a_boundary():
         (84.0, -0.8, 10.1, "Orion's Belt in Orion"),
         (85.2, -4.2, 10.2, "M 42 in Orion"),
         (128.5, -45.8, 6.0, "Vela Remnant in Vela"),  # NGC 2645, 3 arcmin, stands in its middle
+        (187.2, 56.7, 33.0, "Big Dipper in Ursa Major"),
+        (276.0, -29.0, 24.0, "Teapot in Sagittarius"),
         (130.0, 20.0, 67.0, "Cancer"),  # M 44, a degree and a half of it
         (56.3, 30.7, 10.2, "Taurus"),  # IC 348, ten arcmin
         (308.1, 39.8, 13.0, "Sadr Region in Cygnus"),  # M 29, seven arcmin

@@ -309,7 +309,9 @@ class Finder:
             return self._meant(name, nickname["means"], year)
         place = float(nickname["ra_deg"]), float(nickname["dec_deg"])
         kind = {"*": "star"}.get(nickname["kind"], nickname["kind"])
-        return Found(name, kind, *place, float(nickname["mag"] or "nan"), "V" if nickname["mag"] else "")
+        size = float(nickname["size_arcmin"] or "nan")
+        extent = (size, size) if math.isfinite(size) else None
+        return Found(name, kind, *place, float(nickname["mag"] or "nan"), "V" if nickname["mag"] else "", extent)
 
     def _meant(self, name: str, means: str, year: float) -> Found:
         """What the nickname ``name`` stands for: ``means`` is a designation, or ``constellation`` and its name."""

@@ -25,7 +25,7 @@ UNKNOWN_ARCMIN = 1.0
 WIDEST_NAMED_DEG = 45.0  # wider frames are of a constellation, not of an object in it
 NEBULAE = ("HII", "Neb", "EmN", "RfN", "DrkN", "SNR", "Cl+N")  # a named one counts as this bright, but for loops
 NEBULA_MAG = 5.2
-LOOP_ARCMIN, LOOP_SHARE = 200.0, 1.2  # a nebula as large names a frame that has it whole, no field within it
+LOOP_ARCMIN, LOOP_SHARE = 200.0, 1.25  # a nebula as large names a frame that has it whole, no field within it
 WIDEST_NEBULA_ARCMIN = 600.0  # Barnard's Loop and the Gum Nebula name none
 MINOR = ("Cr ", "Mel ", "Ru ", "Stock ", "Tr ", "Arp ", "HCG ", "RCW ", "Ced ", "SNR ", "PK ", "LBN ", "LDN ")
 """Catalogues whose numbers name no field."""
@@ -67,7 +67,7 @@ def constellation_names() -> dict[str, str]:
 class Landmarks:
     """Deep-sky objects worth a name: ICRS vectors (N, 3), V, by how much a name counts, diameters in degrees (N,).
 
-    ``loop`` (N,) says which are nebulae so large that they name no field within them.
+    ``loop`` (N,) says which name a field only where it has them whole: large nebulae, and figures of stars.
     """
 
     names: list[str]
@@ -80,12 +80,23 @@ class Landmarks:
 
 @cache
 def landmarks() -> Landmarks:
-    """Those of the shipped table that have a Messier number or a common name, or are bright; empty without a table."""
+    """Those of the shipped table that have a Messier number or a common name, or are bright, and figures of stars.
+
+    Empty without the tables.
+    """
     try:
-        rows = (shipped_folder() / "objects.tsv").read_text(encoding="utf-8").splitlines()[1:]
+        rows, figures = (
+            (shipped_folder() / name).read_text(encoding="utf-8").splitlines()[1:]
+            for name in ("objects.tsv", "nicknames.tsv")
+        )
     except OSError:
-        rows = []
-    names, numbers = [], []
+        rows = figures = []
+    names, numbers = list[str](), list[tuple[float, ...]]()
+    for row in figures:
+        called, _, ra, dec, _, _, size = row.split("\t")
+        if size:  # the Belt, the Big Dipper
+            names.append(called.partition(";")[0])
+            numbers.append((float(ra), float(dec), BRIGHTEST_MAG, NAMED_MAG, float(size) / 60.0, True))
     for row in rows:
         name, kind, ra, dec, mag, size, messier, common = (row.split("\t") + [""] * 7)[:8]
         v = float(mag or UNKNOWN_MAG + FAINTEST_MAG * (not (messier or common)))
@@ -111,9 +122,10 @@ def name_of_field(solution: Solution) -> str:
     away = 2.0 * np.abs(solution.pixels_of(known.vectors[near]) / size - 0.5).max(axis=1)  # 0 centre, 1 edge
     # an object that surrounds the centre counts as central wherever its own middle lies
     around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
+    whole = away + known.size_deg[near] / narrow <= LOOP_SHARE
     away = np.where(around, 0.0, away)
     seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)
-    seen &= (wide <= WIDEST_NAMED_DEG) & ~(known.loop[near] & (known.size_deg[near] > LOOP_SHARE * wide))
+    seen &= (wide <= WIDEST_NAMED_DEG) & (whole | ~known.loop[near])
     seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
     constellation = constellation_at(solution.centre_vector)
     if seen.any():

@@ -168,8 +168,10 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
     folder = folder or shipped_folder()
     names = StarNames(folder)
     objects, stars = read_objects(folder / "objects.tsv"), _named_stars(names)
+    # an outline may bear another number of its object, such as IC 2118 of the Witch Head
+    row_of = {word: row for row, words in enumerate(objects.also.tolist()) if words for word in words.split(",")}
     # reversed, so that the first row of a name is the one that is kept
-    row_of = {name: row for row, name in reversed([*enumerate(objects.name.tolist())])}
+    row_of |= {name: row for row, name in reversed([*enumerate(objects.name.tolist())])}
     row_of |= {name.replace("M", "M ", 1): row for row, name in enumerate(objects.messier.tolist()) if name}
     outlines: dict[int, tuple[Floats, ...]] = {}
     for name, shape in _chains(folder / "outlines.tsv"):

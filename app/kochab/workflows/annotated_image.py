@@ -77,7 +77,8 @@ NORTH, EAST, EDGE = "#ff6b6b", "#6bb8ff", "#0c0e11"
 SMALL_PX = 12_000_000  # a picture this small has smooth lines; in others they are wide
 LETTER_PX, ACROSS = 13, 1200.0  # of a picture 1200 px across; larger ones have larger letters
 STELLARIUM_DEG, STELLARIUM_PX = 20.0, 4096  # the widest field, and the largest picture that any computer shows
-CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos"
+CREDIT, SHORT_CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos", "OpenNGC, CC BY-SA 4.0"
+"""Whose the names are; the shorter one where a picture has no room."""
 
 
 USUAL = Layers({name: name in SHOWN and name != "centre" for name in MARKS})
@@ -158,7 +159,8 @@ def drawing_of(
     made.strokes += _circles(solution, layers, detected, unit, line)
     ranks = layers.faintest(view, solution)
     # What labels must leave free: the credit line, and the compass.
-    taken = [(0.0, view.bounds[3] - 1.6 * LETTER_PX, size(CREDIT)[0] + LETTER_PX, 1.6 * LETTER_PX + 4.0)]
+    credit = CREDIT if size(CREDIT)[0] + LETTER_PX < view.bounds[2] else SHORT_CREDIT
+    taken = [(0.0, view.bounds[3] - 1.6 * LETTER_PX, size(credit)[0] + LETTER_PX, 1.6 * LETTER_PX + 4.0)]
     taken += [_compass_box(view)] if layers.on["compass"] else []
     if layers.on["objects"] and (within := around_text(tables, solution)):
         corner = (view.bounds[0] + 4.0, view.bounds[1] + 4.0, *size(within))
@@ -187,7 +189,7 @@ def drawing_of(
     made.words += [((x / scale - 0.5, y / scale - 0.5), text, ink) for (x, y, _, _), text, ink in words]
     if layers.on["compass"]:
         _draw_compass(made, solution)
-    made.words.append(((0.6 * letter, camera.height - 1.6 * letter), CREDIT, INKS["dark"]))
+    made.words.append(((0.6 * letter, camera.height - 1.6 * letter), credit, INKS["dark"]))
     return made
 
 

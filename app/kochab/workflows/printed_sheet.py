@@ -25,7 +25,16 @@ from kochab.sky.finder import Found
 from kochab.sky.layer import KINDS
 from kochab.text.angle_text import AngleStyle, radec_text
 from kochab.text.translation import tr, tr_noop
-from kochab.workflows.annotated_image import CREDIT, INKS, USUAL, Drawing, dated_drawing, drawing_of, picture_of
+from kochab.workflows.annotated_image import (
+    CREDIT,
+    INKS,
+    SHORT_CREDIT,
+    USUAL,
+    Drawing,
+    dated_drawing,
+    drawing_of,
+    picture_of,
+)
 
 PAPERS = {"a4": A4, "letter": LETTER}
 MARGIN, CARD, LEGEND = 36.0, 74.0, 46.0  # points: about the page, for the card above, for the legend below
@@ -166,7 +175,7 @@ def _marks(page: Page, drawn: Drawing, corner: tuple[float, float], scale: float
         page.line((xy + 0.5) * scale + corner, inks.get(ink[:7], ink[:7]) + ink[7:], max(0.4, width * scale))
     size = drawn.letter * scale
     for (x, y), text, ink in drawn.words:
-        if text == CREDIT:
+        if text in (CREDIT, SHORT_CREDIT):
             continue  # stands below
         left, base = (x + 0.5) * scale + corner[0], (y + 0.5 + 0.93 * drawn.letter) * scale + corner[1]
         if not inks:
