@@ -513,11 +513,11 @@ def test_every_card_of_the_tour_is_translated(qtbot, solved_abroad):
     window, commands = solved_abroad
     commands.help.show_tour()
     (tour,) = dialogs_of(window)
-    for _ in CARDS:
+    for card in range(len(CARDS)):
         left = unmarked(tour, NAMES_SHOWN)
         assert not left, "\n".join(left)
         assert cut(tour) == []
-        tour.next.click()
+        (tour.skip if card == len(CARDS) - 1 else tour.next).click()
 
 
 @pytest.mark.parametrize("driver", ["lx200", "onstep", "nexstar", "synscan", "ioptron", "skywatcher"])

@@ -266,6 +266,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     garbage = Garbage()  # it has no parent: this name keeps it
     background = Background(window, engine)
     window.show()
+    window.keep_within(window.screen().availableGeometry())  # at a larger scale a screen has fewer logical px
     tell_of_language(window.say, settings, without_texts)
     if paths:
         parts.files.open_all([Path(path) for path in paths])

@@ -3,8 +3,9 @@
 import re
 
 import pytest
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import QPoint, QRect, Qt, QUrl
 from PySide6.QtGui import QTextDocument
+from PySide6.QtWidgets import QFrame
 
 from kochab import __version__
 from kochab.window.shell.actions import COMMANDS, NEWS
@@ -83,11 +84,22 @@ def test_the_tour_is_four_cards_by_keyboard_once(qtbot, opened):
     window.activateWindow()
     commands.help.show_tour()
     tour = window.findChild(Tour)
-    for at, (title, _) in enumerate(CARDS, 1):
+    asked = []
+    commands.actions["open"].triggered.disconnect()
+    commands.actions["open"].triggered.connect(lambda: asked.append("open"))
+    for at, (title, *_) in enumerate(CARDS, 1):
         assert (tour.title.text(), tour.count.text()) == (title, f"{at} of 4")
         assert window.rect().contains(tour.geometry())
-        qtbot.keyClick(tour.next, Qt.Key.Key_Space)
+        target = tour.target()
+        box = QRect(target.mapTo(window, QPoint(0, 0)), target.size())
+        assert tour.outline.isVisible()
+        assert tour.outline.geometry().intersected(box).size() == box.intersected(window.rect()).size()
+        assert not tour.geometry().intersects(box), "it stands beside what it speaks of"
+        assert asked == []
+        qtbot.keyClick(tour.open if at == 4 else tour.next, Qt.Key.Key_Space)
+    assert asked == ["open"], "it ends on what comes next"
     qtbot.waitUntil(lambda: window.findChild(Tour) is None)
+    qtbot.waitUntil(lambda: not [f for f in window.findChildren(QFrame) if f.objectName() == "outline"])
     assert commands.settings.flag("toured", False)
 
 
@@ -96,3 +108,28 @@ def test_escape_ends_the_tour(qtbot, opened):
     commands.actions["tour"].trigger()
     qtbot.keyClick(window.findChild(Tour).next, Qt.Key.Key_Escape)
     qtbot.waitUntil(lambda: window.findChild(Tour) is None)
+
+
+def test_without_a_frame_the_tour_ends_at_the_button_that_opens_one(make_window, engine):
+    window, commands = make_window(engine)
+    commands.help.show_tour()
+    tour = window.findChild(Tour)
+    tour.next.click()
+    assert tour.target() is None
+    assert not tour.outline.isVisible()  # there is no card of an image yet
+    tour.next.click()
+    tour.next.click()
+    assert tour.target() is window.welcome.first
+    tour.skip.click()
+
+
+def test_the_window_keeps_within_a_small_screen(make_window, engine):
+    """At scale 1.5 a screen of 1600 px has 1067: the window was 1360 wide, and hung 293 px out of it."""
+    window, _ = make_window(engine)
+    window.move(400, 300)
+    room = QRect(0, 24, 1067, 696)
+    window.keep_within(room)
+    assert room.contains(window.frameGeometry())
+    size = window.size()
+    window.keep_within(room)
+    assert window.size() == size

@@ -2,7 +2,7 @@
 
 import sys
 
-from PySide6.QtCore import QChildEvent, QSize, Qt, Signal
+from PySide6.QtCore import QChildEvent, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QMainWindow, QStackedWidget, QWidget
 
@@ -56,6 +56,19 @@ class MainWindow(QMainWindow):
         self.welcome.first.setFocus()
         self.status = Status()
         self.setStatusBar(self.status)
+
+    def keep_within(self, room: QRect) -> None:
+        """Shrink and move, so that all of it with its frame is inside ``room``, the screen's in logical px."""
+        if self.isMaximized() or self.isFullScreen():
+            return
+        frame, inside = self.frameGeometry(), self.geometry()
+        rim = frame.size() - inside.size()
+        self.resize(inside.size().boundedTo(room.size() - rim))
+        frame = self.frameGeometry()
+        x = min(max(frame.left(), room.left()), room.right() + 1 - frame.width())
+        y = min(max(frame.top(), room.top()), room.bottom() + 1 - frame.height())
+        if (x, y) != (frame.left(), frame.top()):
+            self.move(x, y)
 
     def say(self, sentence: str) -> None:
         """Show a sentence in the status bar for a while."""
