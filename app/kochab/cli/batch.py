@@ -57,10 +57,16 @@ def run_batch(work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json
     workers : int
         Processes at most; with 1 the work is done in this one.
     """
-    many = workers > 1 and len(items) > 1
-    outcomes = _in_processes(work, items, workers) if many else _one_by_one(work, items)
-    with closing(outcomes):
+    with closing(outcomes_of(work, items, workers)) as outcomes:
         return max((_print(outcome, as_json) for outcome in outcomes), default=0)
+
+
+def outcomes_of(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int = 1
+) -> Generator[Json, None, None]:
+    """The outcome of every item, in order; close it to stop. An item that failed gives ``{"file", "error"}``."""
+    many = workers > 1 and len(items) > 1
+    return _in_processes(work, items, workers) if many else _one_by_one(work, items)
 
 
 def _print(outcome: Json, as_json: bool) -> int:

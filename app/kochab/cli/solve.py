@@ -187,7 +187,7 @@ def solve_one(
 
 
 def _requests(args: argparse.Namespace) -> list[SolveRequest]:
-    files = [name for given in named(args.files) for name in _expand(given)]
+    files = [name for given in named(args.files) for name in frames_in(given)]
     pictures = _targets(args.annotate, files, "--annotate", WRITTEN, "image")
     tables = _targets(args.objects, files, "--objects", TABLES, "list")
     return [
@@ -242,7 +242,8 @@ def _refuse_shared(outputs: list[tuple[str, str]], what: str, advice: str) -> di
     return found
 
 
-def _expand(given: str) -> list[str]:
+def frames_in(given: str) -> list[str]:
+    """The frames of a folder by name; what is no folder, or has none, stays as it is."""
     path = Path(given)
     if not path.is_dir():
         return [given]

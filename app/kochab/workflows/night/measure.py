@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kochab.core.arrays import Bools, Floats
+from kochab.core.arrays import Bools, Floats, Ints
+from kochab.text.translation import number
 
 OF_MEDIAN = math.sqrt(math.pi / 2.0)
 """How much wider than a mean's the uncertainty of a median of Gaussian values is."""
@@ -17,6 +18,13 @@ class Measure:
 
     value: float
     sigma: float
+
+    def text(self, sign: str = "") -> str:
+        """``1.23 ± 0.04``: two digits of the uncertainty, three decimals at most; ``sign`` is "+" to show it always."""
+        digits = 1 - math.floor(math.log10(self.sigma)) if 0.0 < self.sigma < math.inf else 2
+        digits = min(max(digits, 0), 3)
+        value = number(round(self.value, digits) + 0.0, f"{sign}.{digits}f").replace("-", "−")
+        return f"{value} ± {number(max(self.sigma, 0.001), f'.{digits}f')}" if self.sigma > 0.0 else value
 
     @property
     def sigmas(self) -> float:
@@ -47,3 +55,30 @@ def clipped(residuals: Floats, times: float = 4.0) -> Bools:
     """Which residuals (N,) lie within so many scatters; all where there is no scatter."""
     wide = scatter(residuals)
     return np.abs(residuals) <= times * wide if wide > 0 else np.ones(len(residuals), dtype=np.bool_)
+
+
+def slope(hours: Floats, values: Floats, group: Ints | None = None) -> tuple[Measure, float] | None:
+    """Change an hour with its uncertainty, and the RMS left about the line; None where nothing is left over to tell.
+
+    The uncertainty is that of the scatter, wider where neighbours err alike and for few values.
+
+    Parameters
+    ----------
+    hours, values : Floats
+        Each (N,), in order of time.
+    group : Ints or None
+        Which level (N,) each value belongs to: a line of one slope and a level a group. None: one level.
+    """
+    of = np.zeros(len(hours), dtype=np.int64) if group is None else group
+    rows = np.concatenate([hours[:, None], of[:, None] == np.unique(of)], axis=1)
+    dof = len(hours) - rows.shape[1]
+    centred = hours - rows[:, 1:] @ (rows[:, 1:].T @ hours / rows[:, 1:].sum(axis=0))
+    if dof < 1 or not float(centred @ centred) > 0.0:
+        return None
+    terms, *_ = np.linalg.lstsq(rows, values, rcond=None)
+    left = values - rows @ terms
+    rms = math.sqrt(float(left @ left) / dof)
+    alike = float(left[1:] @ left[:-1]) / float(left @ left) if rms > 0 and dof > 3 else 0.0
+    alike = min(max(alike, 0.0), 0.95)
+    wider = math.sqrt((1.0 + alike) / (1.0 - alike)) * one_sigma(dof)
+    return Measure(float(terms[0]), wider * rms / math.sqrt(float(centred @ centred))), rms

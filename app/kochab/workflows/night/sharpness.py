@@ -26,6 +26,11 @@ CORNERS = {
     (1, 1): tr_noop("lower right"),
 }
 """As the frame is recorded, row 0 at the top."""
+SIDES = (
+    *(tr_noop("right"), CORNERS[1, 1], tr_noop("bottom"), CORNERS[-1, 1]),
+    *(tr_noop("left"), CORNERS[-1, -1], tr_noop("top"), CORNERS[1, -1]),
+)
+"""Every 45 degrees from the right, down first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,9 +75,8 @@ class FieldOfSharpness:
 
     @property
     def softest(self) -> str:
-        """The corner to which the field gets softer."""
-        slope = self.terms[1:3] * self.corner
-        return CORNERS[max(CORNERS, key=lambda at: float(slope @ at))]
+        """The side or corner to which the field gets softer."""
+        return SIDES[round(math.degrees(math.atan2(self.terms[2], self.terms[1])) / 45.0) % 8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,8 +12,7 @@ from datetime import datetime
 
 import numpy as np
 
-from kochab.core.arrays import Floats, Ints
-from kochab.workflows.night.measure import Measure, one_sigma
+from kochab.workflows.night.measure import Measure, slope
 
 FEWEST = 4
 """Frames of a stretch from which a drift is told."""
@@ -79,24 +78,8 @@ def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
     group = np.concatenate([[0], np.cumsum(jump)])
     if hours[-1] <= 0.0 or len(places) - int(group[-1]) - 2 < 1:
         return None
-    fits = [_slope(hours, along, group) for along in xy]
+    fits = [slope(hours, along, group) for along in xy]
     if fits[0] is None or fits[1] is None:
         return None
     (ra_drift, ra_rms), (dec_drift, dec_rms) = fits[0], fits[1]
     return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), int(group[-1]))
-
-
-def _slope(hours: Floats, along: Floats, group: Ints) -> "tuple[Measure, float] | None":
-    """Slope an hour with its uncertainty, and the RMS left; each group of frames has a level of its own."""
-    rows = np.concatenate([hours[:, None], group[:, None] == np.unique(group)], axis=1)
-    dof = len(hours) - rows.shape[1]
-    centred = hours - rows[:, 1:] @ (rows[:, 1:].T @ hours / rows[:, 1:].sum(axis=0))
-    if dof < 1 or not float(centred @ centred) > 0.0:
-        return None
-    terms, *_ = np.linalg.lstsq(rows, along, rcond=None)
-    left = along - rows @ terms
-    rms = math.sqrt(float(left @ left) / dof)
-    alike = float(left[1:] @ left[:-1]) / float(left @ left) if rms > 0 and dof > 3 else 0.0
-    alike = min(max(alike, 0.0), 0.95)
-    wider = math.sqrt((1.0 + alike) / (1.0 - alike)) * one_sigma(dof)
-    return Measure(float(terms[0]), wider * rms / math.sqrt(float(centred @ centred))), rms

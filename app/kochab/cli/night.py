@@ -1,0 +1,156 @@
+"""``kochab night FOLDER``: what a folder of frames says of the night, as one page and one table."""
+
+import argparse
+import json
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kochab.cli.batch import outcomes_of, with_file_name
+from kochab.cli.options import SEARCH, add_options, named, options_of
+from kochab.cli.output import tell
+from kochab.cli.process import say
+from kochab.cli.solve import frames_in
+from kochab.core.errors import UsageError, printable
+from kochab.core.progress import Task
+from kochab.workflows.solution_json import Json
+
+if TYPE_CHECKING:  # they load numpy, which --help has no need of
+    from kochab.core.frame import Site
+    from kochab.solver import SolveOptions
+    from kochab.workflows.night.frame import NightFrame
+    from kochab.workflows.night.summary import Night
+
+
+@dataclass(frozen=True, slots=True)
+class FrameOfNight:
+    """One file of the night."""
+
+    file: str
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add ``night`` to the main parser."""
+    parser = subparsers.add_parser(
+        "night",
+        description="Writes NAME-night.html, .csv and .json: focus, tilt, drift, cloud, best and worst frames, with"
+        " uncertainties. Ctrl-C stops and writes what is measured. Exit code: 0 done, 1 no frame was solved,"
+        " 2 unusable input, 130 stopped.",
+    )
+    parser.add_argument("frames", nargs="+", metavar="FOLDER", help="a folder of frames, or frames")
+    parser.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="where the page goes (default: here)")
+    add_options(parser, "--json", "--site", *SEARCH, "--profile", "--workers", "--overwrite")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure every frame, write page and tables, print the summary."""
+    from kochab.frames.outputs import refuse_overwriting
+    from kochab.workflows.night.summary import night_of
+
+    given = named(args.frames)
+    files = [file for one in given for file in frames_in(one)]
+    for file in files:
+        if Path(file).is_dir():
+            raise UsageError(f"{file} is a folder without frames.")
+        if not Path(file).exists():
+            raise UsageError(f"{file} does not exist.")
+    name = Path(given[0]).resolve().name or "frames"
+    if not args.out.is_dir():
+        raise UsageError(f"{args.out} is not a folder.")
+    targets = {ending: args.out / f"{name}-night.{ending}" for ending in ("html", "csv", "json")}
+    refuse_overwriting(targets.values(), files, args.overwrite)
+    measured: list[NightFrame] = []
+    stopped = False
+    try:
+        _measure(files, options_of(args), args.site, args.workers, measured)
+    except KeyboardInterrupt:
+        stopped = True
+        if not measured:
+            raise
+    night = night_of(measured, asked=len(files))
+    _write(night, name, targets)
+    tell({"night": str(targets["html"]), **_summary(night)}, text_of(night, str(targets["html"])), args.json)
+    if stopped:
+        return 130
+    return int(len(night.unsolved) == len(night.frames))
+
+
+def _measure(
+    files: list[str], options: "SolveOptions", site: "Site | None", workers: int, into: "list[NightFrame]"
+) -> None:
+    """Measure the files one after another, each into the list as it is done.
+
+    Parameters
+    ----------
+    files : list of str
+        The frames.
+    options : SolveOptions
+        How they are solved.
+    site : Site or None
+        Where they were taken; None for what each header says.
+    workers : int
+        Processes at most.
+    into : list of NightFrame
+        What is done so far, also when it is interrupted.
+    """
+    from kochab.workflows.night.frame import NightFrame
+
+    work = partial(measure_one, options=options, site=site)
+    with closing(outcomes_of(work, [FrameOfNight(file) for file in files], workers)) as outcomes:
+        for outcome in outcomes:
+            if "error" in outcome:
+                say(with_file_name(outcome["file"], outcome["error"]))
+                into.append(NightFrame(outcome["file"], error=outcome["error"]))
+            else:
+                into.append(outcome["frame"])
+
+
+def measure_one(item: FrameOfNight, options: "SolveOptions", site: "Site | None") -> Task[Json]:
+    """One frame as the batch hands it on."""
+    from kochab.workflows.night.frame import measure_frame
+
+    return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site))}
+
+
+def _write(night: "Night", name: str, targets: dict[str, Path]) -> None:
+    from kochab.frames.atomic_file import write_atomically
+    from kochab.workflows.night.page import night_page
+    from kochab.workflows.night.table import night_csv, night_json
+
+    write_atomically(targets["html"], night_page(night, name))
+    write_atomically(targets["csv"], night_csv(night))
+    write_atomically(targets["json"], json.dumps(night_json(night), indent=1) + "\n")
+
+
+def _summary(night: "Night") -> Json:
+    """The JSON without its frames."""
+    from kochab.workflows.night.table import night_json
+
+    return {key: value for key, value in night_json(night).items() if key != "frames"}
+
+
+def text_of(night: "Night", page: str) -> str:
+    """For a person: a few lines, and where the page is."""
+    from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, advice_of
+
+    solved = len(night.frames) - len(night.unsolved)
+    span = f"{night.hours:.1f} h" if night.hours >= 1.0 else f"{60.0 * night.hours:.0f} min"
+    lines = [f"{solved} of {night.asked} frames solved, {span}"]
+    if len(night.frames) < night.asked:
+        lines.append(f"stopped after {len(night.frames)} frames")
+    if night.fwhm and night.elongation:
+        lines.append(f"FWHM     {night.fwhm.text()} px, elongation {night.elongation.text()}")
+    if night.focus:
+        lines.append(f"focus    {night.focus.text('+')} px an hour")
+    if night.shape:
+        softer = f"softest {night.shape.softest}" if night.shape.tilt_chance < NO_TILT else "not sure"
+        lines.append(f"tilt     {night.shape.tilt.text()} px, {softer}")
+    for one in night.tracking:
+        drift = f"RA {one.ra_arcsec_h.text('+')}, Dec {one.dec_arcsec_h.text('+')} arcsec an hour"
+        lines.append(f"drift    {drift} ({len(one.frames)} frames, {one.hours:.1f} h)")
+    if any(night.lost):
+        lines.append(f"cloud    {len(night.clouded)} frames lost more than {CLOUD_MAG:g} mag")
+    return "\n  ".join(map(printable, [page, *lines, advice_of(night)]))

@@ -1,0 +1,171 @@
+"""One frame of a night: solved, and everything measured of it that the night is made of."""
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from io import BytesIO
+
+import numpy as np
+
+from kochab.core.attitude import angle_between
+from kochab.core.frame import Detections, Frame, Site
+from kochab.core.progress import Task
+from kochab.core.solution import Solution
+from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
+from kochab.solver import SolveOptions
+from kochab.workflows.night.sharpness import Sharpness, sharpness
+from kochab.workflows.night.transparency import StarLight
+from kochab.workflows.solve_frame import SolvedFrame, solve_file
+
+THUMBNAIL_PX = 360
+SAME_PX = 0.5
+"""Within this a matched star is a detection."""
+BRIGHTEST = 200
+"""Stars of a frame whose light is compared with other frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sky:
+    """Geometric altitudes of field, Moon and Sun, degrees; the Moon's distance from the field and its lit share."""
+
+    altitude_deg: float
+    moon_altitude_deg: float
+    moon_distance_deg: float
+    moon_lit: float
+    sun_altitude_deg: float
+
+    @property
+    def airmass(self) -> float:
+        """Kasten and Young (1989), from the geometric altitude; 40 at the horizon and below."""
+        h = max(self.altitude_deg, 0.0)
+        return float(1.0 / (np.sin(np.radians(h)) + 0.50572 * (h + 6.07995) ** -1.6364))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NightFrame:
+    """What is kept of a frame. ``ra_deg``, ``dec_deg`` (ICRS) and the scale are NaN where it was not solved.
+
+    ``error`` is why it could not be read at all, ``reason`` why there is no solution; ``light`` is None for frames
+    whose numbers are not proportional to light (finished 8 bit pictures). ``thumbnail`` is a JPEG.
+    """
+
+    file: str
+    time_utc: datetime | None = None
+    exposure_s: float | None = None
+    size: tuple[int, int] = (0, 0)
+    solved: bool = False
+    reason: str = ""
+    error: str = ""
+    ra_deg: float = float("nan")
+    dec_deg: float = float("nan")
+    width_deg: float = float("nan")
+    scale_arcsec_px: float = float("nan")
+    detections: int = 0
+    sharp: Sharpness | None = None
+    light: StarLight | None = None
+    sky: Sky | None = None
+    thumbnail: bytes = b""
+    camera: str = ""
+
+
+def measure_frame(path: str, options: SolveOptions, site: Site | None = None) -> Task[NightFrame]:
+    """Read, solve and measure one frame; raises `FrameError` where it cannot be read.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    options : SolveOptions
+        How it is solved.
+    site : Site or None
+        Where it was taken; None takes the header's word.
+    """
+    found = yield from solve_file(path, options)
+    return measured(found, site)
+
+
+def measured(found: SolvedFrame, site: Site | None = None) -> NightFrame:
+    """What a solved frame, or one that has no solution, says of the night."""
+    frame, result, hint = found.frame, found.result, found.frame.hint
+    kept = NightFrame(
+        found.path,
+        time_utc=hint.taken_utc,
+        exposure_s=hint.exposure_s,
+        size=(frame.width, frame.height),
+        detections=len(found.detections),
+        sharp=sharpness(found.detections),
+        thumbnail=thumbnail(frame),
+        camera=hint.camera,
+    )
+    if not isinstance(result, Solution):
+        return replace(kept, reason=str(result.reason))
+    ra, dec = result.ra_dec_deg
+    there = site or hint.site
+    sky = sky_at(result, hint.taken_utc, there) if there and hint.taken_utc else None
+    return replace(
+        kept,
+        solved=True,
+        ra_deg=ra,
+        dec_deg=dec,
+        width_deg=result.camera.fov_deg[0],
+        scale_arcsec_px=result.camera.scale_arcsec_px,
+        light=star_light(found.detections, result, hint.exposure_s) if _linear(frame) else None,
+        sky=sky,
+    )
+
+
+def _linear(frame: Frame) -> bool:
+    """Whether its numbers can be proportional to light: finished pictures have 8 bits and a tone curve."""
+    return all(data is None or data.dtype != np.uint8 for data in (frame.pixels, frame.colour))
+
+
+def star_light(detections: Detections, solution: Solution, exposure_s: float | None) -> StarLight:
+    """The light of the matched stars, the brightest that are not saturated."""
+    from scipy.spatial import cKDTree
+
+    stars = [star for star in solution.stars if np.isfinite(star.mag)]
+    good = np.flatnonzero(~detections.saturated & ~detections.blended & (detections.flux > 0) & (detections.snr > 5))
+    if not stars or not len(good):
+        return StarLight((), np.zeros(0), np.zeros(0))
+    places = np.array([(star.x, star.y) for star in stars])
+    apart, nearest = cKDTree(detections.xy[good]).query(places, distance_upper_bound=SAME_PX)
+    found = np.flatnonzero(np.isfinite(apart))
+    pairs = [(stars[k], row) for k, row in zip(found, good[np.asarray(nearest)[found]], strict=True)]
+    pairs = sorted(pairs, key=lambda pair: -float(detections.flux[pair[1]]))[:BRIGHTEST]
+    rows = np.array([row for _, row in pairs], dtype=np.int64)
+    measured_mag = -2.5 * np.log10(detections.flux[rows] / (exposure_s or 1.0))
+    catalogue_mag = np.array([star.mag for star, _ in pairs])
+    return StarLight(tuple(star.id for star, _ in pairs), catalogue_mag - measured_mag, 1.0857 / detections.snr[rows])
+
+
+def sky_at(solution: Solution, time_utc: datetime, site: Site) -> Sky | None:
+    """Where field, Moon and Sun stood; None outside the years that the ephemeris covers."""
+    from kochab.sky.apparent import apparent
+    from kochab.sky.horizon import altitude_deg, sun_altitude_deg
+    from kochab.sky.solar_system import BodyKind, covers, major_bodies, observer_at
+
+    if not covers(time_utc):
+        return None
+    (moon,) = (body for body in major_bodies(observer_at(time_utc, site)) if body.kind == BodyKind.MOON)
+    centre = solution.centre_vector
+    field_deg, moon_deg = altitude_deg(apparent(np.stack([centre, moon.vector]), time_utc), site, time_utc)
+    return Sky(
+        float(field_deg),
+        float(moon_deg),
+        float(np.degrees(angle_between(centre, moon.vector))),
+        moon.phase,
+        sun_altitude_deg(site, time_utc),
+    )
+
+
+def thumbnail(frame: Frame) -> bytes:
+    """A small JPEG of the frame, stretched as the window shows it."""
+    from PIL import Image
+
+    shown = debayer_preview(frame, max(1, frame.width // THUMBNAIL_PX))
+    if not (shown.dtype == np.uint8 and shown.ndim == 3 and frame.bayer is None):
+        shown = apply(shown, stretch_parameters(shown) if frame.bayer is None else white_balanced(shown))
+    picture = Image.fromarray(shown).convert("RGB")
+    picture.thumbnail((THUMBNAIL_PX, THUMBNAIL_PX))
+    into = BytesIO()
+    picture.save(into, "JPEG", quality=80)
+    return into.getvalue()

@@ -1,0 +1,195 @@
+"""The page of a night: HTML that needs no network and prints on two sheets."""
+
+from base64 import b64encode
+from collections import Counter
+from html import escape
+from pathlib import Path
+
+from kochab.text.translation import number, tr, tr_n
+from kochab.workflows.night.drawings import sharpness_map, timeline
+from kochab.workflows.night.measure import Measure
+from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, Night, advice_of
+from kochab.workflows.night.tracking import Tracking
+
+STYLE = """
+:root { --ink: #1c2430; --soft: #5c6877; --line: #d6dce3; --paper: #fff; --tile: #f5f7f9; --accent: #1f5fa8;
+ --lost: #1f5fa8; --fwhm: #9a5b13; --field: #1c2430; --moon: #b58a1b; --blur: #9a5b13; --night: #eceff4; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e9ef; --soft: #9aa6b4; --line: #36404d; --paper: #12171e;
+ --tile: #1a212a; --accent: #7fb2ec; --lost: #7fb2ec; --fwhm: #e0a45c; --field: #e4e9ef; --moon: #e7c35a;
+ --blur: #e0a45c; --night: #0b0f15; } }
+@media print { :root { --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --tile: #f5f5f5; --accent: #1f5fa8;
+ --lost: #1f5fa8; --fwhm: #9a5b13; --field: #000; --moon: #b58a1b; --blur: #9a5b13; --night: #eceff4; }
+ section, figure, .tile { break-inside: avoid; } }
+* { box-sizing: border-box; }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 0 auto;
+ padding: 32px 24px 48px; max-width: 968px; }
+h1 { font-size: 28px; font-weight: 600; margin: 0; } h2 { font-size: 18px; font-weight: 600; margin: 40px 0 12px; }
+p { margin: 0 0 8px; } .sub, .note, figcaption, th { color: var(--soft); }
+.advice { font-size: 19px; border-left: 4px solid var(--accent); padding: 6px 0 6px 16px; margin: 24px 0; }
+.stopped { background: var(--tile); border: 1px solid var(--line); border-radius: 6px; padding: 8px 14px; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(176px, 1fr)); gap: 12px; }
+.tile { background: var(--tile); border-radius: 8px; padding: 12px 14px; }
+.tile b { display: block; font-size: 19px; font-weight: 600; white-space: nowrap; }
+.tile span { color: var(--soft); font-size: 14px; display: block; }
+svg { width: 100%; height: auto; display: block; } svg.map { max-width: 420px; }
+svg text { font: 13px system-ui, sans-serif; fill: var(--soft); } svg text.value { fill: var(--ink); }
+svg .tick { text-anchor: end; } svg .time { text-anchor: middle; }
+.box { fill: none; stroke: var(--line); } .grid { stroke: var(--line); stroke-dasharray: 2 4; }
+.lost { fill: var(--lost); stroke: var(--lost); } .fwhm { fill: var(--fwhm); stroke: var(--fwhm); }
+.bar { opacity: .5; } circle { stroke: none; } polyline { fill: none; stroke-width: 2; }
+polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); stroke-dasharray: 6 4; }
+.soft { fill: var(--blur); shape-rendering: crispEdges; } .dark { fill: var(--night); }
+.astronomical { fill: #7d8fb0; opacity: .3; } .nautical { fill: #7d9fd0; opacity: .45; }
+.civil { fill: #9cc0ee; opacity: .6; } .day { fill: #cfe3fb; opacity: .8; }
+table { border-collapse: collapse; width: 100%; } th { text-align: left; font-weight: 500; }
+td, th { padding: 6px 12px 6px 0; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; }
+.frames { display: grid; grid-template-columns: repeat(3, 1fr); gap: 14px; } figure { margin: 0; }
+figure img { width: 100%; border-radius: 6px; display: block; background: #000; }
+figcaption { font-size: 14px; overflow-wrap: anywhere; padding-top: 4px; }
+.beside { display: grid; grid-template-columns: minmax(0, 420px) 1fr; gap: 24px; align-items: start; }
+@media (max-width: 640px) { .beside, .frames { grid-template-columns: 1fr; } }
+"""
+
+
+def night_page(night: Night, name: str) -> str:
+    """The page of a night whose frames lie in a folder of that name."""
+    title = escape(_title(night, name))
+    parts = [f"<h1>{title}</h1>", f'<p class="sub">{escape(_under(night, name))}</p>']
+    if len(night.frames) < night.asked:
+        text = tr("Stopped early: {done} of {all} frames measured.", done=len(night.frames), all=night.asked)
+        parts.append(f'<p class="stopped">{escape(text)}</p>')
+    parts.append(f'<p class="advice">{escape(advice_of(night))}</p>')
+    parts.append(f'<div class="tiles">{"".join(_tiles(night))}</div>')
+    if drawn := timeline(night):
+        parts.append(f"<section><h2>{escape(tr('Through the night'))}</h2>{drawn}</section>")
+    if night.shape and night.fwhm:
+        parts.append(_field(night))
+    if night.tracking:
+        parts.append(_mount(night.tracking))
+    for heading, rows in ((tr("Best frames"), night.best), (tr("Worst frames"), night.worst)):
+        if rows:
+            shown = "".join(_figure(night, k) for k in rows)
+            parts.append(f'<section><h2>{escape(heading)}</h2><div class="frames">{shown}</div></section>')
+    notes = "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(night))
+    parts.append(f"<section><h2>{escape(tr('How to read this'))}</h2>{notes}</section>")
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{title}</title><style>{STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
+    )
+
+
+def _title(night: Night, name: str) -> str:
+    first = next((frame.time_utc for frame in night.frames if frame.time_utc), None)
+    return tr("Night of {date}", date=f"{first:%Y-%m-%d}") if first else tr("Frames of {name}", name=name)
+
+
+def _under(night: Night, name: str) -> str:
+    solved = len(night.frames) - len(night.unsolved)
+    said = [name, tr("{solved} of {total} frames solved", solved=solved, total=len(night.frames))]
+    if night.hours >= 1.0:
+        said.append(tr("{hours} h", hours=number(night.hours, ".1f")))
+    elif night.hours:
+        said.append(tr("{minutes} min", minutes=number(60.0 * night.hours, ".0f")))
+    said += [camera for camera, _ in Counter(f.camera for f in night.frames if f.camera).most_common(1)]
+    return " · ".join(said)
+
+
+def _tiles(night: Night) -> list[str]:
+    tiles = []
+    scales = sorted(f.scale_arcsec_px for f in night.frames if f.solved)
+    if night.fwhm:
+        if scales:
+            scale = scales[len(scales) // 2]
+            seconds = Measure(night.fwhm.value * scale, night.fwhm.sigma * scale)
+            tiles.append(_tile("FWHM", f"{seconds.text()}″", f"{night.fwhm.text()} px"))
+        else:
+            tiles.append(_tile("FWHM", f"{night.fwhm.text()} px", ""))
+    if night.elongation:
+        tiles.append(_tile(tr("Elongation"), night.elongation.text(), tr("1 is round")))
+    if night.focus:
+        tiles.append(_tile(tr("Focus trend (px/h)"), night.focus.text("+"), tr("change of FWHM")))
+    if night.tracking:
+        most = max(night.tracking, key=lambda one: len(one.frames))
+        dec = f"{tr('Dec')} {most.dec_arcsec_h.text('+')}"
+        tiles.append(_tile(tr("Drift (″/h)"), f"{tr('RA')} {most.ra_arcsec_h.text('+')}", dec))
+    if any(night.lost):
+        text = tr("lost more than {mag} mag", mag=number(CLOUD_MAG, ".1f"))
+        tiles.append(_tile(tr("Cloud"), tr_n("{n} frame", "{n} frames", len(night.clouded)), text))
+    return tiles
+
+
+def _tile(name: str, value: str, below: str) -> str:
+    return f'<div class="tile"><span>{escape(name)}</span><b>{escape(value)}</b><span>{escape(below)}</span></div>'
+
+
+def _field(night: Night) -> str:
+    shape, usual = night.shape, Counter(f.size for f in night.frames if f.sharp).most_common(1)[0][0]
+    assert shape is not None
+    tilt, curved = shape.tilt, shape.curvature
+    if shape.tilt_chance < NO_TILT:
+        where = tr(shape.softest)
+        said = tr("Softest towards the {corner}: {tilt} px wider than opposite.", corner=where, tilt=tilt.text())
+    elif shape.tilt_chance < 0.01:
+        said = tr("Tilt is not sure: {tilt} px from side to side.", tilt=tilt.text())
+    else:
+        said = tr("No tilt: {tilt} px from side to side.", tilt=tilt.text())
+    corners = tr("Corners against the middle, tilt apart: {curved} px.", curved=curved.text("+"))
+    seen = tr("As the frame is recorded, FWHM in px. Tilt in micrometres can't be told at one focus position.")
+    texts = "".join(f"<p>{escape(text)}</p>" for text in (said, corners))
+    words = f'<div>{texts}<p class="note">{escape(seen)}</p></div>'
+    heading = escape(tr("Sharpness over the field"))
+    return f'<section><h2>{heading}</h2><div class="beside">{sharpness_map(shape, usual)}{words}</div></section>'
+
+
+def _mount(tracking: tuple[Tracking, ...]) -> str:
+    heads = (tr("Frames"), tr("Hours"), tr("RA (″/h)"), tr("Dec (″/h)"), tr("Wander RA, Dec (″)"), tr("Dithers"))
+    rows = [
+        (
+            str(len(one.frames)),
+            number(one.hours, ".1f"),
+            one.ra_arcsec_h.text("+"),
+            one.dec_arcsec_h.text("+"),
+            ", ".join(number(wander, ".1f") for wander in one.wander_arcsec),
+            str(one.dithers),
+        )
+        for one in tracking
+    ]
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<section><h2>{escape(tr('Tracking'))}</h2><table><tr>{head}</tr>{body}</table></section>"
+
+
+def _figure(night: Night, k: int) -> str:
+    frame, lost = night.frames[k], night.lost[k]
+    said = [Path(frame.file).name]
+    if frame.time_utc:
+        said.append(f"{frame.time_utc:%H:%M} UTC")
+    if frame.sharp:
+        said.append(tr("FWHM {fwhm} px", fwhm=frame.sharp.fwhm_px.text()))
+    if lost and lost.sigma > 0.0:
+        said.append(tr("{mag} mag lost", mag=lost.text()))
+    if not frame.solved:
+        said.append(frame.error or tr(frame.reason))
+    text = escape(" · ".join(said))
+    picture = b64encode(frame.thumbnail).decode()
+    image = f'<img alt="{escape(Path(frame.file).name)}" src="data:image/jpeg;base64,{picture}">' if picture else ""
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+
+
+def _notes(night: Night) -> list[str]:
+    notes = [tr("± is one standard uncertainty, from the scatter. FWHM and elongation are medians of clear stars.")]
+    notes.append(tr("Programs define FWHM in their own ways: compare it from night to night, not between programs."))
+    if any(night.lost):
+        notes.append(tr("Light lost is measured on the same stars, against the clearest frames of this night."))
+    elif any(frame.solved for frame in night.frames):
+        notes.append(tr("Transparency is not measured: it needs two solved frames of linear data."))
+    notes.append(tr("Sky brightness is not measured: the camera's black level is unknown."))
+    if night.tracking:
+        text = tr("Drift is that of the frame centres in RA and Dec (J2000); dithers are taken out.")
+        notes.append(text)
+    elif not all(frame.time_utc for frame in night.frames):
+        notes.append(tr("Drift is not measured: the frames do not say when they were taken."))
+    if not any(frame.sky for frame in night.frames):
+        notes.append(tr("Altitude, Moon and twilight need a site and times: add --site."))
+    return notes

@@ -1,0 +1,197 @@
+"""The night as a whole: light lost, focus, tilt, drift, the best and the worst frames, and one piece of advice."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.text.translation import number, tr, tr_n
+from kochab.workflows.night.frame import NightFrame
+from kochab.workflows.night.measure import Measure, median_of, slope
+from kochab.workflows.night.sharpness import FieldOfSharpness, night_field
+from kochab.workflows.night.tracking import Place, Tracking, tracking_of
+from kochab.workflows.night.transparency import losses
+
+MAG_PER_AIRMASS = 0.2
+"""What clear air takes a unit of airmass, V magnitudes; more under haze, which then counts as cloud."""
+CLOUD_MAG, SURE = 0.3, 3.0
+"""Light lost beside the airmass that counts as cloud, and times its uncertainty."""
+SHOWN = 3
+"""Best and worst frames."""
+TILTED, TRAILED, DEFOCUSED = 0.15, 0.15, 0.15
+"""Shares of the FWHM, of the axes and of the FWHM from which advice is given."""
+NO_TILT = 1e-6
+"""The chance below which a tilt is one: a frame has many stars, and optics are never perfect."""
+CLOUDED = 0.15
+"""Share of the frames."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Night:
+    """Frames in order of time, and what they say together.
+
+    ``lost`` is light against the clear frames, magnitudes; ``cloud`` the same without what airmass takes. ``fwhm`` is
+    the median of the frames, px; ``focus`` its change an hour, px. ``asked`` is how many frames there are to measure.
+    """
+
+    frames: tuple[NightFrame, ...]
+    lost: tuple[Measure | None, ...]
+    cloud: tuple[Measure | None, ...]
+    fwhm: Measure | None
+    elongation: Measure | None
+    focus: Measure | None
+    shape: FieldOfSharpness | None
+    tracking: tuple[Tracking, ...]
+    asked: int
+
+    @property
+    def clouded(self) -> list[int]:
+        """Frames that lost light to more than airmass."""
+        return [k for k, one in enumerate(self.cloud) if one and one.value > CLOUD_MAG and one.sigmas > SURE]
+
+    @property
+    def unsolved(self) -> list[int]:
+        """Frames without a solution, or that could not be read."""
+        return [k for k, frame in enumerate(self.frames) if not frame.solved]
+
+    @property
+    def hours(self) -> float:
+        """From the first to the last frame with a time."""
+        times = [frame.time_utc for frame in self.frames if frame.time_utc]
+        return (max(times) - min(times)).total_seconds() / 3600.0 if times else 0.0
+
+    @property
+    def ranked(self) -> list[int]:
+        """Frames from the best to the worst: light by the area it is spread over; those without a solution last."""
+
+        def quality(k: int) -> tuple[bool, float]:
+            frame, lost = self.frames[k], self.lost[k]
+            if frame.sharp is None:
+                return False, -1.0
+            light = 10.0 ** (-0.4 * (lost.value if lost else 0.0))
+            return frame.solved, light / (frame.sharp.fwhm_px.value**2 * frame.sharp.elongation.value)
+
+        return sorted(range(len(self.frames)), key=quality, reverse=True)
+
+    @property
+    def best(self) -> list[int]:
+        """The best frames, none that is among the worst."""
+        return [k for k in self.ranked[: min(SHOWN, len(self.frames) // 2)] if self.frames[k].solved]
+
+    @property
+    def worst(self) -> list[int]:
+        """The worst frames, the worst first."""
+        return self.ranked[::-1][: min(SHOWN, len(self.frames) // 2)]
+
+
+def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
+    """Put frames together; ``asked`` is how many there are when not all were measured."""
+    ordered = sorted(frames, key=lambda f: (f.time_utc is None, f.time_utc.timestamp() if f.time_utc else 0.0, f.file))
+    lost = _lost(ordered)
+    usual = Counter(frame.size for frame in ordered).most_common(1)
+    fields = [f.sharp.field for f in ordered if f.sharp and f.sharp.field and f.size == usual[0][0]]
+    places = [Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg) if f.solved and f.time_utc else None for f in ordered]
+    return Night(
+        tuple(ordered),
+        tuple(lost),
+        tuple(_cloud(ordered, lost)),
+        _median([f.sharp.fwhm_px for f in ordered if f.sharp]),
+        _median([f.sharp.elongation for f in ordered if f.sharp]),
+        _focus(ordered),
+        night_field(fields),
+        tuple(tracking_of([place for place in places if place])),
+        len(ordered) if asked is None else asked,
+    )
+
+
+def _median(values: list[Measure]) -> Measure | None:
+    """Of the frames: their median, or of one or two the mean with its own uncertainty."""
+    if not values:
+        return None
+    middle = median_of(np.array([one.value for one in values]))
+    own = float(np.mean([one.sigma for one in values])) / np.sqrt(len(values))
+    value = middle.value if middle else float(np.mean([one.value for one in values]))
+    return Measure(value, max(middle.sigma if middle else 0.0, own))
+
+
+def _lost(frames: Sequence[NightFrame]) -> list[Measure | None]:
+    """Light lost; only among frames whose exposure is known alike, and that are proportional to light."""
+    lit = [k for k, frame in enumerate(frames) if frame.light is not None]
+    if len({frames[k].exposure_s is None for k in lit}) > 1:
+        lit = [k for k in lit if frames[k].exposure_s is not None]
+    found: list[Measure | None] = [None] * len(frames)
+    lights = [light for k in lit if (light := frames[k].light) is not None]
+    if len(lights) < 2:
+        return found
+    for k, one in zip(lit, losses(lights), strict=True):
+        found[k] = one
+    return found
+
+
+def _cloud(frames: Sequence[NightFrame], lost: Sequence[Measure | None]) -> list[Measure | None]:
+    """Light lost beside what airmass takes, where the altitude is known; half of that is its uncertainty."""
+    air = [frame.sky.airmass if frame.sky else None for frame in frames]
+    clear = min((abs(one.value), k) for k, one in enumerate(lost) if one)[1] if any(lost) else None
+    found: list[Measure | None] = []
+    for one, here in zip(lost, air, strict=True):
+        there = None if clear is None else air[clear]
+        taken = MAG_PER_AIRMASS * (here - there) if here is not None and there is not None else 0.0
+        found.append(Measure(one.value - taken, float(np.hypot(one.sigma, 0.5 * taken))) if one else None)
+    return found
+
+
+def _focus(frames: Sequence[NightFrame]) -> Measure | None:
+    timed = [(f.time_utc, f.sharp.fwhm_px.value) for f in frames if f.time_utc and f.sharp]
+    if len(timed) < 5:
+        return None
+    hours = np.array([(time - timed[0][0]).total_seconds() / 3600.0 for time, _ in timed])
+    found = slope(hours, np.array([wide for _, wide in timed]))
+    return found[0] if found else None
+
+
+def advice_of(night: Night) -> str:
+    """The one thing that would have made this night better, by what it cost."""
+    costs = [*_of_the_sky(night), *_of_the_optics(night)]
+    return max(costs)[1] if costs else tr("Nothing stands out. Keep doing this.")
+
+
+def _of_the_sky(night: Night) -> Iterator[tuple[float, str]]:
+    """Shares of the frames that were lost, and what to do."""
+    total = max(len(night.frames), 1)
+    if (n := len(night.clouded)) > CLOUDED * total:
+        mag = number(CLOUD_MAG, ".1f")
+        text = tr("{n} of {total} frames lost more than {mag} mag to cloud. Leave them out.", n=n, total=total, mag=mag)
+        yield n / total, text
+    if (n := len(night.unsolved)) > CLOUDED * total:
+        why = Counter(f.reason for f in night.frames if f.reason).most_common(1)
+        reason = tr(why[0][0]) if why else tr("cannot be read")
+        yield n / total, tr("{n} of {total} frames have no solution: {reason}.", n=n, total=total, reason=reason)
+
+
+def _of_the_optics(night: Night) -> Iterator[tuple[float, str]]:
+    """Shares by which stars are larger than they had to be, and what to do."""
+    if night.fwhm is None:
+        return
+    shape = night.shape
+    if shape and shape.tilt.value > TILTED * night.fwhm.value and shape.tilt_chance < NO_TILT:
+        text = tr(
+            "Stars get softer towards the {corner}: {tilt} px wider than opposite. Check for sensor tilt.",
+            corner=tr(shape.softest),
+            tilt=shape.tilt.text(),
+        )
+        yield shape.tilt.value / night.fwhm.value / 2.0, text
+    trail = _median([f.sharp.trail for f in night.frames if f.sharp])
+    if trail and trail.value > TRAILED and trail.sigmas > SURE:
+        share = number(100.0 * trail.value, ".0f")
+        text = tr("Stars are {share} % longer than wide all over the frame. Check guiding and balance.", share=share)
+        yield trail.value, text
+    grown = night.focus.value * night.hours / night.fwhm.value if night.focus else 0.0
+    if night.focus and night.focus.sigmas > SURE and grown > DEFOCUSED:
+        minutes = max(round(60.0 * 0.1 * night.fwhm.value / night.focus.value), 1)
+        text = tr(
+            "FWHM grew by {rate} px an hour. Refocus every {minutes}.",
+            rate=night.focus.text(),
+            minutes=tr_n("{n} minute", "{n} minutes", minutes),
+        )
+        yield grown / 2.0, text

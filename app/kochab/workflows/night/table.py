@@ -1,0 +1,102 @@
+"""The night as a table: CSV for spreadsheets, JSON for programs. Each number has its uncertainty beside it."""
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from kochab.text.translation import in_english
+from kochab.workflows.night.measure import Measure
+from kochab.workflows.night.summary import Night, advice_of
+from kochab.workflows.night.tracking import Tracking
+
+
+def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
+    """A row a frame, in order of time; None for what is not known."""
+    for frame, lost, cloud in zip(night.frames, night.lost, night.cloud, strict=True):
+        sharp, sky = frame.sharp, frame.sky
+        field = sharp.field if sharp else None
+        yield {
+            "file": frame.file,
+            "time_utc": frame.time_utc.isoformat() if frame.time_utc else None,
+            "exposure_s": frame.exposure_s,
+            "solved": frame.solved,
+            "reason": frame.error or frame.reason or None,
+            "ra_deg": _known(frame.ra_deg),
+            "dec_deg": _known(frame.dec_deg),
+            "scale_arcsec_px": _known(frame.scale_arcsec_px),
+            "stars": frame.detections,
+            **_pair("fwhm_px", sharp.fwhm_px if sharp else None),
+            **_pair("elongation", sharp.elongation if sharp else None),
+            **_pair("trail", sharp.trail if sharp else None),
+            "trail_deg": sharp.trail_deg if sharp else None,
+            **_pair("tilt_px", field.tilt if field else None),
+            "softest": field.softest if field else None,
+            **_pair("curvature_px", field.curvature if field else None),
+            **_pair("lost_mag", lost),
+            **_pair("cloud_mag", cloud),
+            "altitude_deg": sky.altitude_deg if sky else None,
+            "sun_altitude_deg": sky.sun_altitude_deg if sky else None,
+            "moon_altitude_deg": sky.moon_altitude_deg if sky else None,
+            "moon_distance_deg": sky.moon_distance_deg if sky else None,
+            "moon_lit": sky.moon_lit if sky else None,
+        }
+
+
+def night_json(night: Night) -> dict[str, Any]:
+    """The stable form of the whole."""
+    shape = night.shape
+    with in_english():
+        return {
+            "frames": list(frame_rows(night)),
+            "asked": night.asked,
+            "solved": len(night.frames) - len(night.unsolved),
+            "hours": night.hours,
+            **_pair("fwhm_px", night.fwhm),
+            **_pair("elongation", night.elongation),
+            **_pair("focus_px_h", night.focus),
+            "field": {
+                **_pair("tilt_px", shape.tilt),
+                "tilt_chance": shape.tilt_chance,
+                "softest": shape.softest,
+                **_pair("curvature_px", shape.curvature),
+                "corners_px": {name: [one.value, one.sigma] for name, one in shape.corners.items()},
+            }
+            if shape
+            else None,
+            "tracking": [_tracking(one) for one in night.tracking],
+            "clouded": [night.frames[k].file for k in night.clouded],
+            "best": [night.frames[k].file for k in night.best],
+            "worst": [night.frames[k].file for k in night.worst],
+            "advice": advice_of(night),
+        }
+
+
+def night_csv(night: Night) -> str:
+    """The rows of the frames with a header; empty where nothing is known."""
+    rows = list(frame_rows(night))
+    into = io.StringIO()
+    writer = csv.DictWriter(into, list(rows[0]) if rows else ["file"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return into.getvalue()
+
+
+def _tracking(one: Tracking) -> dict[str, Any]:
+    return {
+        "frames": len(one.frames),
+        "hours": one.hours,
+        "dithers": one.dithers,
+        **_pair("ra_arcsec_h", one.ra_arcsec_h),
+        **_pair("dec_arcsec_h", one.dec_arcsec_h),
+        "wander_arcsec": list(one.wander_arcsec),
+    }
+
+
+def _pair(name: str, one: Measure | None) -> dict[str, float | None]:
+    return {name: _known(one.value) if one else None, f"{name}_sigma": _known(one.sigma) if one else None}
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
