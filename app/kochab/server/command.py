@@ -1,7 +1,9 @@
-"""``kochab serve``: start, look for and stop the worker that makes other commands quick."""
+"""``kochab serve``: the worker that makes other commands quick, and faces that other programs reach over HTTP."""
 
 import argparse
 import os
+import re
+import secrets
 import signal
 import socket
 import struct
@@ -11,13 +13,15 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from kochab.core.errors import KochabError, UsageError
-from kochab.folders import data_folder
+from kochab.folders import config_folder, data_folder
 from kochab.server.hand_over import Place, connected, place, worker_command
+from kochab.server.http_server import LOOPBACK, HttpServer
 
 if TYPE_CHECKING:
     from kochab.server.worker import Run
 
 IDLE_MIN = 30.0
+PORT = 8470
 END_S = 10.0
 """How long ``--stop`` waits for the worker to end."""
 SAMPLES = ("big-dipper.jpg", "milky-way.jpg", "orion.png", "pleiades.fits")
@@ -30,14 +34,27 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "serve",
         description="A worker keeps what solving needs loaded. While one runs, solve, identify, detect, find, chart and"
         " kochab -f hand their work to it and answer as without it, sooner; --no-worker keeps a command from it."
-        " It serves nobody but you, and ends when idle. Linux only.",
+        " It serves nobody but you, and ends when idle. Linux only. With --nova it serves the API of"
+        " nova.astrometry.net instead, and a page to drop images on.",
     )
+    parser.add_argument(
+        "--nova", action="store_true", help="serve nova.astrometry.net's API and a page, on this computer"
+    )
+    parser.add_argument("--lan", action="store_true", help="with --nova: to the local network too, unencrypted")
+    parser.add_argument("--port", type=_port, default=PORT, metavar="N", help="of --nova (default: %(default)s)")
+    parser.add_argument("--new-key", action="store_true", help="with --nova: make a new key; the old one ends")
     parser.add_argument("--background", action="store_true", help="start it, wait until it is ready, and return")
     parser.add_argument("--stop", action="store_true", help="end the worker that runs; its commands finish")
     parser.add_argument(
         "--idle", type=_minutes, default=IDLE_MIN, metavar="MIN", help="end after so long idle (default: %(default)g)"
     )
     parser.set_defaults(run=run)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text} is not a port from 1 to 65535")
+    return int(text)
 
 
 def _minutes(text: str) -> float:
@@ -52,6 +69,8 @@ def _minutes(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Start, or with ``--stop`` end the worker; 1 when there is none to end."""
+    if args.nova:
+        return _serve_nova("" if args.lan else LOOPBACK[0], args.port, args.new_key)
     if not sys.platform.startswith("linux"):
         raise UsageError("There is no worker for this system yet: commands do their work themselves.")
     where = place()
@@ -60,6 +79,47 @@ def run(args: argparse.Namespace) -> int:
     if args.background:
         return _start(where, args.idle)
     return _serve(where, args.main, args.idle)
+
+
+def _serve_nova(host: str, port: int, new_key: bool) -> int:
+    """Serve until a signal comes; ``host`` is empty for the address on the local network."""
+    import threading
+
+    from kochab.server.nova import Nova
+    from kochab.server.phone_page import local_address
+
+    key = _key(new_key)
+    nova = Nova(key)
+    try:
+        server = HttpServer(nova.answer, host or local_address(), port)
+        try:
+            address = "http://{}:{}".format(*server.address)
+            print(f"Address for programs, in place of https://nova.astrometry.net: {address}\nAPI key: {key}")
+            print(f"Page to drop images on: {address}/{key}/\nCtrl-C ends it.", flush=True)
+            threading.Event().wait()
+        finally:
+            server.stop()
+    finally:
+        nova.close()
+    return 0
+
+
+def _key(new: bool) -> str:
+    """The key of this user, the same every time, so that a program is set up once; only its owner may read it."""
+    path = config_folder() / "nova-key"
+    if not new and path.is_file():
+        key = path.read_text("ascii", "replace").strip()
+        if re.fullmatch(r"[a-z0-9]{16,64}", key):
+            return key
+    key = secrets.token_hex(16)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)
+        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii") as file:
+            file.write(key + "\n")
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror or error}.") from None
+    return key
 
 
 def _serve(where: Place, main: "Run", idle_min: float) -> int:

@@ -151,7 +151,7 @@ def test_files_are_kept_unless_one_says_so(orion, tmp_path, capsys) -> None:
         (["--kmz", "a.kmz", "x.png"], "Kochab has no KMZ files (--kmz)."),
         (["--verify", "a.wcs", "x.png"], "Kochab has no verifying of a WCS file (--verify)."),
         (["--nonsense", "x.png"], "Option --nonsense not recognized."),
-        (["--scale-units", "furlongs", "x.png"], "--scale-units furlongs is none of"),
+        (["--scale-units", "furlongs", "x.png"], "furlongs is none of the units"),
         (["-L", "wide", "x.png"], "--scale-low wide is not a number"),
         (["-L", "9", "-H", "2", "x.png"], "--scale-low is more than --scale-high."),
         (["--ra", "30h", "--dec", "2", "x.png"], "30h is not a right ascension"),

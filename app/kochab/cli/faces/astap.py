@@ -23,13 +23,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from kochab.cli.batch import attempt
-from kochab.cli.faces.plane import cd_at_centre
 from kochab.cli.output import with_progress
 from kochab.cli.process import say
 from kochab.core.errors import CatalogueError, FrameError, KochabError, UsageError, printable
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.workflows.other_solvers import cd_at_centre
 from kochab.workflows.solution_json import Json
 
 SOLVED, NO_SOLUTION, FEW_STARS, UNREADABLE, NO_CATALOGUE, BAD_CATALOGUE = 0, 1, 2, 16, 32, 33

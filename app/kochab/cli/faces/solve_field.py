@@ -6,7 +6,7 @@ Facts: the options and files of astrometry.net 0.93 (``solve-field --help``) and
 solution or without (``.solved`` tells), 255 where a file or the options cannot be used. Options that steer its own
 search (`IGNORED`) are read and left alone; what Kochab does not do (`REFUSED`) is refused in words unless it is
 ``none``. ``--scale-low`` and ``--scale-high``, and ``--radius`` around ``--ra`` and ``--dec``, are bounds, as there.
-The files are those of :mod:`kochab.cli.faces.solve_field_files`, the ``.wcs`` is Kochab's.
+The files are those of :mod:`kochab.workflows.astrometry_tables`, the ``.wcs`` is Kochab's.
 """
 
 import math
@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kochab.cli.batch import attempt
-from kochab.cli.faces.plane import cd_at_centre
 from kochab.cli.output import with_progress
 from kochab.cli.process import say
 from kochab.core import __version__
 from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Task
-from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.core.solution import NoSolution, Solution
+from kochab.workflows.other_solvers import arcsec_px, parity, up_deg, within_scale
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:
@@ -176,21 +176,21 @@ Bounds = Callable[[Solution | NoSolution], Solution | NoSolution]
 def _hint(order: SolveFieldRequest) -> tuple[Callable[[int], Hint | None], Bounds]:
     """The hint for a frame so wide, and what refuses a solution beyond the bounds that were given."""
     from kochab.parsing.angles import parse_dec_deg, parse_ra_deg
-    from kochab.solver.pipeline import refused, within_radius
+    from kochab.solver.pipeline import within_radius
 
     low, high = (order.number(name, 1e-9, 1e9) for name in ("scale-low", "scale-high"))
     radius = order.number("radius", 1e-6, 180.0)
     place = None
     if "ra" in order.options and "dec" in order.options:
         place = (parse_ra_deg(order.options["ra"]), parse_dec_deg(order.options["dec"]))
-    arcsec_px = _arcsec_px(order.options.get("scale-units", "degwidth"))
+    to_scale = arcsec_px(order.options.get("scale-units", "degwidth"))
     if low is not None and high is not None and low > high:
         raise UsageError("--scale-low is more than --scale-high.")
 
     def scale_of(width: int) -> tuple[float, float] | None:
         if low is None and high is None:
             return None
-        ends = sorted(arcsec_px(v, width) for v in (low or (high or 0.0) / 1e3, high or (low or 0.0) * 1e3))
+        ends = sorted(to_scale(v, width) for v in (low or (high or 0.0) / 1e3, high or (low or 0.0) * 1e3))
         return ends[0], ends[1]
 
     def hint(width: int) -> Hint | None:
@@ -199,29 +199,9 @@ def _hint(order: SolveFieldRequest) -> tuple[Callable[[int], Hint | None], Bound
 
     def bounded(result: Solution | NoSolution) -> Solution | NoSolution:
         within = within_radius(result, None if place is None or radius is None else (*place, radius))
-        if not isinstance(within, Solution) or (scale := scale_of(within.camera.width)) is None:
-            return within
-        # Theirs is the width on the tangent plane; a thousandth of play for what rounding a bound costs.
-        found = within.camera.scale_arcsec_px
-        if scale[0] * 0.999 <= found <= scale[1] * 1.001:
-            return within
-        note = f" and {found:.5g} arcsec/px, outside {scale[0]:.5g} to {scale[1]:.5g}."
-        return refused(within, Reason.ANOTHER_FIELD, note, scale_arcsec_px=found)
+        return within_scale(within, scale_of(within.camera.width) if isinstance(within, Solution) else None)
 
     return hint, bounded
-
-
-def _arcsec_px(units: str) -> Callable[[float, int], float]:
-    """What turns a bound in these units, of a frame so wide, into arcsec a pixel."""
-    if units in ("degwidth", "degw", "dw"):
-        return lambda value, width: value * 3600.0 / width
-    if units in ("arcminwidth", "amw", "aw"):
-        return lambda value, width: value * 60.0 / width
-    if units in ("arcsecperpix", "app"):
-        return lambda value, width: value
-    if units == "focalmm":  # of a frame 36 mm wide
-        return lambda value, width: math.degrees(36.0 / value) * 3600.0 / width
-    raise UsageError(f"--scale-units {units} is none of degwidth, arcminwidth, arcsecperpix, focalmm.")
 
 
 def _one(order: SolveFieldRequest, file: str, hint: Callable[[int], Hint | None], bounds: Bounds) -> int:
@@ -274,10 +254,10 @@ def _cancelled(order: SolveFieldRequest, task: Task[Json]) -> Task[Json]:
 def _answered(
     order: SolveFieldRequest, file: str, outputs: dict[str, str], hint_for: Callable[[int], Hint | None], bounds: Bounds
 ) -> Task[Json]:
-    from kochab.cli.faces import solve_field_files as files
     from kochab.frames import reading
     from kochab.solver import SolveOptions
     from kochab.solver.pipeline import examine_frame, solve_detections
+    from kochab.workflows import astrometry_tables as files
 
     limit = order.number("cpulimit", 0.01, 1e7) or TIMEOUT_S
     most = order.number("objs", 4, 1e6)
@@ -313,7 +293,7 @@ def _with_hint(options: "SolveOptions", hint: Hint | None) -> "SolveOptions":
 def _lists(
     outputs: dict[str, str], detections: Detections, solution: Solution | None, file: str
 ) -> Iterable[tuple[str, bytes]]:
-    from kochab.cli.faces import solve_field_files as files
+    from kochab.workflows import astrometry_tables as files
 
     keys = {"ANSOLVED": "solved", "ANMATCH": "match", "ANRDLS": "rdls", "ANWCS": "wcs", "ANCORR": "corr"}
     names = {key: os.path.basename(outputs[name]) for key, name in keys.items()}
@@ -374,9 +354,6 @@ def _told(solution: Solution) -> list[str]:
     ra, dec = solution.ra_dec_deg
     hours, degrees = radec(ra, dec).split()
     hms, dms = (text.translate(str.maketrans("hmd'", "::::", 's"')) for text in (hours, degrees))
-    (a, b), (c, d) = cd_at_centre(solution)
-    side = 1.0 if a * d - b * c >= 0.0 else -1.0
-    turn = -math.degrees(math.atan2(side * c - b, side * a + d))
     scale = solution.camera.scale_arcsec_px
     sizes = [3600.0 * side_deg for side_deg in solution.camera.fov_deg]
     unit, per = next(
@@ -390,6 +367,6 @@ def _told(solution: Solution) -> list[str]:
         f"Field center: (RA,Dec) = ({ra:.6f}, {dec:.6f}) deg.",
         f"Field center: (RA H:M:S, Dec D:M:S) = ({hms}, {dms}).",
         f"Field size: {sizes[0] / per:.6g} x {sizes[1] / per:.6g} {unit}",
-        f"Field rotation angle: up is {turn:.6g} degrees E of N",
-        f"Field parity: {'neg' if side > 0 else 'pos'}",
+        f"Field rotation angle: up is {up_deg(solution):.6g} degrees E of N",
+        f"Field parity: {'neg' if parity(solution) > 0 else 'pos'}",
     ]

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from kochab.cli.faces.plane import cd_at_centre
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections
 from kochab.core.solution import Solution
+from kochab.workflows.other_solvers import cd_at_centre
 
 LARGEST_LIST_BYTES = 200_000_000
 Column = tuple[str, str, str | None, Any]
