@@ -96,6 +96,24 @@ def test_a_long_exposure_is_not_old_while_the_next_one_is_taken():
     assert not status_text.is_old(update, monotonic() + 60.0)
 
 
+def test_a_frame_of_another_night_is_not_old_while_it_is_new_here():
+    """A file of 2023, dropped into a watched folder: "No new frames" stood over one that was solved 0.4 s before."""
+    now, years_s = monotonic(), 3.7 * 365.25 * 86400
+    update = tracked()
+    file = replace(update, shot=replace(update.shot, shutter_s=now - years_s, received_s=now - 0.4))
+    file = replace(file, last_good=GoodPointing(solution(), file.shot.number, file.shot.shutter_s))
+    assert file.recorded
+    assert not update.recorded
+    assert not status_text.is_old(file, now)
+    assert status_text.stream_status(file, now).title == "Tracking"
+    assert file.shown_age_s(now) == pytest.approx(0.4)
+    assert file.age_s(now) == pytest.approx(years_s), "what programs read stays the age of the exposure"
+    later = now + 60.0
+    assert status_text.is_old(file, later)
+    assert "Last frame 60 s ago" in status_text.stream_status(file, later).text
+    assert status_text.old_text(file.last_good.age_s(now)).startswith("Taken ")
+
+
 def test_there_may_be_nothing_to_say():
     update = LiveUpdate(shot(), track(refusal(), "lost"), monotonic())
     assert not status_text.is_old(update, monotonic())

@@ -162,9 +162,10 @@ class PointingPanel(Page):
         old, good = status_text.is_old(update, now), update.last_good
         for value, text in zip((self.ra, self.dec), status_text.position_texts(update, self.angle_style), strict=True):
             value.setText(text)
-        self._mute_position(old)
+        not_now = old or update.recorded
+        self._mute_position(not_now)
         east, north = status_text.drift_texts(None if old else update.drift)
-        age = age_text(good.age_s(now)) if good is not None else NOTHING
+        age = age_text(good.age_s(now) if update.is_old else update.shown_age_s(now)) if good is not None else NOTHING
         for title, text in {
             "Uncertainty": NOTHING if old else status_text.sigma_text(update),
             "Age": age,
@@ -179,7 +180,7 @@ class PointingPanel(Page):
         self._hide_unmeasured()
         self.save.setVisible(not name and lens.profile is not None and lens.profile.frames > 0)
         self.values["Frame rate"].setToolTip(status_text.frame_rate_tip(update, drawn_hz))
-        show_text(self.old, status_text.old_text(good.age_s(now)) if old and good is not None else "")
+        show_text(self.old, status_text.old_text(good.age_s(now)) if not_now and good is not None else "")
         show_text(self.doubt, lens.doubt)
         centre = status_text.pointing_vector(update)
         if centre is not None:

@@ -14,7 +14,7 @@ from kochab.text.angle_text import AngleStyle, age_text, arcsec_text, dec_text, 
 from kochab.text.translation import number, tr, tr_n, tr_noop
 from kochab.window.live.rendering import Levels
 from kochab.workflows.live.session import Recorder
-from kochab.workflows.live.update import Drift, LiveUpdate
+from kochab.workflows.live.update import TONIGHT_S, Drift, LiveUpdate
 from kochab.workflows.session.live_stream import Lens
 from kochab.workflows.solution_text import reason_text
 
@@ -44,11 +44,7 @@ def limit_s(update: LiveUpdate) -> float:
 def is_old(update: LiveUpdate, now_s: float) -> bool:
     """Whether the camera may point elsewhere by now."""
     good = update.last_good
-    return good is not None and (update.is_old or good.age_s(now_s) > limit_s(update))
-
-
-TONIGHT_S = 12 * 3600.0
-"""What was taken longer ago is not of this night."""
+    return good is not None and (update.is_old or update.shown_age_s(now_s) > limit_s(update))
 
 
 def old_text(age_s: float) -> str:
@@ -66,8 +62,8 @@ def stream_status(update: LiveUpdate, now_s: float, seen_s: float = float("-inf"
     """
     if isinstance(update.result, NoSolution):
         return StreamStatus(tr("No solution: {reason}", reason=reason_text(update.result)), update.result.advice, "bad")
-    if update.age_s(now_s) > limit_s(update):
-        since = age_text(update.age_s(now_s))
+    if update.shown_age_s(now_s) > limit_s(update):
+        since = age_text(update.shown_age_s(now_s))
         # Frames come, and none of them is solved.
         if now_s - seen_s < limit_s(update):
             return StreamStatus(tr("Searching"), tr("Last solution {since} ago.", since=since), "bad")

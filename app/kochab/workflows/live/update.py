@@ -17,6 +17,10 @@ SLEW_ARCSEC_MIN = 3000.0  # faster than this between two frames the mount was mo
 SLEW_ARCSEC = 60.0
 
 
+TONIGHT_S = 12 * 3600.0
+"""What was taken longer ago is not of this night."""
+
+
 @dataclass(frozen=True, slots=True)
 class Drift:
     """Motion of the frame's centre on the sky, arcsec a minute; east and north are positive.
@@ -129,3 +133,12 @@ class LiveUpdate:
     def age_s(self, now_s: float) -> float:
         """Seconds since mid-exposure, at ``now_s`` of :func:`time.monotonic`."""
         return now_s - self.shot.shutter_s
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the frame is of another night, and only came now."""
+        return self.shot.received_s - self.shot.shutter_s > TONIGHT_S
+
+    def shown_age_s(self, now_s: float) -> float:
+        """Seconds since mid-exposure, of a recording since it came: whether frames still come is asked of both."""
+        return now_s - self.shot.received_s if self.recorded else self.age_s(now_s)
