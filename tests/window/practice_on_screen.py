@@ -89,7 +89,7 @@ def night_out(window, commands, folder):
     pulse = Pulse()
     view.buttons.take.click()
     until(lambda: control.known.sight is not None and not control.known.busy, "a solved frame")
-    first = view.pointing.total.text()
+    first = view.pointing.offset.text()
     view.buttons.sync.click()
     until(lambda: bool(window.findChildren(SyncDialog)), "the preview")
     window.findChildren(SyncDialog)[0].yes.click()
@@ -106,7 +106,13 @@ def night_out(window, commands, folder):
     pause(400)
     keep(window, folder / "mount-night.png")
     away = apart_deg(truth.ra_dec_deg, radec_deg(finder().still("M 42").vector)) * 3600.0
-    return {"off_at_first": first, "said": said[-1], "away_arcsec": away, "tracked": view.pointing.total.text(), **gaps}
+    return {
+        "off_at_first": first,
+        "said": said[-1],
+        "away_arcsec": away,
+        "tracked": view.pointing.offset.text(),
+        **gaps,
+    }
 
 
 def main(folder):

@@ -48,16 +48,21 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
         resize(qtbot, window, *size)
         assert (window.width(), window.height()) == size, name
         texts = (card.title, card.text, card.ra, card.dec, card.facts)
-        for shown in (card, panes.buttons, *texts):
+        over, room = (card, panes.buttons), window.pages.currentWidget()
+        if window.in_room:  # the mount's, with a card of its own
+            view = commands.views.docks[name].view
+            texts, over = (view.pointing.state,), (room.card, room.strip)
+            texts = (*texts, view.go.target, view.go.centre, view.go.goto, view.buttons.sync)
+        for shown in (*over, *texts):
             assert whole(window, shown), (name, shown)
-        for text in texts:
+        for text in texts if not window.in_room else ():
             lines = text.heightForWidth(text.width()) if text.wordWrap() else text.sizeHint().height()
             assert text.height() >= lines, (name, text.text())
             assert text.wordWrap() or text.width() >= text.sizeHint().width(), (name, text.text())
-        assert not card.geometry().intersects(panes.buttons.geometry()), name
+        assert not over[0].geometry().intersects(over[1].geometry()), name
         beside = [commands.views.docks[n].width() for n in commands.views.docked]
         if letters == "normal" and name != "laboratory":
-            assert panes.view.width() > max(beside, default=0), name
+            assert window.pages.width() > max(beside, default=0), name
     commands.appearance.use_theme(text_size="normal")
     qtbot.waitUntil(lambda: commands.appearance.settled)
 
@@ -84,7 +89,7 @@ def test_stop_is_whole_however_much_the_bars_have_to_say(qtbot, opened, name, le
     assert (window.width(), window.height()) == (1024, 700)
     assert status.stop.width() >= status.stop.sizeHint().width()
     assert whole(window, status.stop)
-    assert whole(window, window.workspace.card.ra)
+    assert whole(window, window.workspace.card.ra if name is None else window.pages.currentWidget().card)
     control = commands.services.mount
     monkeypatch.setattr(control, "known", replace(control.known, phase="connected", alarm="It still moves."))
     status._show()

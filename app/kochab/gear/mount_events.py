@@ -241,7 +241,7 @@ class MountSnapshot:
         passed_s, self._looked_s = now_s - self._looked_s, now_s
         if before is not None and passed_s > 0.0:
             speed = max(0.0, before - left) / passed_s
-            self._speed_deg_s = speed if self._speed_deg_s == 0.0 else (self._speed_deg_s + speed) / 2.0
+            self._speed_deg_s = speed if self._speed_deg_s == 0.0 else 0.3 * self._speed_deg_s + 0.7 * speed
         self.left_s = left / self._speed_deg_s if self._speed_deg_s > SLOW_DEG_S else None
 
     def has_moved(self) -> None:

@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QScrollArea,
     QTabWidget,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -336,6 +337,28 @@ def _fill(layout: Box, parts: tuple[Part, ...], spacing: int | None, margins: Ma
         else:
             layout.addWidget(inside, stretch)
     return layout
+
+
+class Fold(QWidget):
+    """A line with a title; pressed, it shows what is behind it, and hides it again."""
+
+    def __init__(self, title: str, *inside: Part) -> None:
+        super().__init__()
+        self.line = QToolButton()
+        self.line.setText(title)
+        self.line.setCheckable(True)
+        self.line.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self.line.setObjectName("fold")
+        self.line.setFocusPolicy(Qt.FocusPolicy.TabFocus)
+        self.inside = QWidget()
+        column(*inside, on=self.inside, spacing=8, margins=(0, 4, 0, 0))
+        column(row(self.line, None), self.inside, on=self, spacing=0, margins=(0, 0, 0, 0))
+        self.line.toggled.connect(self._fold)
+        self._fold(False)
+
+    def _fold(self, on: bool) -> None:
+        self.inside.setVisible(on)
+        self.line.setArrowType(Qt.ArrowType.DownArrow if on else Qt.ArrowType.RightArrow)
 
 
 def form(*rows: tuple[str, QWidget | QLayout], spacing: int = 8) -> QFormLayout:

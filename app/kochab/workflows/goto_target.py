@@ -82,6 +82,12 @@ def parse_target(text: str, time_utc: datetime) -> Target:
     return named_target(clean, time_utc)
 
 
+def resolved(text: str, time_utc: datetime) -> Task[Target]:
+    """The same as a task, for who may not wait for the catalogue."""
+    yield Progress("names")
+    return parse_target(text, time_utc)
+
+
 def names_to_offer() -> Task[list[str]]:
     """What the field completes: Messier objects and the stars that bear a name of their own."""
     yield Progress("names")

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QWidget
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import UsageError
@@ -215,7 +214,8 @@ def test_home_is_asked_of_a_motor_board_only_and_anew_every_time(qtbot, settings
 
 def test_enter_on_a_suggestion_takes_the_name_and_only_the_next_one_slews(qtbot):
     ordered = []
-    go = GoBox(ordered.append, lambda text, tolerance: None, QWidget())
+    go = GoBox(ordered.append, lambda text, tolerance: None)
+    go.lay_out()
     qtbot.addWidget(go)
     go.offer_names(["M 42", "M 45", "Vega"])
     go.show()

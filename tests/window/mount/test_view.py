@@ -75,8 +75,9 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
         icrs = mount.control.known.report.icrs_deg
         of_date = mount.opening.guard.to_mount(*icrs)
         assert apart_deg(of_date, mount.bench.start) < 0.5  # SynScan's are of J2000
-        assert mount.view.pointing.mount[0].text()[2] == "h"
+        assert mount.view.pointing.ra.text()[2] == "h"
         assert "idle" in mount.view.pointing.state.text() or "racking" in (mount.view.pointing.state.text())
+        assert mount.view.pointing.offset.text() == "as the mount reports, not solved yet"
         assert mount.view.stop.isVisible()
         assert mount.view.buttons.take.explanation.reason == why.Need.CAMERA.value
         assert mount.view.buttons.rests["park"].explanation.reason == mount.opening.guard.lacks.get(Ability.PARK, "")

@@ -53,6 +53,19 @@ def small_picture(frame: Frame) -> np.ndarray:
     return box
 
 
+def reduced(frame: Frame, most_px: int) -> np.ndarray:
+    """The whole stretched frame (H, W, 3), uint8, at most so many px wide or high; each cell its brightest pixel."""
+    from kochab.frames.stretch import apply, debayer_preview, stretch_parameters
+
+    shown = debayer_preview(frame, 2) if frame.bayer or frame.colour is not None else frame.pixels
+    factor = max(1, -(-max(shown.shape[:2]) // most_px))
+    shown = shown[: max(1, shown.shape[0] // factor) * factor, : max(1, shown.shape[1] // factor) * factor]
+    rows, columns = (np.arange(0, side, factor) for side in shown.shape[:2])
+    cells = np.maximum.reduceat(np.maximum.reduceat(shown, rows, axis=0), columns, axis=1)
+    bright = apply(cells, stretch_parameters(shown))
+    return np.broadcast_to(bright[..., None] if bright.ndim == 2 else bright, (*bright.shape[:2], 3))
+
+
 def as_pixmap(picture: np.ndarray, red: bool, gap: int = 0) -> QPixmap:
     """The picture with ``gap`` px of room behind it, in red light alone if ``red``."""
     # QImage is told that a row has 3 * w bytes.

@@ -249,6 +249,7 @@ class MoveStarMode(QObject):
     """Two clicks in the frame, a star and its new place; the first snaps to an identified star."""
 
     message = Signal(str, str)  # a sentence and its role
+    frame_wanted = Signal(bool)  # the open frame is to be seen, for its stars are clicked; or no longer
 
     def __init__(self, services: Services, control: MountControl, orders: MountActions) -> None:
         super().__init__(control)
@@ -265,6 +266,7 @@ class MoveStarMode(QObject):
         self._on, self._star = True, None
         self._view.clicked.connect(self._clicked)
         self._view.setCursor(Qt.CursorShape.CrossCursor)
+        self.frame_wanted.emit(True)
         self.message.emit(tr(FIRST), "")
 
     def end(self) -> None:
@@ -272,6 +274,7 @@ class MoveStarMode(QObject):
         if self._on:
             self._view.clicked.disconnect(self._clicked)
             self._view.unsetCursor()
+            self.frame_wanted.emit(False)
         self._on = False
 
     def _clicked(self, x: float, y: float, reach_px: float) -> None:

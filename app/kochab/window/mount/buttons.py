@@ -36,7 +36,7 @@ class OrderButtons:
     def __init__(self, control: MountControl, orders: MountActions, move_star: MoveStarMode, go: GoBox) -> None:
         self.take = ExplainedButton(tr("Take a frame"), orders.take_frame, tr("See where the mount really points"))
         tip = tr("Solve two frames, then sync the mount on them")
-        self.sync = ExplainedButton(tr("Sync…"), orders.offer_sync, tip, "main")
+        self.sync = ExplainedButton(tr("Sync…"), orders.offer_sync, tip)
         self.undo = ExplainedButton(tr("Undo sync"), lambda: control.ask("undo", undo_sync), tr("Undo the last sync"))
         self.diagnose = ExplainedButton(tr("Diagnose"), orders.diagnose, tr(DIAGNOSE_TIP))
         self.model = ExplainedButton(tr("Pointing model"), orders.use_model, tr(MODEL_TIP))

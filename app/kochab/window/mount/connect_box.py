@@ -16,7 +16,7 @@ from kochab.parsing.angles import parse_site, site_text
 from kochab.text.translation import tr, tr_noop
 from kochab.window.job import Job, Jobs
 from kochab.window.themes import draw_glyph, theme_colours
-from kochab.window.widgets import button, column, form, label, narrow_box, row, switch, text_field
+from kochab.window.widgets import button, column, form, narrow_box, row, switch, text_field
 
 BAUDS = (DRIVER_DEFAULT, "9600", "19200", "38400", "57600", "115200", "230400")
 EPOCH_TIP = tr_noop(
@@ -98,7 +98,8 @@ class ConnectBox(QWidget):
             (tr("Profile"), self.profile),
             (tr("Port"), self.port),
             (tr("Driver"), self.driver),
-            (tr("Baud rate"), row((self.baud, 1), label(tr("Epoch")), (self.epoch, 1), spacing=10)),
+            (tr("Baud rate"), self.baud),
+            (tr("Epoch"), self.epoch),
             (tr("Your site"), self.site),
             spacing=6,
         )

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, Signal
+from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QStandardItemModel
 from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
-from kochab.text.translation import tr, tr_noop
+from kochab.text.translation import number, tr, tr_noop
 from kochab.window.widgets import (
     ChoiceBox,
     choice_box,
@@ -148,9 +148,9 @@ WAYS = {
 
 
 class NudgePad(QWidget):
-    """Nudges by arcsec at deg/s or 0; presses while the mount moves are ignored. ``beside`` is another widget."""
+    """Nudges by arcsec at deg/s or 0; presses while the mount moves are ignored."""
 
-    def __init__(self, nudge: Callable[[Direction, float, float], None], beside: QWidget) -> None:
+    def __init__(self, nudge: Callable[[Direction, float, float], None]) -> None:
         super().__init__()
         self._nudge = nudge
         self.step = choice_box(tr("Step of a nudge"), STEPS_ARCSEC, 0)
@@ -171,9 +171,9 @@ class NudgePad(QWidget):
             grid.addWidget(made, at_row, at_column)
             self.buttons[way] = made
         grid.addWidget(self.step, 1, 1)
-        self.hint, below = label(tr(HINT), "muted", wrap=True), row(self.rate, beside, None)
-        title = column(label(tr("Nudge"), "heading"), self.hint, None, below)
-        row(grid, (title, 1), on=self, spacing=14, margins=(0, 0, 0, 0))
+        self.hint = label(tr(HINT), "muted", wrap=True)
+        title = row(label(tr("Nudge"), "heading"), None, self.rate)
+        column(title, row(None, grid, None), self.hint, on=self, spacing=8, margins=(0, 0, 0, 0))
 
     def show_rates(self, rates_deg_s: tuple[float, ...]) -> None:
         """Offer the mount's rates."""
@@ -211,32 +211,49 @@ def rate_text(rate_deg_s: float) -> str:
     return tr("{rate:.2g}°/s", rate=rate_deg_s) if times > 100.0 else tr("{times:.3g} × sidereal", times=times)
 
 
+WAIT_MS = 350  # after the last letter of a target
 TOLERANCE_ARCSEC = (2.0, 3600.0)
 GOTO_TIP = tr_noop("Slew there by the mount’s own pointing")
 CENTRE_TIP = tr_noop("Slew there, plate solve, and correct until the target is centred")
 
 
 class GoBox(QWidget):
-    """The target, Goto and Centre; ``beside`` stands beside the buttons."""
+    """The target, Centre and Go to; ``beside`` are more commands after them. Below, what is known of the target.
 
-    def __init__(self, goto: Callable[[str], None], centre: Callable[[str, float], None], beside: QWidget) -> None:
+    ``tolerance`` is placed elsewhere.
+    """
+
+    typed = Signal(str)  # a target, a moment after the last letter
+
+    def __init__(self, goto: Callable[[str], None], centre: Callable[[str, float], None]) -> None:
         super().__init__()
         self.target = text_field(
             tr("Target"), tr("{names}, or {place} (J2000)", names="M 42, Vega, HIP 32349", place="5h35m17s -5d23m")
         )
+        self.target.setClearButtonEnabled(True)
         self._names = QStringListModel(self)
         self.completer = QCompleter(self._names, self, caseSensitivity=Qt.CaseSensitivity.CaseInsensitive)
         self.target.setCompleter(self.completer)
-        self.goto = ExplainedButton(tr("Goto"), lambda: goto(self.target.text()), tr(GOTO_TIP))
+        self.goto = ExplainedButton(tr("Go to"), lambda: goto(self.target.text()), tr(GOTO_TIP))
         self.centre = ExplainedButton(
-            tr("Centre"), lambda: centre(self.target.text(), self.tolerance.value()), tr(CENTRE_TIP), "main"
+            "", lambda: centre(self.target.text(), self.tolerance.value()), tr(CENTRE_TIP), "main"
         )
         self.tolerance = number_field(tr("Centring tolerance, arcseconds"), *TOLERANCE_ARCSEC, 60.0, 0, "″")
-        self.tolerance.setPrefix(tr("to "))
+        self.tolerance.valueChanged.connect(self._name_centre)
+        self._name_centre()
+        self.about = label("", "muted", wrap=True)
         self.target.returnPressed.connect(self._enter)
-        above = row(label(tr("Go to"), "heading"), (self.target, 1))
-        below = row(self.goto, self.centre, self.tolerance, beside, None)
-        column(above, below, on=self, margins=(0, 0, 0, 0))
+        self._wait = QTimer(self, singleShot=True, interval=WAIT_MS)
+        self._wait.timeout.connect(lambda: self.typed.emit(self.target.text().strip()))
+        self.target.textChanged.connect(lambda _: self._wait.start())
+
+    def lay_out(self, *beside: QWidget) -> None:
+        """With more commands beside these."""
+        above = row((self.target, 1), self.centre, self.goto, *beside, spacing=6)
+        column(above, self.about, on=self, spacing=4, margins=(0, 0, 0, 0))
+
+    def _name_centre(self) -> None:
+        self.centre.setText(tr("Centre ({arcsec}″)", arcsec=number(self.tolerance.value(), "g")))
 
     def _enter(self) -> None:
         # Qt tells of Enter on a suggestion, too; that one only takes the name.

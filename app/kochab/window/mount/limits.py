@@ -13,7 +13,7 @@ from kochab.gear.profiles import BOUNDS, read_horizon
 from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import ask_frames
 from kochab.window.themes import Colours, theme_colours
-from kochab.window.widgets import button, column, draw_text, label, number_field, row
+from kochab.window.widgets import button, column, draw_text, form, label, number_field, row
 
 STEP_DEG = 5.0
 AZIMUTHS_DEG = np.arange(0.0, 360.0, STEP_DEG)
@@ -155,7 +155,7 @@ class LimitsBox(QWidget):
         self.past = number_field(tr("Past the meridian"), *BOUNDS["past_meridian_deg"][:2], 15.0, 0, "°", tr(PAST_TIP))
         self.file = button(tr("Horizon file…"), self._choose, "", tr(FILE_TIP))
         self.clear = button(tr("Clear horizon"), lambda: self._keep_horizon(()), "", tr("Keep the horizon limit alone"))
-        fields = row(label(tr("Horizon limit")), self.lowest, label(tr("Past meridian")), self.past, None)
+        fields = form((tr("Horizon limit"), self.lowest), (tr("Past meridian"), self.past), spacing=6)
         column(
             label(tr("Limits"), "heading"),
             self.picture,

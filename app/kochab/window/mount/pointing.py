@@ -2,14 +2,25 @@
 
 import math
 from dataclasses import dataclass
+from time import monotonic
 
-from PySide6.QtCore import QPointF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import QDialog, QGridLayout, QLabel, QSizePolicy, QWidget
+from PySide6.QtCore import QPointF, QSize, Qt, QTimer, Signal
+from PySide6.QtGui import QColor, QHideEvent, QPainter, QPaintEvent, QPen, QPolygonF, QShowEvent
+from PySide6.QtWidgets import QDialog, QFrame, QGridLayout, QSizePolicy, QWidget
 
 from kochab.core.attitude import apart_deg, wrapped
+from kochab.core.solution import Solution
 from kochab.gear.mount_events import MountSnapshot
-from kochab.text.angle_text import AngleStyle, angle_text, arcsec_text, dec_text, ra_text, radec_text, round_angle_text
+from kochab.text.angle_text import (
+    AngleStyle,
+    age_text,
+    angle_text,
+    arcsec_text,
+    dec_text,
+    ra_text,
+    radec_text,
+    round_angle_text,
+)
 from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_status import words_of
 from kochab.window.themes import Colours, theme_colours
@@ -19,12 +30,12 @@ from kochab.window.widgets import (
     column,
     draw_text,
     facts_grid,
-    grid,
     label,
+    named,
     position_labels,
     row,
+    set_role,
     show_text,
-    value_label,
 )
 from kochab.workflows.sync_mount import SyncOffer
 
@@ -121,43 +132,68 @@ class OffsetArrow(QWidget):
             painter.drawPolygon(QPolygonF([QPointF(long, 0), QPointF(long - 11, 5), QPointF(long - 11, -5)]))
 
 
-NOT_SOLVED = tr_noop("not solved yet")
+AGREES_DEG = 1.0 / 60.0  # as near the mount's own place and the solved one are as good as one
+OFTEN_MS = 1000
 
 
-class PointingBox(QWidget):
-    """Reported position, solved position and the offset; ``beside`` stands beside the state."""
+class PointingCard(QFrame):
+    """Where it points: as the sky says, or where that is not known, or old, as the mount says."""
 
-    def __init__(self, beside: QWidget) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.mount = position_labels(tr("Mount reports, right ascension"))
-        self.sky = position_labels(tr("Plate solve, right ascension"))
-        self.state = value_label(tr("State of the mount"))
-        self.total, self.parts = value_label(tr("Offset")), value_label(tr("Offset, both parts"))
-        self.total.setProperty("role", "value")
-        self.age = label("", "muted", wrap=True)
-        self.arrow = OffsetArrow()
-        self._lay_out(beside)
-
-    def _lay_out(self, beside: QWidget) -> None:
-        titles = label(tr("Mount reports"), "muted"), label(tr("Plate solve"), "muted")
-        positions = grid(titles, *zip(self.mount, self.sky, strict=True), across=16, down=2, stretch=(1, 1))
-        numbers = column(label(tr("Mount is off by"), "muted"), self.total, self.parts, self.age, None)
-        offset = row(self.arrow, (numbers, 1), spacing=14)
-        column(row((self.state, 1), beside), positions, offset, on=self, margins=(0, 0, 0, 0))
+        self.setObjectName("card")
+        self.state = named(label("", "muted", wrap=True), tr("State of the mount"))
+        self.ra, self.dec = position_labels()
+        self.offset = named(label("", wrap=True), tr("Offset"))
+        self._known, self._style = MountSnapshot(), AngleStyle.SEXAGESIMAL
+        self._solution: Solution | None = None  # the last one, and when it came by the clock of this computer
+        self._solved_s = 0.0
+        place = row(self.ra, self.dec, None, spacing=14)
+        column(self.state, place, self.offset, on=self, spacing=2, margins=(14, 10, 14, 10))
+        self._clock = QTimer(self, interval=OFTEN_MS)
+        self._clock.timeout.connect(self._say)
 
     def show_known(self, known: MountSnapshot, style: AngleStyle) -> None:
         """Show a snapshot."""
-        report, sight = known.report, known.sight
-        _write(self.mount, None if report is None else report.icrs_deg, style, "–")
-        sky = None if sight is None else sight.solution.ra_dec_deg
-        _write(self.sky, sky, style, tr(NOT_SOLVED) if known.phase == "on" else "–")
-        offset = None if sight is None or sky is None else Offset.between(sight.mount_deg, sky)
-        self.total.setText("–" if offset is None else angle_text(offset.total_deg))
-        self.parts.setText("" if offset is None else offset.parts_text)
-        self.arrow.show_offset(offset, known.moved_since)
-        age = "" if sight is None else tr("Frame solved at {time} UTC", time=f"{sight.when:%H:%M:%S}")
-        self.age.setText(tr("OLD: the mount has moved since. {age}", age=age) if known.moved_since else age)
-        show_text(self.state, state_text(known), "wrong" if known.phase == "lost" else "")
+        if known.sight is not None and known.sight.solution is not self._solution:
+            self._solution, self._solved_s = known.sight.solution, monotonic()
+        self._known, self._style = known, style
+        self._say()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        self._clock.start()
+        self._say()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        self._clock.stop()
+
+    def _say(self) -> None:
+        known, report, sight = self._known, self._known.report, self._known.sight
+        place = None if report is None else report.icrs_deg
+        if sight is not None and not known.moved_since:
+            place = sight.solution.ra_dec_deg
+        texts = ("", "") if place is None else (ra_text(place[0], self._style), dec_text(place[1], self._style))
+        for one, text in zip((self.ra, self.dec), texts, strict=True):
+            show_text(one, text)
+            set_role(one, "value_old" if known.phase == "lost" else "value")
+        show_text(self.offset, self._offset_words())
+        show_text(self.state, state_text(known), "wrong" if known.phase == "lost" or known.alarm else "muted")
+
+    def _offset_words(self) -> str:
+        """How old the solved place is, and how far the mount is from it."""
+        known = self._known
+        if known.report is None:
+            return ""
+        if known.sight is None:
+            return tr("as the mount reports, not solved yet")
+        offset = Offset.between(known.sight.mount_deg, known.sight.solution.ra_dec_deg)
+        total, age = angle_text(offset.total_deg), age_text(monotonic() - self._solved_s)
+        if known.moved_since:
+            return tr("as the mount reports. OLD: solved {age} ago, before it moved, {angle} off", age=age, angle=total)
+        if offset.total_deg < AGREES_DEG:
+            return tr("solved {age} ago · mount agrees within {angle}", age=age, angle=total)
+        parts = offset.parts_text
+        return tr("solved {age} ago · mount is off by {angle} ({parts})", age=age, angle=total, parts=parts)
 
 
 PHASES = {
@@ -174,17 +210,11 @@ def state_text(known: MountSnapshot) -> str:
         return tr(PHASES[known.phase])
     if known.report is None:
         return known.trouble or tr("Reading the position…")
-    words = [known.port, *words_of(known.report.state)]
+    words = [tr("Connected"), *words_of(known.report.state)]
     if known.report.altaz_deg is None:  # an alignment may have found it in a frame since
         words.append(tr("no site: disconnect and set yours to allow motion"))
     trouble = " ".join(dict.fromkeys(t for t in (known.alarm, known.trouble) if t))
     return ", ".join(words) + (f". {trouble}" if trouble else "")
-
-
-def _write(labels: tuple[QLabel, QLabel], place: tuple[float, float] | None, style: AngleStyle, empty: str) -> None:
-    texts = (empty, "") if place is None else (ra_text(place[0], style), dec_text(place[1], style))
-    for one, text in zip(labels, texts, strict=True):
-        one.setText(text)
 
 
 NO_SYNC = tr_noop("Kochab can slew by the offset instead.")

@@ -1,0 +1,209 @@
+"""The room of the Mount mode: the chart, what the mount adds to it, and what is done on it."""
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QApplication
+
+from kochab.core.attitude import apart_deg, separation_deg, unit_vectors
+from kochab.core.mount import Pointing
+from kochab.gear.mounts.coordinates import from_mount_epoch
+from kochab.window.devices.mount_status import mount_status_text
+from kochab.window.mount.sky_overlay import flat
+from kochab.window.themes import theme_colours
+from tests.gear.mounts.bench import place
+from tests.window.fakes import fake_solution, star_field
+from tests.window.mount_bench import connected
+
+
+def at_rest(mount):
+    return not mount.control.known.busy and not mount.telescope.slewing
+
+
+def far_away(mount):
+    """A place of date two hours west of the meridian, in the mount's numbers."""
+    return place(-60.0, 40.0, mount.bench.clock)
+
+
+def begin_slew(qtbot, mount):
+    target = far_away(mount)
+    mount.view.go.target.setText(f"{target[0]:.4f} {target[1]:.4f}")
+    mount.view.go.goto.click()
+    qtbot.waitUntil(lambda: mount.control.known.left_s is not None, timeout=20_000)
+    return target
+
+
+def drawn(chart, at, colour, reach=3):
+    """Whether a colour is seen near a place of the chart."""
+    picture, ratio, wanted = chart.grab().toImage(), chart.devicePixelRatioF(), QColor(colour)
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            seen = picture.pixelColor(int(at[0] * ratio) + i, int(at[1] * ratio) + j)
+            if (
+                abs(seen.red() - wanted.red()) + abs(seen.green() - wanted.green()) + abs(seen.blue() - wanted.blue())
+                < 40
+            ):
+                return True
+    return False
+
+
+def test_the_chart_takes_the_frames_place_and_gives_it_back(qtbot, opened):
+    window, commands = opened
+    commands.views.show("mount")
+    room = commands.views.docks["mount"].view.room
+    assert room.isVisible()
+    assert room.width() > 0.6 * window.width()
+    commands.session.show(star_field(), "Camera frame 1")
+    assert room.isVisible(), "a camera's frame does not hide it"
+    commands.views.show("live")
+    assert window.workspace.isVisible()
+    commands.views.show("mount")
+    assert room.isVisible()
+    commands.views.show("image")
+    assert window.workspace.isVisible()
+
+
+def test_a_file_that_is_opened_is_seen_and_one_press_brings_the_chart_back(qtbot, opened, tmp_path):
+    window, commands = opened
+    commands.views.show("mount")
+    view = commands.views.docks["mount"].view
+    commands.session.open(tmp_path / "none.fits")
+    assert window.workspace.isVisible()
+    assert view.isVisible()
+    assert view.large.text() == "Show the chart"
+    commands.views.toggle("mount")
+    assert view.room.isVisible()
+    commands.views.toggle("mount")
+    assert window.workspace.isVisible()
+    assert not view.isVisible()
+
+
+def test_before_any_frame_the_welcome_page_comes_back(qtbot, make_window, engine):
+    window, commands = make_window(engine)
+    commands.views.show("mount")
+    assert not window.welcome.isVisible()
+    commands.views.show("image")
+    assert window.welcome.isVisible()
+
+
+def test_a_slew_is_drawn_and_told_with_its_way_and_time(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, slew_deg_s=2.0) as mount:
+        room, control = mount.view.room, mount.control
+        typed = begin_slew(qtbot, mount)
+        assert apart_deg(control.known.report.target_deg, typed) < 0.01
+        assert room.marks.slewing
+        assert separation_deg(room.chart.centre, unit_vectors(*control.known.report.icrs_deg)) < 1.0, "it turns along"
+        text = mount_status_text(control.known)
+        assert f"{control.known.left_deg:.0f}° to go, " in text
+        assert text.endswith(" s")
+        # The bench's axes go at 2 deg/s.
+        qtbot.waitUntil(lambda: 0.35 < control.known.left_s / control.known.left_deg < 0.75, timeout=8_000)
+        start, end = room.marks.mount, room.marks.target
+        way = flat(room.chart, np.array([start + 0.04 * k * (end - start) for k in (1, 2, 3, 4)]))
+        assert sum(drawn(room.chart, at, theme_colours().way, 8) for at in way) >= 3
+        before = control.known.left_deg
+        qtbot.waitUntil(lambda: control.known.left_deg is not None and control.known.left_deg < before - 1.0)
+        mount.view.stop.click()
+        qtbot.waitUntil(lambda: at_rest(mount), timeout=15_000)
+        qtbot.waitUntil(lambda: control.known.left_deg is None, timeout=5_000)
+
+
+def test_it_is_stopping_until_the_mount_is_seen_to_stand(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands, slew_deg_s=2.0) as mount:
+        begin_slew(qtbot, mount)
+        texts = []
+        mount.control.changed.connect(lambda: texts.append(mount_status_text(mount.control.known)))
+        mount.view.stop.click()
+        qtbot.waitUntil(lambda: "Mount: stopping…" in texts, timeout=10_000)
+        qtbot.waitUntil(lambda: "Mount stopped." in mount.said, timeout=15_000)
+        assert mount.said.index("Stopping…") < mount.said.index("Mount stopped.")
+        qtbot.waitUntil(lambda: "stopping" not in mount_status_text(mount.control.known), timeout=5_000)
+
+
+def double_click(qtbot, chart, vector):
+    x, y = chart.sheet.pixels_of(vector[None])[0] + 0.5
+    qtbot.mouseDClick(chart, Qt.MouseButton.LeftButton, pos=QPoint(round(x), round(y)))
+
+
+def icrs(mount, of_date):
+    return unit_vectors(*from_mount_epoch(Pointing(*of_date, mount.opening.guard.epoch), mount.bench.clock()))
+
+
+def test_a_double_click_sends_the_mount_there_and_the_guard_refuses_in_its_words(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        chart = mount.view.room.chart
+        qtbot.waitUntil(lambda: chart.catalogue is not None)
+        low = icrs(mount, place(0.0, -60.0, mount.bench.clock))
+        chart.look(low, 60.0)
+        double_click(qtbot, chart, low)
+        qtbot.waitUntil(lambda: any("the limit is" in s or "horizon" in s for s in mount.said), timeout=20_000)
+        assert not mount.telescope.log, "nothing moved"
+        qtbot.waitUntil(lambda: at_rest(mount))
+        there = icrs(mount, place(-30.0, 35.0, mount.bench.clock))
+        chart.look(there, 30.0)
+        double_click(qtbot, chart, there)
+        qtbot.waitUntil(lambda: any("reports that it reached" in s for s in mount.said), timeout=30_000)
+        assert [e[0] for e in mount.telescope.log] == ["goto"]
+        qtbot.waitUntil(lambda: at_rest(mount))
+        assert separation_deg(unit_vectors(*mount.control.known.report.icrs_deg), there) < 0.5
+
+
+def test_a_drag_ends_the_following_and_a_press_brings_the_mount_back(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        room = mount.view.room
+        mount_at = unit_vectors(*mount.control.known.report.icrs_deg)
+        assert separation_deg(room.chart.centre, mount_at) < 0.2
+        room.chart.zoom(2.0)
+        assert not room.follow.isVisible(), "a zoom goes on following"
+        room.chart.drag(QPointF(300, 300), QPointF(420, 300))
+        assert room.follow.isVisible()
+        turned = room.chart.centre
+        reports = []
+        mount.control.changed.connect(lambda: reports.append(1))
+        qtbot.waitUntil(lambda: len(reports) > 2)
+        assert separation_deg(room.chart.centre, turned) < 1e-9, "it stays where it was dragged"
+        qtbot.keyClick(room.chart, Qt.Key.Key_0)
+        assert separation_deg(room.chart.centre, room.marks.mount) < 0.2
+        assert not room.follow.isVisible()
+
+
+def test_a_click_on_a_star_types_its_name_and_tells_when_it_is_up(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        view, chart = mount.view, mount.view.room.chart
+        qtbot.waitUntil(lambda: chart.catalogue is not None)
+        vega = unit_vectors(279.2347, 38.7837)
+        chart.look(vega, 30.0)
+        chart.grab()
+        qtbot.mouseClick(chart, Qt.MouseButton.LeftButton, pos=chart.rect().center())
+        assert view.go.target.text() == "Vega"
+        qtbot.waitUntil(lambda: view.room.marks.target is not None)
+        assert "double-click" not in view.go.about.text(), "it is of the target"
+        assert separation_deg(view.room.marks.target, vega) < 0.1
+        assert not mount.telescope.log
+
+
+def test_the_solved_place_is_a_dot_and_the_reported_one_a_ring(qtbot, opened):
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        room, known = mount.view.room, mount.control.known
+        solution = fake_solution(600, 400)
+        known.hear(type("Sight", (), {}))  # anything else changes nothing
+        from kochab.gear.mount_events import SolvedPosition
+
+        mount.control._hear(SolvedPosition(solution, known.report.icrs_deg, mount.bench.clock()))
+        marks = room.marks
+        assert np.allclose(marks.solved, solution.centre_vector)
+        assert marks.offset_text.endswith("° off")
+        room.chart.look(solution.centre_vector, 20.0)
+        QApplication.processEvents()
+        at = flat(room.chart, solution.centre_vector[None])[0]
+        assert drawn(room.chart, at, theme_colours().solved)
+        room.chart.look(marks.mount, 20.0)
+        ring = flat(room.chart, marks.mount[None])[0] + (0.0, -13.0)
+        assert drawn(room.chart, ring, theme_colours().mount)

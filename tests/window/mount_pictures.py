@@ -1,0 +1,81 @@
+"""Pictures of the Mount mode over a practice telescope, for eyes.
+
+``python -m tests.window.mount_pictures FOLDER`` saves the room in several sizes and themes, with a slew under way and
+after it; QT_SCALE_FACTOR sets the scale. It prints how long the chart takes to paint.
+"""
+
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+
+from kochab.window.application import build
+from kochab.window.frame.session import WorkflowEngine
+from kochab.window.settings import WindowSettings
+from kochab.workflows.session.wiring import Wiring
+from tests.window.practice_on_screen import practise, until
+from tests.window.take_screenshots import pause
+
+SIZES = ((1024, 700), (1366, 768), (1600, 1000))
+THEMES = ("dark", "light", "night")
+
+
+def paint_ms(chart):
+    """A paint of what moves alone, and one of all, ms of this thread."""
+    chart.grab()
+    began = time.thread_time()
+    chart.grab()
+    marks = time.thread_time() - began
+    chart.look(chart.centre, chart.field_deg * 1.01)
+    began = time.thread_time()
+    chart.grab()
+    return {"marks_ms": round(marks * 1e3, 1), "all_ms": round((time.thread_time() - began) * 1e3, 1)}
+
+
+def main(folder, *sizes):
+    app = QApplication([])
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = [tuple(map(int, size.split("x"))) for size in sizes] or SIZES
+    with tempfile.TemporaryDirectory() as home:
+        settings = WindowSettings(QSettings(f"{home}/window.ini", QSettings.Format.IniFormat))
+        window, commands = build(WorkflowEngine(), settings, wiring=Wiring(practice=practise))
+        window.resize(*wanted[-1])
+        window.show()
+        commands.views.show("mount")
+        view = commands.views.docks["mount"].view
+        until(lambda: view.room.chart.catalogue is not None, "the sky")
+        pause(600)
+        window.grab().save(str(folder / "off.png"))
+        view.practise()
+        until(lambda: view.control.known.report is not None, "the connection")
+        view.buttons.take.click()
+        until(lambda: view.control.known.sight is not None and not view.control.known.busy, "a solved frame")
+        pause(500)
+        window.grab().save(str(folder / "solved.png"))
+        view.go.target.setText("M 42")
+        pause(900)
+        window.grab().save(str(folder / "typed.png"))
+        view.go.centre.click()
+        until(lambda: view.control.known.left_s is not None, "a slew")
+        pause(700)
+        window.grab().save(str(folder / "slew.png"))
+        until(lambda: not view.control.known.busy, "the centring")
+        for size in wanted:
+            window.resize(*size)
+            for theme in THEMES:
+                commands.appearance.use_theme(theme)
+                until(lambda: commands.appearance.settled, "the theme")
+                pause(400)
+                window.grab().save(str(folder / f"{size[0]}-{theme}.png"))
+            print(json.dumps({"size": size, "seen": [window.width(), window.height()], **paint_ms(view.room.chart)}))
+        window.close()
+    app.quit()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
