@@ -151,6 +151,26 @@ def test_a_turn_that_was_asked_for_costs_no_points_until_a_sync(practice, line):
     assert practice.score().pointing_arcsec > 3600.0
 
 
+def test_the_bolts_that_the_tutor_has_turned_cost_no_points_and_a_kick_does(practice):
+    """They move the tube as far as the axis: whoever had aligned to 8 arcsec was told to be 48 arcmin off."""
+    mount = practice.rig.mount
+    mount.sync(*practice.rig.truth().of_date_deg)
+    assert practice.score().pointing_arcsec < 60.0
+    error = mount.wedge.error_arcmin
+    practice.do(f"alt {-error[0] + 40.0}")
+    practice.do(f"az {-error[1]}")
+    told = practice.score()
+    assert told.off_arcsec > 600.0
+    assert told.off_arcsec == pytest.approx(
+        apart_deg(mount.believed_deg(), practice.rig.truth().of_date_deg) * 3600.0, abs=2.0
+    )
+    assert told.pointing_arcsec < 60.0
+    mount.sync(*practice.rig.truth().of_date_deg)
+    assert practice.score().off_arcsec < 60.0
+    mount.turn_bolts(40.0, 30.0)
+    assert practice.score().pointing_arcsec > 600.0, "nobody asked for that"
+
+
 @pytest.mark.parametrize("line", ["dance", "alt", "alt much", "track maybe", "fault nonsense", "ra 1e"])
 def test_what_is_not_understood_is_said_in_one_sentence(practice, line):
     with pytest.raises(UsageError) as told:

@@ -12,7 +12,7 @@ class BenchOpening:
     """What the view would do with a port, but at the bench's own time and site."""
 
     farewell = "Good night."
-    practice = None
+    practice = score = None
 
     def __init__(self, bench, driver):
         self.bench, self.driver, self.closed = bench, driver, False

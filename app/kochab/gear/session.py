@@ -236,6 +236,19 @@ class Practice(Protocol):
         """End it and give the port back."""
 
 
+class PracticeScore(Protocol):
+    """How somebody has done: 0 to 100 ``points`` after ``elapsed_s``, and what is left of each error, arcsec.
+
+    ``pointing_arcsec`` leaves out what was asked for, such as turning the bolts; ``off_arcsec`` does not.
+    """
+
+    elapsed_s: float
+    points: int
+    axis_arcsec: float
+    pointing_arcsec: float
+    off_arcsec: float
+
+
 StartPractice = Callable[..., Practice]
 
 
@@ -247,6 +260,7 @@ class Opening:
 
     farewell = ""
     practice: Practice | None = None
+    score: PracticeScore | None = None  # of a practice that is over
 
     def __init__(self, open_guard: Callable[[], Guard]) -> None:
         self._open_guard = open_guard
@@ -289,9 +303,9 @@ class PracticeOpening(Opening):
         return now
 
     def over(self) -> None:
-        """End the practice night and keep its score as the farewell."""
+        """End the practice night and keep its score."""
         if self.practice is not None:
-            self.farewell = self.practice.score().as_text()
+            self.score = self.practice.score()
             self.practice.stop()
 
 

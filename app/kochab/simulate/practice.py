@@ -54,8 +54,9 @@ WORST_ARCSEC = 3600.0  # where points run out for who began better than that
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """``pointing_arcsec``: between where the mount believes to point and where it does, but for turns it was asked for.
+    """``off_arcsec``: between where the mount believes to point and where it does.
 
+    ``pointing_arcsec``: the same, but for turns of axes and bolts that somebody was asked for since the last sync.
     ``axis_arcsec``: between the axis and the refracted pole. ``points`` 0 to 100: half for each,
     full at 1 arcmin and 30 arcsec, none where they were at the beginning, by their logarithms.
     """
@@ -66,6 +67,7 @@ class Score:
     axis_altitude_arcsec: float
     axis_azimuth_arcsec: float
     points: int
+    off_arcsec: float = 0.0
 
     def as_text(self) -> str:
         """One line for a person."""
@@ -91,7 +93,9 @@ def _grade(error_arcsec: float, goal_arcsec: float) -> str:
 def score(rig: PracticeRig, first: Score | None = None) -> Score:
     """The score now, against ``first``, which was taken at the beginning."""
     truth = rig.truth()
-    pointing = apart_deg(rig.mount.believed_deg(asked=True), truth.of_date_deg) * 3600.0
+    blameless = truth.sky.of_date(truth.sky.from_enu(rig.mount.before_bolts(truth.enu_to_camera[2])))
+    pointing = apart_deg(rig.mount.believed_deg(asked=True), blameless) * 3600.0
+    off = apart_deg(rig.mount.believed_deg(), truth.of_date_deg) * 3600.0
     error = truth.axis_error()
     began = (first.pointing_arcsec, first.axis_arcsec) if first else (0.0, 0.0)
     points = _share(pointing, began[0], POINTING_GOAL_ARCSEC)
@@ -103,6 +107,7 @@ def score(rig: PracticeRig, first: Score | None = None) -> Score:
         error.altitude_arcsec,
         error.azimuth_arcsec,
         round(50.0 * points),
+        off,
     )
 
 
@@ -191,10 +196,10 @@ class PracticeNight:
             case "":
                 return ""
             case "alt":
-                mount.turn_bolts(_checked_number(words[0], MOST_ARCMIN), 0.0)
+                mount.turn_bolts(_checked_number(words[0], MOST_ARCMIN), 0.0, asked=True)
                 return "Altitude bolt turned."
             case "az":
-                mount.turn_bolts(0.0, _checked_number(words[0], MOST_ARCMIN))
+                mount.turn_bolts(0.0, _checked_number(words[0], MOST_ARCMIN), asked=True)
                 return "Azimuth bolt turned."
             case "ra":
                 mount.turn_by_hand(_checked_number(words[0], MOST_DEG), asked="asked" in words)

@@ -12,7 +12,7 @@ from tests.boards.sky import sidereal_deg
 class BoardOpening:
     """A board behind its guard, in the board's own night."""
 
-    farewell, practice = "", None
+    farewell, practice, score = "", None, None
 
     def __init__(self, board):
         self.board, self.closed = board, False

@@ -1,7 +1,6 @@
 """The room of the Mount mode: the chart, what the mount adds to it, and what is done on it."""
 
 import numpy as np
-import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication

@@ -69,6 +69,7 @@ class EquatorialMount:
             axis.top_deg_s, axis.acceleration = config.slew_deg_s, config.acceleration_deg_s2
         self._offset_deg = (0.0, 0.0)  # believed axis angles minus encoders, as syncs set it
         self._asked_deg = (0.0, 0.0)  # turned by hand since the last sync, because somebody was asked to
+        self._synced_enu = self.wedge.to_enu()  # the wedge at the last sync, but for what moved it since unasked
         self._carrier_deg_s = 0.0
         self._parked = False
         self._parks_at: float | None = None
@@ -99,10 +100,18 @@ class EquatorialMount:
         with self._lock:
             return max(axis.busy_until() for axis in self._axes)
 
-    def turn_bolts(self, altitude_arcmin: float, azimuth_arcmin: float) -> None:
-        """Turn the two bolts by what they would move without backlash or coupling."""
+    def turn_bolts(self, altitude_arcmin: float, azimuth_arcmin: float, asked: bool = False) -> None:
+        """Turn the two bolts by what they would move without backlash or coupling; ``asked`` as in turns by hand."""
         with self._lock:
+            before = self.wedge.to_enu()
             self.wedge.turn(altitude_arcmin, azimuth_arcmin)
+            if not asked:
+                self._synced_enu = self.wedge.to_enu() @ before.T @ self._synced_enu
+
+    def before_bolts(self, direction_enu: Floats) -> Floats:
+        """Where the tube would look, (3,) east, north, up, had nobody turned the bolts as asked since the last sync."""
+        with self._lock:
+            return np.asarray(self._synced_enu @ self.wedge.to_enu().T @ direction_enu)
 
     def turn_by_hand(self, hour_deg: float, dec_deg: float = 0.0, asked: bool = False) -> None:
         """Open the clutches and turn the axes; the encoders do not see it. ``asked`` is remembered until a sync."""
@@ -230,7 +239,7 @@ class EquatorialMount:
             flipped = self.pier_side is PierSide.WEST
             there = fold(self.sidereal_deg(t) - ra_deg, dec_deg, flipped, self._north)
             self._offset_deg = wrapped(there[0] - motors[0]), wrapped(there[1] - motors[1])
-            self._asked_deg = (0.0, 0.0)
+            self._asked_deg, self._synced_enu = (0.0, 0.0), self.wedge.to_enu()
             return None
 
     def stop(self, moves: bool = True) -> None:

@@ -15,7 +15,7 @@ class MountConnection(QObject):
     """One open line at a time, run by a job; what it reports comes in the window's thread."""
 
     heard = Signal(object)  # MountEvent or SolvedFrame
-    closed = Signal(str, str)  # why, empty when a person closed it, and the opening's farewell
+    closed = Signal(str, str, object)  # why, empty when a person closed it, the opening's farewell, a practice's score
     _posted = Signal(object, object)  # a line, and its event
 
     def __init__(self, jobs: Jobs) -> None:
@@ -80,6 +80,6 @@ class MountConnection(QObject):
     def _ended(self, job: Job, sentence: str) -> None:
         # A later line has taken its place.
         if job is self._job:
-            farewell = self.opening.farewell if self.opening is not None else ""
+            farewell, score = ("", None) if self.opening is None else (self.opening.farewell, self.opening.score)
             self._job = self.line = self.opening = None
-            self.closed.emit(sentence, farewell)
+            self.closed.emit(sentence, farewell, score)

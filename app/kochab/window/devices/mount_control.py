@@ -26,7 +26,15 @@ from kochab.gear.mount_events import (
 )
 from kochab.gear.mount_line import MakeTask, SurvivesLineLoss, never
 from kochab.gear.profiles import current_profile
-from kochab.gear.session import CameraSelection, MountSelection, Opening, Practice, PracticeOpening, port_opening
+from kochab.gear.session import (
+    CameraSelection,
+    MountSelection,
+    Opening,
+    Practice,
+    PracticeOpening,
+    PracticeScore,
+    port_opening,
+)
 from kochab.pointing.disagreement import MountSighting
 from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.cameras import Cameras
@@ -54,6 +62,7 @@ class MountControl(QObject):
     progressed = Signal(object)  # Progress, or None when nothing is under way
     ended = Signal(object)  # OrderDone or OrderFailed, after every order
     stopping = Signal()
+    scored = Signal(object)  # PracticeScore, when a practice is over
     window_released = Signal(str)  # it may close now; the alarm, empty where the mount stands
 
     def __init__(
@@ -127,7 +136,7 @@ class MountControl(QObject):
         if self.known.phase != "leaving":
             self.disconnect_mount()
 
-    def _closed(self, sentence: str, farewell: str) -> None:
+    def _closed(self, sentence: str, farewell: str, score: PracticeScore | None) -> None:
         """The line is closed: by a person, or for a reason."""
         before, self.known = self.known, MountSnapshot(alarm=self.known.alarm)
         if before.practice:
@@ -144,6 +153,8 @@ class MountControl(QObject):
         self.message.emit(text, "bad" if before.alarm else "wrong" if sentence else "muted")
         self.progressed.emit(None)
         self.changed.emit()
+        if score is not None and not sentence:
+            self.scored.emit(score)
         if self._holds_window:
             self._holds_window = False
             self.window_released.emit(before.alarm)

@@ -26,6 +26,7 @@ from kochab.window.mount.gamepad import Gamepad
 from kochab.window.mount.limits import LimitsBox
 from kochab.window.mount.pointing import PointingCard, SyncDialog
 from kochab.window.mount.room import MountRoom
+from kochab.window.mount.score_card import ScoreCard
 from kochab.window.services import Services
 from kochab.window.view import View
 from kochab.window.widgets import (
@@ -144,6 +145,7 @@ class MountView(View):
         control.changed.connect(self._show)
         control.progressed.connect(self._show_progress)
         orders.offered.connect(self._offer)
+        control.scored.connect(lambda score: ScoreCard(self.window(), score).show())
         orders.flip_asked.connect(self._ask_flip)
         box.progressed.connect(self._show_progress)
         box.connect_wanted.connect(self._connect_mount)
