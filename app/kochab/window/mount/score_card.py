@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QDialog, QWidget
 from kochab.gear.session import PracticeScore
 from kochab.text.angle_text import angle_text
 from kochab.text.translation import tr, tr_noop
-from kochab.window.widgets import button, column, grid, label, row, styled_frame
+from kochab.window.widgets import Part, button, column, grid, label, row, styled_frame
 
 AXIS_GOAL_ARCSEC, POINTING_GOAL_ARCSEC = 30.0, 60.0
 GOOD = 4.0  # times the goal
@@ -57,7 +57,7 @@ class ScoreCard(QDialog):
         )
         advice = [label(text, wrap=True) for text in [axis_advice(score)] if text]
         self.close_button = button(tr("Close"), self.accept, "main")
-        parts = (head, under, styled_frame("rule"), rows, *advice, row(None, self.close_button))
+        parts: list[Part] = [head, under, styled_frame("rule"), rows, *advice, row(None, self.close_button)]
         column(*parts, on=self, spacing=10, margins=(22, 18, 22, 16))
         self.setMinimumWidth(400)
         self.close_button.setFocus()
