@@ -1,6 +1,8 @@
 """PNG, JPEG, TIFF, HEIF, XISF and raw: samples survive, colour becomes luminance without steps."""
 
 import struct
+import subprocess
+import sys
 import zlib
 
 import numpy as np
@@ -263,3 +265,15 @@ def test_a_jpeg_of_many_scans_is_decoded_where_it_can_be_stopped(tmp_path, monke
     path.write_bytes(whole[:-2] + 40 * scan + whole[-2:])
     assert read_frame(path) is None
     assert started
+
+
+@pytest.mark.parametrize("name", ["orion.png", "big-dipper.jpg"])
+def test_only_the_plugins_of_the_formats_that_are_read_are_loaded(repository, name):
+    """Pillow loads all of its forty when it misses one, which is a tenth of a command's time."""
+    code = (
+        "import sys\nfrom kochab.frames import read_frame\n"
+        f"read_frame(r'{repository / 'resources' / 'samples' / name}')\n"
+        "print(sorted(name for name in sys.modules if 'Dds' in name or 'Mpeg' in name))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    assert done.stdout == "[]\n", done.stderr
