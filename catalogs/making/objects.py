@@ -125,6 +125,8 @@ def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]
                 at.major, at.minor, at.pa_deg = other.major, other.minor, other.pa_deg
         elif wanted and wanted[0] not in brought:
             other.name, other.also = wanted[0], [word for word in other.also if word != wanted[0]]
+            if other.name.startswith("vdB"):  # van den Bergh gives the star's light that the nebula reflects
+                other.visual = other.blue = None
             brought[other.name] = other
     for one in (*objects, *brought.values()):
         if not one.band:

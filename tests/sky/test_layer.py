@@ -245,7 +245,9 @@ def test_every_outline_is_about_its_own_object(tables):
     """Stellarium has the Running Man's under a number of the Large Magellanic Cloud, 61 degrees away."""
     for row, shapes in tables.outlines.items():
         away = np.arccos(np.clip(np.vstack(shapes) @ tables.objects.vector[row], -1.0, 1.0))
-        own = np.nan_to_num(np.radians(tables.objects.major[row] / 120.0))  # the middle of Barnard's Loop is no part of it
+        own = np.nan_to_num(
+            np.radians(tables.objects.major[row] / 120.0)
+        )  # the middle of Barnard's Loop is no part of it
         assert away.min() < max(np.ptp(away), np.radians(1.5), own), tables.texts[row]
     merope = tables.objects.name.tolist().index("IC 349")
     assert tables.objects.major[merope] < 1.0  # arcmin: not the 26 of NGC 1435 around it

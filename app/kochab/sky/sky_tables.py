@@ -18,6 +18,7 @@ HIDDEN = ("*", "**", "Other", "Nova")  # OpenNGC's single stars, and what is no 
 SOUGHT = ("LBN", "LDN", "PK", "SNR", "Ced", "HCG")  # named where somebody looks for them, or knows a name
 DARK_MAG, CLUSTER_MAG = 14.0, 15.0  # taken for what has no magnitude: Barnard's nebulae, Abell's clusters
 MESSIER, NAMED, SPARSE = 4.0, 2.5, 13.0  # magnitudes of fame, and of clusters that only Collinder and Melotte saw
+UNSEEN = 2.0  # magnitudes by which a nebula without a magnitude, a name and a number of the NGC is named later
 EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
 
 
@@ -156,6 +157,8 @@ def ranks_of(objects: SkyObjects) -> Floats:
     rank = rank - MESSIER * (objects.messier != "") - NAMED * (objects.common != "")
     catalogue = np.char.partition(objects.name, " ")[:, 0]
     rank += SPARSE * (np.isin(catalogue, ["Cr", "Mel"]) & (objects.messier == ""))
+    unseen = np.isin(kind, ["Neb", "EmN", "RfN"]) & ~np.isfinite(mag) & (catalogue != "NGC")
+    rank += UNSEEN * (unseen & (objects.common == ""))
     rank += SPARSE * (np.isin(catalogue, SOUGHT) & (objects.common == ""))
     return np.where(np.isin(kind, HIDDEN), np.inf, rank)
 
