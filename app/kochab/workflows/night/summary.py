@@ -23,6 +23,8 @@ TILTED, TRAILED, DEFOCUSED = 0.15, 0.15, 0.15
 """Shares of the FWHM, of the axes and of the FWHM from which advice is given."""
 NO_TILT = 1e-6
 """The chance below which a tilt is one: a frame has many stars, and optics are never perfect."""
+SAMPLED_PX = 1.8
+"""FWHM below which the shape of stars says nothing of optics or guiding: a pixel is too coarse."""
 CLOUDED = 0.15
 """Share of the frames."""
 
@@ -171,7 +173,10 @@ def _of_the_sky(night: Night) -> Iterator[tuple[float, str]]:
 
 def _of_the_optics(night: Night) -> Iterator[tuple[float, str]]:
     """Shares by which stars are larger than they had to be, and what to do."""
-    if night.fwhm is None:
+    if any(one.untracked for one in night.tracking):
+        yield 1.0, tr("The mount did not track: the field moved with the sky. Switch tracking on.")
+        return
+    if night.fwhm is None or night.fwhm.value < SAMPLED_PX:
         return
     shape = night.shape
     if shape and shape.tilt.value > TILTED * night.fwhm.value and shape.tilt_chance < NO_TILT:

@@ -20,6 +20,7 @@ ANOTHER_FIELD = 0.2
 """Share of the frame's width beyond which the next frame shows another field."""
 DITHER = 6.0
 """Times the usual step beyond which a step is a dither or a knock."""
+SIDEREAL_ARCSEC_H = 54148.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,12 @@ class Tracking:
     dec_arcsec_h: Measure
     wander_arcsec: tuple[float, float]
     dithers: int
+    dec_deg: float
+
+    @property
+    def untracked(self) -> bool:
+        """Whether the field moved as the sky does: a fixed tripod, or a motor that is off."""
+        return self.ra_arcsec_h.value > 0.5 * SIDEREAL_ARCSEC_H * math.cos(math.radians(self.dec_deg))
 
 
 def tracking_of(places: Sequence[Place]) -> list[Tracking]:
@@ -82,4 +89,4 @@ def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
     if fits[0] is None or fits[1] is None:
         return None
     (ra_drift, ra_rms), (dec_drift, dec_rms) = fits[0], fits[1]
-    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), int(group[-1]))
+    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), int(group[-1]), first.dec_deg)
