@@ -167,12 +167,21 @@ class Astronomer:
 
     def _disconnect(self):
         guard, self.guard = self.guard, None
-        self._do("disconnect", guard.close)
+
+        def part():
+            """As the window's line does, which says what it saw."""
+            try:
+                guard.see_stopped()
+            finally:
+                guard.close()
+
+        told = self._do("disconnect", part)
         beside_pole = abs(self.board.believed_hour_angle_dec_deg()[1]) > 90.0 - FALSE_DEG
         self.left_right = not beside_pole and self.board.lost_by_deg() < FALSE_DEG
         self.time.sleep(RUNS_OUT_S)
         if self.board.moving:
-            self._against("running", "after the session's end")
+            if told is True or "power" not in told:
+                self._against("running", "after the session's end")
             with self.board.lock:
                 self.board.stop()
 

@@ -90,6 +90,9 @@ def test_a_motion_that_outlives_its_session_is_seen(astronomer, monkeypatch):
     board.tube.axes[0].top_deg_s = board.tube.axes[1].top_deg_s = 1.0
 
     class Careless:
+        def see_stopped(self):
+            """It says that it stands."""
+
         def close(self):
             """And leave it running."""
 

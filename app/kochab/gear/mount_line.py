@@ -156,7 +156,14 @@ class MountLine:
         """The end of the session: whatever moves is stopped and seen to stand, and what was seen is told."""
         moved = guard.emergency.unseen
         try:
-            seen = guard.see_stopped()
+            try:
+                seen = guard.see_stopped()
+            except NotStoppedError:
+                raise
+            except LineLostError as error:  # told at once: nobody knows whether it moves
+                self._tell(events.StopFailed(str(error)))
+                guard.stop_on_new_line()
+                seen = ""
         except DeviceError as error:
             self._tell(events.StopFailed(str(error)))
         else:

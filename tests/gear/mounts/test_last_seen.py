@@ -6,9 +6,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from kochab.core.errors import DeviceError
+from kochab.core.errors import DeviceError, LineLostError
 from kochab.core.mount import Home
 from kochab.core.progress import run
+from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.last_seen import LastSeen, Place
 from kochab.gear.mounts.restart_watch import turned_aside_deg
 from kochab.gear.session import Meridian as Pier
@@ -16,6 +17,7 @@ from kochab.gear.session import MountSelection, guarded, limits_at
 from tests.boards import BOARDS, SITE, Night, served, virtual_time
 from tests.boards.mechanics import HOME_DEG
 from tests.boards.sky import sidereal_deg
+from tests.gear.mounts.imaginary import NIGHT, Imaginary
 
 FORGET = [kind for kind in BOARDS if kind != "skywatcher"]
 """Whose power fails without a word; a motor board's home is confirmed by a person each time."""
@@ -210,6 +212,24 @@ def test_an_evening_that_begins_at_the_home_with_a_clock_to_be_set_is_believed(b
     with session(board) as guard:
         seen(guard)
         assert guard.policy.slew_block_reason == ""
+
+
+@pytest.mark.parametrize("how", ["a missed answer", "a broken line", "neither"])
+def test_a_mount_that_is_elsewhere_after_a_session_that_ended_in_silence(how, tmp_path) -> None:
+    """As a StarBook, which wakes up in the west; without a silence somebody has moved it by its hand control."""
+    lost = LineLostError("The line broke.")
+    for ra in (100.0, 205.0):
+        mount, kept = Imaginary(ra, 40.0), LastSeen(lambda: NIGHT, tmp_path / "it.json")
+        guard = Guard(mount, SITE, clock=lambda: NIGHT, wait=lambda _: None, last_seen=kept)
+        guard.position()
+        assert ("Sync first" in guard.policy.slew_block_reason) is (ra == 205.0 and how != "neither")
+        if how == "a missed answer":
+            mount.missed += 1
+        elif how == "a broken line":
+            mount.position = lambda: (_ for _ in ()).throw(lost)
+            with pytest.raises(LineLostError):
+                guard.position()
+        guard.close()
 
 
 @pytest.mark.parametrize(

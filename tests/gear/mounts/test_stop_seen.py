@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from kochab.core.errors import LineLostError, NotStoppedError
+from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.mount import Direction, MountState
 from kochab.core.progress import run
 from kochab.gear.mounts import standing
@@ -179,3 +179,35 @@ def test_a_slew_that_fails_leaves_its_stop_to_be_looked_at() -> None:
     guard.emergency.confirm()
     run(guard.slew(*at(-45.0, 42.0)))
     assert not guard.emergency.unconfirmed
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 1.0])
+def test_the_word_of_a_server_whose_mount_is_silent_parks_nothing(lag_s) -> None:
+    """INDI's StarBook driver says that it has parked a mount that lost its power; a parked Autostar itself is silent."""
+    guard, mount = guarded()
+    mount.lag_s = lag_s
+    park = mount.park
+
+    def parks():
+        park()
+        mount.position = lambda: (_ for _ in ()).throw(SILENT)
+
+    mount.park = parks
+    if lag_s:
+        with pytest.raises(NoAnswerError):
+            run(guard.rest("park"))
+    else:
+        run(guard.rest("park"))
+
+
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_a_session_whose_stop_finds_the_line_broken_opens_it_again_to_stop(comes_back) -> None:
+    guard, mount = guarded()
+    again = type(mount)(*mount.here)
+    if comes_back:
+        guard._reopen = lambda: again
+    guard.goto(*at(-45.0, 42.0))
+    mount.stop = lambda: (_ for _ in ()).throw(LineLostError("The line broke."))
+    guard.close()
+    assert again.did == ([("stop",), ("close",)] if comes_back else [])
+    assert mount.closed

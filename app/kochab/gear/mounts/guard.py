@@ -562,7 +562,7 @@ class Guard:
 
         Raises `NotStoppedError` when that could not be done in ``patience_s``, or the mount moves on.
         """
-        end = monotonic() + patience_s
+        end = monotonic() + (patience_s if self._reopen is not None else 0.0)
         self.emergency.unfinished = True
         while True:
             try:
@@ -573,14 +573,19 @@ class Guard:
             except NotStoppedError:
                 raise
             except DeviceError as error:
-                if monotonic() > end:
+                if monotonic() >= end:
                     raise NotStoppedError("{may} {error}", may=tr(MAY_STILL_MOVE), error=error) from error
             self.emergency.wait(RETRY_S)
 
     def close(self) -> None:
         """Stop what moves, see that it stands, and give the port back; never raises, see :meth:`see_stopped`."""
         with suppress(DeviceError):
-            self.see_stopped()
+            try:
+                self.see_stopped()
+            except NotStoppedError:
+                raise
+            except LineLostError:
+                self.stop_on_new_line()
         self._leave()
 
     def __enter__(self) -> Self:
@@ -601,7 +606,7 @@ class Guard:
     def _leave(self) -> None:
         self._finalizer.detach()
         self.mount.close()
-        self.supervisor.watch.close()
+        self.supervisor.watch.close(self.mount, self.emergency.unfinished)
 
     # -- sending --------------------------------------------------------------------------------
 

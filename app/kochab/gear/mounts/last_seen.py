@@ -21,7 +21,8 @@ class Place:
     """Right ascension and declination of date, degrees, and when it was there.
 
     ``at_rest``: it said that it was at home or parked. ``sent_there``: Kochab had sent it to rest, and it had come.
-    ``hour_angle_deg`` is by its own clock and site, where it tells both and stood beside the pole.
+    ``hour_angle_deg`` is by its own clock and site, where it tells both and stood beside the pole. ``in_silence``: it
+    answered no more, or its line broke.
     """
 
     ra_deg: float
@@ -30,6 +31,7 @@ class Place:
     at_rest: bool
     sent_there: bool = False
     hour_angle_deg: float | None = None
+    in_silence: bool = False
 
     @property
     def deg(self) -> Degrees:

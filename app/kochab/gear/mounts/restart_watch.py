@@ -150,10 +150,10 @@ class RestartWatch:
         if self._place is not None:
             self._keep(replace(self._place, sent_there=True), last=True)
 
-    def close(self) -> None:
-        """The session ends: what was seen last is kept for the next."""
+    def close(self, mount: Mount, lost: bool = False) -> None:
+        """The session ends, its line may be ``lost``: what was seen last is kept for the next."""
         if self._place is not None:
-            self._keep(self._place, last=True)
+            self._keep(replace(self._place, in_silence=lost or self.silent(mount)), last=True)
 
     def _keep(self, place: Place, last: bool = False, under_way: bool = False) -> None:
         self._place = place
@@ -239,6 +239,10 @@ class RestartWatch:
         came_there = look.at_pole and (kept.hour_angle_deg is not None or (look.at_rest and not kept.at_rest))
         if same and (turned_deg > UNORDERED_DEG or came_there) and not (known or self._policy.slew_block_reason):
             self.found(tr(TURNED))
+            return look
+        moved_deg = apart_deg(before.place_deg, look.place_deg)
+        if kept.in_silence and moved_deg > drift_deg(look.since_s(before)) and not self._policy.slew_block_reason:
+            self.found(tr(ELSEWHERE).format(moved_deg))
             return look
         if rests and not same and not known and not self._policy.slew_block_reason:
             self.found(tr(BETWEEN).format(apart_deg(before.place_deg, look.place_deg)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, separation_deg, unit_vectors, wrapped
-from kochab.core.errors import NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
+from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError, StrayedError
 from kochab.core.mount import MountState, PierSide, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.gear.journal import MotionLog
@@ -179,6 +179,9 @@ class SlewSupervisor:
         except NotStoppedError:  # its driver could not end a move
             self._emergency.finish()
             raise
+        except LineLostError:
+            self.watch.reconnecting()
+            raise
         self._see(here, asked_s)
         return here
 
@@ -315,12 +318,15 @@ class SlewSupervisor:
     def _parked_at(self, restarts: int) -> Degrees | None:
         """Where it is that says it is parked; None where it is silent then, as an Autostar is.
 
+        A server's word of a mount that does not answer it is not the mount's: that raises `NoAnswerError`.
         Raises `RefusedError` when it cannot have come there, because it was restarted since the count ``restarts``.
         """
         asked_s = monotonic()
         try:
             here = self._emergency.mount.position()
         except NoAnswerError:
+            if self._emergency.mount.lag_s:
+                raise
             return None
         self._see(here, asked_s)
         self._require_no_restart(restarts)
