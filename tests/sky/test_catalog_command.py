@@ -1,12 +1,15 @@
 import json
 import re
+from collections import Counter
 
 import pytest
 
+from catalogs.making.objects import CORRECTIONS
 from kochab.cli.main import main
 from kochab.core.errors import CatalogueError
 from kochab.sky import shipped_folder
 from kochab.sky.catalogue_file import read_manifest
+from kochab.sky.small_bodies import shipped_small_bodies
 
 
 def test_info_finds_the_shipped_catalogue_sound(capsys):
@@ -69,6 +72,34 @@ def test_the_readme_states_the_hashes_of_the_shipped_files():
     text = (shipped_folder() / "README.md").read_text("utf-8")
     for name, facts in read_manifest(shipped_folder())["files"].items():
         assert re.search(rf"`{re.escape(name)}`.*{facts['bytes']:,}.*{facts['sha256']}", text), name
+
+
+def test_the_readme_counts_what_the_files_hold():
+    folder = shipped_folder()
+    text = " ".join((folder / "README.md").read_text("utf-8").split())
+    tables = {path.name: path.read_text("utf-8").splitlines()[1:] for path in folder.glob("*.tsv")}
+    figures = {line.partition("\t")[0] for line in tables["lines.tsv"]}
+    segments = sum(len(line.split("\t")[1].split()) - 1 for line in tables["lines.tsv"])
+    bodies = shipped_small_bodies()
+    comets = int(bodies.comet.sum())
+    rows = CORRECTIONS.read_text("utf-8").splitlines()[1:]
+    changed = Counter(row.split("\t")[1] for row in rows)
+    taken_out = sum(row.split("\t")[1:3] == ["mag", ""] for row in rows)
+    for fact in (
+        f"| {len(tables['objects.tsv']):,} objects",
+        f"| {len(tables['names.tsv']):,} stars with names",
+        f"| {len(tables['variables.tsv']):,} variable stars",
+        f"| {segments} segments in {len(figures)} figures",
+        f"| {len(tables['outlines.tsv'])} shapes",
+        f"| {len(tables['boundaries.tsv'])} boundaries",
+        f"| {len(bodies.names) - comets:,} asteroids and {comets} comets",
+        f"{changed['place']} places were moved",
+        f"{changed['kind']} kinds and {changed['size']} sizes changed",
+        f"{changed['mag']} magnitudes",
+        f"{taken_out} of them taken out",
+        f"with the reason: {changed['keep']}.",
+    ):
+        assert fact in text, fact
 
 
 @pytest.mark.parametrize("arguments", [("--fields", "0"), ("--fields", "1000000000000"), ("--mag-limit", "nan")])
