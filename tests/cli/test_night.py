@@ -34,7 +34,7 @@ DRIFT = 90.0, -40.0  # arcsec an hour, east and north
 TILT = 0.9  # px across the half diagonal, to the right
 
 
-def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.0):
+def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.0, filters=("L",)):
     """Write the night's frames."""
     catalogue = open_catalogue()
     rows = catalogue.cone(unit_vectors(*CENTRE), np.radians(3.2), 9.3)
@@ -65,6 +65,7 @@ def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.
                 "EXPTIME": 60.0,
                 "SITELAT": 48.0,
                 "SITELONG": 11.0,
+                "FILTER": filters[k % len(filters)],
             }
         )
         fits.writeto(folder / f"light_{k:02d}.fits", pixels, header)
@@ -121,6 +122,19 @@ def test_nothing_is_found_in_a_night_without_faults(tmp_path):
     assert found["advice"].startswith("Nothing stands out")
     for name in ("ra", "dec"):
         assert abs(found["tracking"][0][f"{name}_arcsec_h"]) < 4 * found["tracking"][0][f"{name}_arcsec_h_sigma"]
+
+
+def test_another_filter_is_no_cloud_and_calibration_frames_are_no_frames_of_the_night(tmp_path):
+    folder = tmp_path / "lrgb"
+    folder.mkdir()
+    planted(folder, tilt=0.0, drift=(0.0, 0.0), frames=8, filters=("L", "Ha"), lost=dict.fromkeys((1, 3, 5, 7), 1.4))
+    for kind in ("Dark Frame", "FLAT", "bias"):
+        header = fits.Header({"IMAGETYP": kind})
+        fits.writeto(folder / f"{kind.split()[0]}.fits", np.full((600, 900), 500, np.uint16), header)
+    assert main(["night", str(folder), "--out", str(tmp_path), "--scale", "14"]) == 0
+    found = json.loads((tmp_path / "lrgb-night.json").read_text())
+    assert (found["asked"], found["solved"], found["clouded"]) == (8, 8, [])
+    assert found["advice"].startswith("Nothing stands out")
 
 
 def test_growing_stars_are_a_focus_that_drifts(tmp_path):

@@ -71,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
         if not measured:
             raise
     night = night_of(measured, asked=len(files))
+    if not night.frames:
+        raise UsageError(f"{given[0]} has calibration frames alone.")
     _write(night, name, targets)
     tell({"night": str(targets["html"]), **_summary(night)}, text_of(night, str(targets["html"])), args.json)
     if stopped:

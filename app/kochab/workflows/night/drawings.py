@@ -75,8 +75,7 @@ def _strip(
     down : bool
         Whether more is worse and is drawn downwards.
     """
-    known = [(float(t), one) for t, one in zip(at, values, strict=True) if one]
-    numbers = np.array([one.value for _, one in known])
+    numbers = np.array([one.value for one in values if one])
     low, high = _range(numbers, 0.5 if kind == "lost" else 1.0)
     top = TOP + row * (STRIP + GAP)
 
@@ -88,8 +87,11 @@ def _strip(
     for value in _ticks(low, high):
         marks.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y(value):.1f}" y2="{y(value):.1f}"/>')
         marks.append(f'<text class="tick" x="{LEFT - 8}" y="{y(value) + 4:.1f}">{number(value, "g")}</text>')
-    for t, one in known:
-        x = _x(t, span)
+    for t, one in zip(at, values, strict=True):
+        x = _x(float(t), span)
+        if one is None:  # no number of this frame: a mark at the foot
+            marks.append(f'<line class="gone" x1="{x:.1f}" x2="{x:.1f}" y1="{top + STRIP - 7}" y2="{top + STRIP}"/>')
+            continue
         bar = y(one.value - one.sigma), y(one.value + one.sigma)
         marks.append(f'<line class="bar {kind}" x1="{x:.1f}" x2="{x:.1f}" y1="{bar[0]:.1f}" y2="{bar[1]:.1f}"/>')
         marks.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y(one.value):.1f}" r="2.6"/>')

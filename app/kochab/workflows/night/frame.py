@@ -10,15 +10,19 @@ from kochab.core.attitude import angle_between
 from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
+from kochab.frames import reading
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.solver import SolveOptions
 from kochab.workflows.night.sharpness import Sharpness, sharpness
 from kochab.workflows.night.transparency import StarLight
-from kochab.workflows.solve_frame import SolvedFrame, solve_file
+from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
 
 THUMBNAIL_PX = 360
 SAME_PX = 0.5
 """Within this a matched star is a detection."""
+SETUP = ("INSTRUME", "FILTER", "GAIN", "XBINNING")
+CALIBRATION = ("dark", "darkflat", "flat", "bias", "offset", "masterdark", "masterflat", "masterbias")
+"""First words of IMAGETYP, in lower case."""
 BRIGHTEST = 200
 """Stars of a frame whose light is compared with other frames."""
 
@@ -65,6 +69,8 @@ class NightFrame:
     sky: Sky | None = None
     thumbnail: bytes = b""
     camera: str = ""
+    setup: str = ""
+    calibration: bool = False
 
 
 def measure_frame(path: str, options: SolveOptions, site: Site | None = None) -> Task[NightFrame]:
@@ -79,7 +85,10 @@ def measure_frame(path: str, options: SolveOptions, site: Site | None = None) ->
     site : Site or None
         Where it was taken; None takes the header's word.
     """
-    found = yield from solve_file(path, options)
+    frame = yield from reading(path, options.timeout_s)
+    if str(frame.header.get("IMAGETYP", "")).lower().split(" ")[0].strip("'") in CALIBRATION:
+        return NightFrame(path, calibration=True)
+    found = yield from solve_open_frame(frame, options)
     return measured(found, site)
 
 
@@ -95,6 +104,7 @@ def measured(found: SolvedFrame, site: Site | None = None) -> NightFrame:
         sharp=sharpness(found.detections),
         thumbnail=thumbnail(frame),
         camera=hint.camera,
+        setup=" ".join(f"{key}={frame.header[key]}" for key in SETUP if key in frame.header),
     )
     if not isinstance(result, Solution):
         return replace(kept, reason=str(result.reason))

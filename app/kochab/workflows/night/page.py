@@ -36,7 +36,8 @@ svg text { font: 13px system-ui, sans-serif; fill: var(--soft); } svg text.value
 svg .tick { text-anchor: end; } svg .time { text-anchor: middle; }
 .box { fill: none; stroke: var(--line); } .grid { stroke: var(--line); stroke-dasharray: 2 4; }
 .lost { fill: var(--lost); stroke: var(--lost); } .fwhm { fill: var(--fwhm); stroke: var(--fwhm); }
-.bar { opacity: .5; } circle { stroke: none; } polyline { fill: none; stroke-width: 2; }
+.bar { opacity: .5; } circle { stroke: none; } .gone { stroke: #c0392b; stroke-width: 2; }
+polyline { fill: none; stroke-width: 2; }
 polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); stroke-dasharray: 6 4; }
 .soft { fill: var(--blur); shape-rendering: crispEdges; } .dark { fill: var(--night); }
 .astronomical { fill: #7d8fb0; opacity: .3; } .nautical { fill: #7d9fd0; opacity: .45; }
@@ -182,6 +183,7 @@ def _notes(night: Night) -> list[str]:
     notes.append(tr("Programs define FWHM in their own ways: compare it from night to night, not between programs."))
     if any(night.lost):
         notes.append(tr("Light lost is measured on the same stars, against the clearest frames of this night."))
+        notes.append(tr("A red mark below is a frame without that number."))
     elif any(frame.solved for frame in night.frames):
         notes.append(tr("Transparency is not measured: it needs two solved frames of linear data."))
     notes.append(tr("Sky brightness is not measured: the camera's black level is unknown."))

@@ -88,7 +88,9 @@ class Night:
 
 
 def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
-    """Put frames together; ``asked`` is how many there are when not all were measured."""
+    """Put frames together; ``asked`` is how many there are when not all were measured. Calibration is left out."""
+    asked = (len(frames) if asked is None else asked) - sum(frame.calibration for frame in frames)
+    frames = [frame for frame in frames if not frame.calibration]
     ordered = sorted(frames, key=lambda f: (f.time_utc is None, f.time_utc.timestamp() if f.time_utc else 0.0, f.file))
     lost = _lost(ordered)
     usual = Counter(frame.size for frame in ordered).most_common(1)
@@ -103,7 +105,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         _focus(ordered),
         night_field(fields),
         tuple(tracking_of([place for place in places if place])),
-        len(ordered) if asked is None else asked,
+        asked,
     )
 
 
@@ -118,26 +120,33 @@ def _median(values: list[Measure]) -> Measure | None:
 
 
 def _lost(frames: Sequence[NightFrame]) -> list[Measure | None]:
-    """Light lost; only among frames whose exposure is known alike, and that are proportional to light."""
-    lit = [k for k, frame in enumerate(frames) if frame.light is not None]
-    if len({frames[k].exposure_s is None for k in lit}) > 1:
-        lit = [k for k in lit if frames[k].exposure_s is not None]
+    """Light lost: among frames of one setup that are proportional to light, and whose exposure is known alike."""
     found: list[Measure | None] = [None] * len(frames)
-    lights = [light for k in lit if (light := frames[k].light) is not None]
-    if len(lights) < 2:
-        return found
-    for k, one in zip(lit, losses(lights), strict=True):
-        found[k] = one
+    setups = {(frame.setup, frame.size, frame.exposure_s is None) for frame in frames if frame.light is not None}
+    for setup in setups:
+        same = [
+            (k, frame.light)
+            for k, frame in enumerate(frames)
+            if frame.light is not None and (frame.setup, frame.size, frame.exposure_s is None) == setup
+        ]
+        if len(same) < 2:
+            continue
+        for (k, _), one in zip(same, losses([light for _, light in same]), strict=True):
+            found[k] = one
     return found
 
 
 def _cloud(frames: Sequence[NightFrame], lost: Sequence[Measure | None]) -> list[Measure | None]:
     """Light lost beside what airmass takes, where the altitude is known; half of that is its uncertainty."""
     air = [frame.sky.airmass if frame.sky else None for frame in frames]
-    clear = min((abs(one.value), k) for k, one in enumerate(lost) if one)[1] if any(lost) else None
+    clear = {
+        frame.setup: min((abs(one.value), k) for k, one in enumerate(lost) if one and frames[k].setup == frame.setup)[1]
+        for frame, one in zip(frames, lost, strict=True)
+        if one
+    }
     found: list[Measure | None] = []
-    for one, here in zip(lost, air, strict=True):
-        there = None if clear is None else air[clear]
+    for frame, one, here in zip(frames, lost, air, strict=True):
+        there = air[clear[frame.setup]] if frame.setup in clear else None
         taken = MAG_PER_AIRMASS * (here - there) if here is not None and there is not None else 0.0
         found.append(Measure(one.value - taken, float(np.hypot(one.sigma, 0.5 * taken))) if one else None)
     return found
