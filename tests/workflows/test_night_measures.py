@@ -306,6 +306,13 @@ def test_dithers_are_no_drift_and_another_field_is_another_drift():
     assert found[1].dec_arcsec_h.value == pytest.approx(50.0, abs=4 * found[1].dec_arcsec_h.sigma)
 
 
+def test_a_missing_frame_is_no_dither():
+    places = held(np.random.default_rng(12), (90.0, -40.0), 16, noise=0.7)
+    (found,) = tracking_of(places[:7] + places[9:])
+    assert found.dithers == 0
+    assert found.ra_arcsec_h.value == pytest.approx(90.0, abs=4 * found.ra_arcsec_h.sigma)
+
+
 def test_half_a_turn_of_the_worm_is_not_told_as_a_sure_drift():
     hours = np.arange(20) / 60 * 0.25
     wave = 8.0 * np.sin(2 * np.pi * hours * 60 / 8)

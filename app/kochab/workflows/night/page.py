@@ -41,6 +41,7 @@ polyline { fill: none; stroke-width: 2; }
 polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); stroke-dasharray: 6 4; }
 .soft { fill: var(--blur); shape-rendering: crispEdges; } .dark { fill: var(--night); }
 .astronomical { fill: #7d8fb0; opacity: .3; } .nautical { fill: #7d9fd0; opacity: .45; }
+.dark, .astronomical, .nautical, .civil, .day { shape-rendering: crispEdges; }
 .civil { fill: #9cc0ee; opacity: .6; } .day { fill: #cfe3fb; opacity: .8; }
 table { border-collapse: collapse; width: 100%; } th { text-align: left; font-weight: 500; }
 td, th { padding: 6px 12px 6px 0; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; }
@@ -192,6 +193,9 @@ def _notes(night: Night) -> list[str]:
         notes.append(text)
     elif not all(frame.time_utc for frame in night.frames):
         notes.append(tr("Drift is not measured: the frames do not say when they were taken."))
+    if n := sum(frame.sky.altitude_deg < 0.0 for frame in night.frames if frame.sky):
+        one = tr_n("{n} frame is below the horizon.", "{n} frames are below the horizon.", n)
+        notes.append(f"{one} {tr('Check site and clock.')}")
     if not any(frame.sky for frame in night.frames):
         notes.append(tr("Altitude, Moon and twilight need a site and times: add --site."))
     return notes

@@ -78,9 +78,9 @@ def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
     ra = np.array([(p.ra_deg - first.ra_deg + 180.0) % 360.0 - 180.0 for p in places])
     dec = np.array([p.dec_deg for p in places])
     xy = 3600.0 * np.stack([ra * math.cos(math.radians(first.dec_deg)), dec - first.dec_deg])
-    steps = np.diff(xy, axis=1)
-    usual = np.median(steps, axis=1, keepdims=True)
-    off = np.hypot(*(steps - usual))
+    # Frames may be missing, so a step is judged by the drift over its own time.
+    steps, took = np.diff(xy, axis=1), np.maximum(np.diff(hours), 1e-9)
+    off = np.hypot(*(steps - np.median(steps / took, axis=1, keepdims=True) * took))
     jump = off > DITHER * max(1.4826 * float(np.median(off)), 1e-6)
     group = np.concatenate([[0], np.cumsum(jump)])
     if hours[-1] <= 0.0 or len(places) - int(group[-1]) - 2 < 1:
