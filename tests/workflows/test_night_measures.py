@@ -80,27 +80,45 @@ def test_a_trail_is_told_with_its_direction_and_round_stars_have_none(angle_deg)
 # -- The same frames by other programs -------------------------------------------------------------
 
 
+def by_source_extractor(pixels, folder, threshold):
+    """FWHM, elongation and angle of its clear stars (N, 3), px and degrees."""
+    from astropy.io import fits
+
+    fits.writeto(folder / "frame.fits", pixels.astype(np.float32))
+    (folder / "out.param").write_text("FWHM_IMAGE\nELONGATION\nTHETA_IMAGE\nFLAGS\nSNR_WIN\n")
+    (folder / "none.conv").write_text("CONV NORM\n0 0 0\n0 1 0\n0 0 0\n")
+    words = ["-CATALOG_NAME", "out.txt", "-CATALOG_TYPE", "ASCII", "-PARAMETERS_NAME", "out.param", "-FILTER_NAME"]
+    words += ["none.conv", "-DETECT_THRESH", threshold, "-SATUR_LEVEL", "60000"]
+    command = ["source-extractor", "frame.fits", "-c", "/dev/null", *words]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    rows = np.loadtxt(folder / "out.txt")
+    return rows[(rows[:, 3] == 0) & (rows[:, 4] > LEAST_SNR)][:, :3]
+
+
 @pytest.mark.skipif(not shutil.which("source-extractor"), reason="no source-extractor here")
 @pytest.mark.parametrize("fwhm", [3.0, 4.5])
 def test_source_extractor_sees_the_same_width_and_roundness(fwhm, tmp_path):
-    from astropy.io import fits
-
     xy, flux = scattered(SIZE, 160, 5)
     pixels = drawn(SIZE, xy, flux, np.full(160, fwhm), 5, stretch=1.25, angle_deg=30.0)
-    fits.writeto(tmp_path / "frame.fits", pixels.astype(np.float32))
-    (tmp_path / "out.param").write_text("FWHM_IMAGE\nELONGATION\nTHETA_IMAGE\nFLAGS\nSNR_WIN\n")
-    (tmp_path / "none.conv").write_text("CONV NORM\n0 0 0\n0 1 0\n0 0 0\n")
-    subprocess.run(
-        ["source-extractor", "frame.fits", "-c", "/dev/null", "-CATALOG_NAME", "out.txt", "-CATALOG_TYPE", "ASCII", "-PARAMETERS_NAME", "out.param", "-FILTER_NAME", "none.conv", "-DETECT_THRESH", "1.5", "-SATUR_LEVEL", "65000"],
-        cwd=tmp_path, check=True, capture_output=True,
-    )  # fmt: skip
-    rows = np.loadtxt(tmp_path / "out.txt")
-    rows = rows[(rows[:, 3] == 0) & (rows[:, 4] > LEAST_SNR)]
+    rows = by_source_extractor(pixels, tmp_path, "1.5")
     found = sharpness(AutoDetector().detect(Frame(pixels)))
     assert len(rows) > 80
     assert found.fwhm_px.value == pytest.approx(float(np.median(rows[:, 0])), rel=0.08)
     assert found.elongation.value == pytest.approx(float(np.median(rows[:, 1])), rel=0.05)
     assert found.trail_deg == pytest.approx(float(np.median(rows[:, 2])), abs=5)
+
+
+@pytest.mark.skipif(not shutil.which("source-extractor"), reason="no source-extractor here")
+@pytest.mark.parametrize("name", ["geo__AG_Peg-0004V.fit", "geo__RW_Aur-0004V.fit", "pan__19980-fine-final.fits"])
+def test_source_extractor_sees_the_same_in_real_frames(name, repository, tmp_path):
+    path = repository.parent / "shared" / "frames" / name
+    if not path.exists():
+        pytest.skip("no real frames here")
+    frame = read_frame(path)
+    rows = by_source_extractor(frame.pixels, tmp_path, "5")
+    found = sharpness(AutoDetector().detect(frame))
+    assert found.fwhm_px.value == pytest.approx(float(np.median(rows[:, 0])), rel=0.1)
+    assert found.elongation.value == pytest.approx(float(np.median(rows[:, 1])), rel=0.1)
 
 
 @pytest.mark.parametrize("name", ["apt2032.fits", "pan__19980-fine-final.fits", "exo__HATP-32171220013343.FITS"])
