@@ -22,7 +22,7 @@ from kochab.polar.error import (
 )
 from kochab.polar.pole import pole_direction
 from kochab.polar.rotations import alt_az, direction
-from kochab.polar.tutor import ROUGH, WIDEST, BoltTutor, TutorStep
+from kochab.polar.tutor import ROUGH, STUBBORN, WIDEST, BoltTutor, TutorStep
 
 
 def error_at(d_alt, d_az, latitude=45.0, sigma=2.0):
@@ -192,7 +192,7 @@ def test_a_turn_swallowed_by_play_is_no_change_of_mind():
     swallowed = still.learned(-0.1, 0.5, 2.0).learned(-0.1, 0.5, 2.0)
     assert swallowed.needed(100.0) < 1.5 * bolt.needed(100.0) < 0.0, "what may be left of its backlash is turned too"
     moved = swallowed.learned(-0.2, -200.0, 2.0)  # 0.1 turns moved of 0.45
-    assert moved.backlash_turns == pytest.approx(0.35, abs=0.05)
+    assert moved.backlash_turns == pytest.approx(0.35, abs=0.12)
 
 
 def test_a_very_small_turn_does_not_change_the_thread():
@@ -520,7 +520,7 @@ def test_a_bolt_moved_by_mistake_stands_at_the_other_end_of_its_backlash():
 def test_bolts_that_move_each_others_axis_are_tested_towards_the_pole_and_then_no_more(sense):
     """A clock six hours wrong does that: 14 arcmin became 3 degrees."""
     at, tutor, farthest = np.array([3000.0, -5000.0]), BoltTutor(), 0.0
-    for _ in range(9):
+    for _ in range(12):
         told = tutor.advise(error_at(*at), noise_arcsec=(2.0, 2.0))
         if told.step is TutorStep.STOP:
             break
@@ -528,13 +528,14 @@ def test_bolts_that_move_each_others_axis_are_tested_towards_the_pole_and_then_n
         at[int(told.knob is Knob.ALTITUDE)] += sense * 2400.0 * told.turns * (1.0 if told.knob is Knob.ALTITUDE else -1)
         farthest = max(farthest, *np.abs(at) - [3000.0, 5000.0])
     assert told.words == "Each bolt moves the other axis. Check the clock and time zone, and which bolt is which."
+    assert all(tutor.crosses(knob) for knob in Knob), "by bolts that are proved to"
     assert told.stray
     assert farthest <= 600.0, "one test at most goes the wrong way"
     assert not tutor.witness
 
 
 def test_turns_of_the_other_bolt_that_do_not_agree_accuse_no_clock():
-    """Somebody takes hold of any bolt: what its turns moved the other axis by proves nothing unless three agree."""
+    """Somebody takes hold of any bolt: what its turns moved the other axis by proves nothing unless four agree."""
     at, tutor = np.array([3000.0, -5000.0]), BoltTutor()
     for moved in (300.0, 900.0, 300.0, 900.0, 300.0, 900.0, 300.0, 900.0, 300.0, 900.0):
         told = tutor.advise(error_at(*at), noise_arcsec=(2.0, 2.0))
@@ -542,6 +543,22 @@ def test_turns_of_the_other_bolt_that_do_not_agree_accuse_no_clock():
         assert "time zone" not in told.words
         at[int(told.knob is Knob.ALTITUDE)] += moved * np.sign(told.turns)
     assert not any(bolt.proved for bolt in tutor.bolts.values())
+
+
+def test_the_clock_is_not_accused_before_both_bolts_are_proved_to_move_the_other_axis():
+    """Turns of each agree within a factor of two: no proof yet of how far a turn of the bolt goes."""
+    at, tutor, doubted = np.array([3000.0, -5000.0]), BoltTutor(), False
+    for number in range(20):
+        told = tutor.advise(error_at(*at), noise_arcsec=(2.0, 2.0))
+        if told.step is TutorStep.STOP:
+            break
+        proved = all(tutor._across[knob].proved for knob in Knob)
+        doubted = doubted or (min(len(tutor._strays[knob]) for knob in Knob) >= STUBBORN and not proved)
+        size = (900.0, 500.0)[number // 2 % 2] * abs(told.turns) / 0.25
+        at[int(told.knob is Knob.ALTITUDE)] += size * np.sign(told.turns)
+    assert doubted, "they agreed, and the clock was not accused"
+    assert told.words.startswith("Each bolt moves the other axis.")
+    assert all(tutor._across[knob].proved for knob in Knob)
 
 
 def turned_sky(hours, coupling=0.0):
@@ -583,6 +600,43 @@ def test_one_proved_bolt_does_not_accuse_the_clock_beside_one_that_was_turned_on
         at = at + (-6466.0 * along if told.knob is Knob.ALTITUDE else 2500.0 * across) * told.turns
     assert [False, True] in [proved for proved, _ in seen] or [True, False] in [proved for proved, _ in seen]
     assert not any(accused for proved, accused in seen if not all(proved))
+
+
+def test_four_turns_one_way_are_outweighed_by_five_the_other():
+    """A hand that always goes the other way is a bolt of the other sense: whatever its first turns said, more count."""
+    bolt = ALTITUDE_BOLT
+    for change in (500.0,) * 4 + (-500.0,) * 3:
+        bolt = bolt.learned(0.25, change, 1.0)
+        assert bolt.arcsec_a_turn > 0.0
+    for _ in range(3):
+        bolt = bolt.learned(0.25, -500.0, 1.0)
+    assert bolt.arcsec_a_turn < 0.0, "six against four"
+    assert bolt.proved
+
+
+def test_a_careless_hand_is_given_no_turn_that_made_the_other_way_would_end_worse_than_it_began():
+    usual = {"arcsec_a_turn": 4000.0, "proved": True, "direction": -1, "backlash_turns": 0.3, "seen_turns": 1.0}
+    tutor = BoltTutor(bolts=(ALTITUDE_BOLT, replace(AZIMUTH_BOLT, **usual)))
+    assert tutor.advise(error_at(0.0, 2000.0)).knob is Knob.AZIMUTH
+    tutor.bolts[Knob.AZIMUTH] = replace(AZIMUTH_BOLT, **usual)
+    for _ in range(2):  # twice the other bolt
+        tutor.advise(error_at(900.0, 1999.0))
+        tutor.advise(error_at(0.0, 1999.0))
+    assert tutor.careless
+    asked = tutor.advise(error_at(0.0, 1000.0))
+    assert asked.knob is Knob.AZIMUTH
+    on_sky = 4000.0 * abs(asked.turns) * np.cos(np.radians(45.0))
+    assert on_sky + 1000.0 * np.cos(np.radians(45.0)) <= 2000.0 * np.cos(np.radians(45.0))
+
+
+def test_a_careless_hand_turns_the_larger_error_first():
+    usual = {"arcsec_a_turn": 2000.0, "proved": True, "direction": 1, "seen_turns": 1.0}
+    for strayed, knob in ((0, Knob.ALTITUDE), (2, Knob.AZIMUTH)):
+        tutor = BoltTutor(bolts=(replace(ALTITUDE_BOLT, **usual), replace(AZIMUTH_BOLT, **usual)))
+        assert tutor.advise(error_at(-900.0, 100.0)).knob is Knob.ALTITUDE
+        tutor.measured_again()
+        tutor._strayed = strayed
+        assert tutor.advise(error_at(-300.0, 1300.0)).knob is knob
 
 
 def test_the_amounts_in_the_sentence_are_those_on_the_screen():

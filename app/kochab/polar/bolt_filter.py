@@ -35,14 +35,16 @@ SAME_BOLT, SAME_THREAD, SAME_SENSE = 0.8, 0.15, 0.95
 is up to e squared times another."""
 
 UNSEEN = 0.1  # the chance that a bolt which moves the axis is not seen to, before its thread is known
-AT_ALL, OTHER_WAY, TOO_FAR, SPRINGS = 0.94, 0.07, 0.07, 0.07
+AT_ALL, OTHER_WAY, TOO_FAR, SPRINGS = 0.94, 0.1, 0.07, 0.07
 AS_ASKED = 1.0 - TOO_FAR - SPRINGS
 CHANCES = AT_ALL * np.outer([1.0 - OTHER_WAY, OTHER_WAY], [AS_ASKED, TOO_FAR, SPRINGS]).ravel()
 CHANCES = np.append(CHANCES, 1.0 - AT_ALL)
 """Of a hand that turns as far as asked, too far, or lets the axis spring back, each as told and the other way; and of
 one that does not turn this bolt. Which way and how far are mistakes apart: one turn can have both."""
-SPRUNG = [2, 5]  # which of these
-HABIT = 20.0  # turns after which what this hand did counts as much as what hands do
+SPRUNG, OTHER_WAYS = [2, 5], [3, 4, 5]  # which of these
+HABIT = 20.0
+"""Turns after which what this hand did counts as much as what hands do; but which way it goes is no habit to learn, for
+a hand that always goes the other way is a bolt of the other sense."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +109,11 @@ class BoltFilter:
         """The particles whose thread has the likelier sense."""
         return self._of((self.arcsec_a_turn > 0.0) == (self.clockwise_adds >= 0.5))
 
+    @property
+    def wrong_turns(self) -> float:
+        """How many turns are likely to have gone the other way."""
+        return float(self.hands[OTHER_WAYS].sum(axis=0).mean())
+
     def slack_turns(self, direction: int) -> Floats:
         """The backlash (N,) that a turn in this direction crosses before the axis moves."""
         return self.backlash_turns - self.engaged_turns if direction > 0 else self.engaged_turns
@@ -157,6 +164,13 @@ class BoltFilter:
             too_far_turns=self.too_far_turns * np.exp(random.normal(0.0, TOO_FAR_JITTER, PARTICLES)),
         )
 
+    @property
+    def _chances(self) -> Floats:
+        """How often (7, N) each of the hands is at work, after what this one did."""
+        chances = (CHANCES[:, None] + self.hands / HABIT) / (1.0 + self.hands.sum(axis=0) / HABIT)
+        either = chances[:3] + chances[3:6]
+        return np.concatenate([(1.0 - OTHER_WAY) * either, OTHER_WAY * either, chances[6:]])
+
     def _weighed(self, turn: Turn, random: np.random.Generator) -> "tuple[BoltFilter, Floats]":
         """Each where the likeliest hands leave it, and how well (N,) all hands together explain the turn."""
         asked = turn.turns * (1.0 + random.normal(0.0, HAND, PARTICLES)) + random.normal(0.0, HAND_TURNS, PARTICLES)
@@ -172,7 +186,7 @@ class BoltFilter:
             likelihood = np.exp(-0.5 * ((turn.change_arcsec - expected) / sigma) ** 2) / sigma
         else:
             likelihood = np.where(np.abs(moving) > HAND_TURNS, UNSEEN, 1.0)
-        weights = (CHANCES[:, None] + self.hands / HABIT) / (1.0 + self.hands.sum(axis=0) / HABIT) * likelihood
+        weights = self._chances * likelihood
         sums = np.cumsum(weights, axis=0)
         hand = (sums < random.random(PARTICLES) * sums[-1]).sum(axis=0).clip(max=len(CHANCES) - 1)
         engaged = np.take_along_axis(inside, hand[None, :], axis=0)[0]
@@ -196,9 +210,10 @@ def _believed(events: tuple[Turn | Mistaken, ...], known: float | None) -> BoltF
         now, explains = now._weighed(event, random)
         weights = weights * (explains + OUTLIER * (weights @ explains) + 1e-300)
         weights /= weights.sum()
-        if 1.0 / (weights @ weights) < FEW * PARTICLES:
-            now, weights = now._of(_drawn(weights, random))._stirred(random), np.full(PARTICLES, 1.0 / PARTICLES)
-    return replace(now._of(_drawn(weights, random)), events=events, known=known)
+        kept, shares = _drawn_by_sense(weights, now.arcsec_a_turn > 0.0, random)
+        if shares is not None:
+            now, weights = now._of(kept)._stirred(random), shares
+    return replace(now._of(_drawn(weights, random))._stirred(random), events=events, known=known)
 
 
 def _threads(
@@ -236,5 +251,20 @@ def _threads(
 
 def _drawn(weights: Floats, random: np.random.Generator) -> Ints:
     """Which particle (N,) each to keep, drawn by their weights (N,): systematic resampling."""
-    steps = (np.arange(PARTICLES) + random.random()) / PARTICLES
-    return np.searchsorted(np.cumsum(weights) / weights.sum(), steps).clip(max=PARTICLES - 1)
+    steps = (np.arange(len(weights)) + random.random()) / len(weights)
+    return np.searchsorted(np.cumsum(weights) / weights.sum(), steps).clip(max=len(weights) - 1)
+
+
+def _drawn_by_sense(weights: Floats, adds: Bools, random: np.random.Generator) -> tuple[Ints, Floats | None]:
+    """Which particles (N,) to keep and their weights (N,); None while enough of either sense are left in effect.
+
+    Each sense (N,) is drawn by itself and keeps its weight: whatever the first turns say, the particles of the other
+    sense are there for those that follow.
+    """
+    kept, shares, few = np.arange(len(weights)), weights.copy(), False
+    for own in (np.flatnonzero(adds), np.flatnonzero(~adds)):
+        share = float(weights[own].sum())
+        if share > 0.0 and share**2 / (weights[own] @ weights[own]) < FEW * len(own):
+            few = True
+            kept[own], shares[own] = own[_drawn(weights[own], random)], share / len(own)
+    return kept, shares if few else None

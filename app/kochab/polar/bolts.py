@@ -33,7 +33,7 @@ SENSE, SPREAD = (
     0.95,
     1.6,
 )  # a proved bolt's surety of which way it goes, and the ratio that one sigma of its thread spans
-CONTRADICTED = 0.9  # less sure than after one turn
+CONTRADICTED = 0.85  # less sure than after one turn
 TELLING_ARCSEC = 300.0  # are seen in any noise
 PROVING_TURNS = 2  # that were seen to move the axis
 SHORT, SHORT_OF_BACKLASH = 0.4, (0.25, 0.3, 0.4, 0.5, 0.75)
@@ -92,6 +92,11 @@ class Bolt:
         """How surely it goes the way it is believed to, from a half to 1."""
         adds = 0.5 if self.filter is None else self.filter.clockwise_adds
         return max(adds, 1.0 - adds)
+
+    @property
+    def wrong_turns(self) -> float:
+        """How many turns of it seem to have gone the other way than asked."""
+        return 0.0 if self.filter is None or not self.filter.has_thread else self.filter.wrong_turns
 
     def learned(self, turns: float, change_arcsec: float, sigma_arcsec: float) -> "Bolt":
         """What is known after ``turns`` changed its error by ``change_arcsec`` (one sigma)."""

@@ -75,14 +75,23 @@ SMALL_SHARE = 0.15  # of the other error: not worth coming back for yet, as the 
 MOST_REVERSALS = 4  # of one bolt, before the other one has its turn
 TOO_FAR = 2  # times that a proved bolt went clearly past the pole: the hand is rough
 ROUGH = 2.5  # goals, which such a hand can reach
+MISTAKEN = 1.5  # turns that seem to have gone the other way or were the other bolt's: the hand needs care
+WRONG_AGAIN = 0.75
+"""A hand that needs care is asked for no turn which, made the other way, takes the axis farther than so much of the way
+back to where it began: it may stop at any time."""
+FORGIVEN = 3.2  # goals, at which such a hand had better stop: its next turn may take all away again
+RETURNS = (
+    0.4  # of the way home may be asked of it in any case: four turns of five as asked win, however far it has gone
+)
+MUCH_SMALLER = 0.35  # of the other error: such a hand's turns are not to be spent on that yet
 
 # -- What a bolt's own move says: that it was the other bolt, or that the clock is wrong ---------
 
 STRAY, STRAY_ARCSEC = 2.0, 60.0
 """What moved the axis so many times farther across a bolt's own direction as along it, and so far, was the other."""
 TURNED_BACK = 0.3  # of what strayed: nearer than this to where it was
-STUBBORN = 3
-"""Turns that agree on how far they move the other axis: that is as sure then as a proved bolt's own thread."""
+STUBBORN = 4
+"""Turns that agree on how far they move the other axis; that it is this bolt's doing is proved as any thread is."""
 STRAYED = {
     Knob.ALTITUDE: tr_noop("That moved azimuth, not altitude ({moved}). Turn it back, or take it from here."),
     Knob.AZIMUTH: tr_noop("That moved altitude, not azimuth ({moved}). Turn it back, or take it from here."),
@@ -111,7 +120,7 @@ class Instruction:
     """One thing to do: ``turns`` of ``knob``'s bolt, clockwise positive, or of what has none; ``words`` say it.
 
     ``text`` is the same with places for the error's amounts, which change while the bolt turns; ``stray`` tells that
-    the turn before moved the other axis.
+    the turn before moved the other axis, and ``note`` is the sentence of ``words`` that says so.
     """
 
     step: TutorStep
@@ -121,6 +130,7 @@ class Instruction:
     by_hand: bool = False
     stray: bool = False
     text: str = ""
+    note: str = ""
 
     def with_amounts(self, error: PolarError) -> str:
         """The words with the amounts of this error: those that stand on the screen beside them."""
@@ -176,8 +186,12 @@ class BoltTutor:
         self._last: tuple[Knob | None, float] = (None, 0.0)
         self._reversals = dict.fromkeys(Knob, 0)  # since the last measurement
         self._too_far = 0
-        # What the turns of a bolt that was never seen to move its own axis moved the other by, arcsec a turn.
+        self._strayed = 0  # turns that were of the other bolt
+        self._began_arcsec: float | None = None  # the total before any turn
+        # Of a bolt that was never seen to move its own axis: what its turns moved the other by, arcsec a turn on the
+        # sky, and what all of them together say of that.
         self._strays: dict[Knob, tuple[float, ...]] = dict.fromkeys(Knob, ())
+        self._across = {knob: self._new(knob) for knob in self.bolts}
         self._astray = 0.0  # arcsec on the sky that the last one moved it by
         self._note = ""  # what is to be said of that
         self._twists = dict.fromkeys(Knob, 0.0)  # by how much each bolt's last clear move stood off, degrees
@@ -193,10 +207,12 @@ class BoltTutor:
         which hold much that two readings share.
         """
         self._note = ""
+        if self._began_arcsec is None:
+            self._began_arcsec = error.total_arcsec
         self._learn(error, turned, noise_arcsec or error.sigma_arcsec)
         instruction = self._next(error)
         if self._note and instruction.knob is not None:
-            instruction = replace(instruction, words=f"{self._note} {instruction.words}", stray=True)
+            instruction = replace(instruction, words=f"{self._note} {instruction.words}", stray=True, note=self._note)
         instruction = replace(instruction, text=instruction.words, words=instruction.with_amounts(error))
         self._pending, self._before = instruction, error
         if instruction.knob is not None:
@@ -208,7 +224,14 @@ class BoltTutor:
 
     def forget(self, knob: Knob) -> None:
         """Nothing is known of this bolt any more."""
-        self.bolts[knob] = Bolt(knob, self.bolts[knob].name, base=self.bolts[knob].base)
+        self.bolts[knob] = self._new(knob)
+
+    def crosses(self, knob: Knob) -> bool:
+        """Whether what turns this knob is proved to move the other axis, and was never seen to move its own."""
+        return self._across[knob].proved and len(self._strays[knob]) >= STUBBORN
+
+    def _new(self, knob: Knob) -> Bolt:
+        return Bolt(knob, self.bolts[knob].name, base=self.bolts[knob].base)
 
     def measured_again(self) -> None:
         """A new measurement stands in for the last reading: nothing is to be learned from it."""
@@ -225,9 +248,14 @@ class BoltTutor:
         return self._too_far >= TOO_FAR or sum(self._reversals.values()) >= MOST_REVERSALS
 
     @property
+    def careless(self) -> bool:
+        """Whether the hand has gone the other way, or turned the other bolt, more than once."""
+        return self._strayed + sum(bolt.wrong_turns for bolt in self.bolts.values()) >= MISTAKEN
+
+    @property
     def _goal_arcsec(self) -> float:
-        """The goal, or what a rough hand can reach."""
-        return self.goal_arcsec * (ROUGH if self.rough else 1.0)
+        """The goal, or what a rough or careless hand can reach."""
+        return self.goal_arcsec * (FORGIVEN if self.careless else ROUGH if self.rough else 1.0)
 
     def _limit(self, error: PolarError, knob: Knob) -> float:
         """The tolerance, wider for a bolt that would have to come back or is too coarse."""
@@ -260,7 +288,7 @@ class BoltTutor:
         if abs(turns) >= TELLING_TURNS:
             self._watch_clock(knob, moved)
         if abs(change) >= SEEN * noise:
-            self._strays[knob], self._astray = (), 0.0
+            self._strays[knob], self._across[knob], self._astray = (), self._new(knob), 0.0
         self.bolts[knob] = bolt.learned(turns, change, noise)
 
     def _went_astray(self, knob: Knob, turns: float, moved: Moved, before: PolarError, now: PolarError) -> None:
@@ -271,12 +299,14 @@ class BoltTutor:
         if abs(self._astray + moved.beside) < TURNED_BACK * abs(moved.beside):
             self._astray = 0.0
             return
+        self._strayed += 1
         if not self.bolts[knob].moves:
             a_turn = moved.beside / turns
             alike = tuple(
                 one for one in self._strays[knob] if 1.0 / SAME_THREAD_FACTOR < one / a_turn < SAME_THREAD_FACTOR
             )
             self._strays[knob] = (*alike, a_turn)
+            self._across[knob] = self._across[knob].learned(turns, moved.beside, moved.noise)
         self._astray = moved.beside
         self._note = tr(STRAYED[knob], moved=f"{'+' if change > 0.0 else '−'}{angle_in_words(change)}")
 
@@ -297,7 +327,7 @@ class BoltTutor:
             self.witness = tr(TWISTED, angle=angle, hours=angle / 15.0)
 
     def _next(self, error: PolarError) -> Instruction:
-        if all(self._stubborn(knob) for knob in Knob):
+        if all(self.crosses(knob) for knob in Knob):
             return Instruction(TutorStep.STOP, tr(CROSSED), stray=True)
         off = {knob: abs(error.knob_arcsec(knob)) * _sky_share(error, knob) for knob in Knob}
         open_ = [k for k in Knob if off[k] > self._limit(error, k)]
@@ -326,10 +356,11 @@ class BoltTutor:
         def rank(offer: Instruction) -> tuple[bool, bool, int, bool, bool, float]:
             assert offer.knob is not None
             worn = self._reversals[offer.knob] // MOST_REVERSALS
-            at_hand = offer.knob is self._last[0]
+            at_hand = offer.knob is self._last[0] and not self.careless
             small = off[offer.knob] < SMALL_SHARE * max(off.values()) and not (at_hand and self._obeys(offer))
+            small = small or (self.careless and off[offer.knob] < MUCH_SMALLER * max(off.values()))
             return (
-                self._stubborn(offer.knob),
+                self.crosses(offer.knob),
                 small,
                 worn,
                 self._only_comes_back(offer, off, error),
@@ -343,9 +374,6 @@ class BoltTutor:
         """Whether this bolt goes on and did move when it was turned last."""
         assert offer.knob is not None
         return self._goes_on(offer) and not self.bolts[offer.knob].unseen
-
-    def _stubborn(self, knob: Knob) -> bool:
-        return len(self._strays[knob]) >= STUBBORN
 
     def _only_comes_back(self, offer: Instruction, off: dict[Knob, float], error: PolarError) -> bool:
         assert offer.knob is not None
@@ -362,6 +390,17 @@ class BoltTutor:
         across = error.altitude_arcsec if knob is Knob.AZIMUTH else -error.azimuth_on_sky_arcsec
         turns = -across / self._strays[knob][-1]
         return float(np.copysign(np.clip(abs(turns), LEAST_TEST_TURNS, most), turns))
+
+    def _harmless_turns(self, bolt: Bolt, error: PolarError, test: float) -> float:
+        """The most that this bolt can be turned the other way with the axis still nearer to the pole than it began.
+
+        At least a test, or what is needed without backlash where that is less, and so much of a long way home that a
+        hand which goes the other way once in five turns comes nearer.
+        """
+        a_turn = abs(bolt.arcsec_a_turn or 1.0)
+        room = WRONG_AGAIN * ((self._began_arcsec or 0.0) - error.total_arcsec) / _sky_share(error, bolt.knob)
+        off = abs(error.knob_arcsec(bolt.knob))
+        return max(room, min(test * a_turn, off), RETURNS * off) / a_turn
 
     def _instruction(self, knob: Knob, off_arcsec: float, error: PolarError) -> Instruction:
         bolt, value = self.bolts[knob], error.knob_arcsec(knob)
@@ -382,6 +421,8 @@ class BoltTutor:
         wanted = bolt.needed(value) * share
         finest = FINEST_DEG / 360.0
         most = min(MOST_TURNS, max(test, GROWTH * bolt.seen_turns)) if bolt.proved else bolt.test_turns(wanted, test)
+        if self.careless:
+            most = min(most, self._harmless_turns(bolt, error, test))
         turns = sayable(float(np.clip(wanted, -most, most)))
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))

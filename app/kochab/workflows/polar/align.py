@@ -93,7 +93,6 @@ class MotorisedBolts:
     def __init__(self, motors: Motors, tutor: BoltTutor) -> None:
         self._motors, self._tutor = motors, tutor
         self._units: dict[Knob, float] = {}
-        self._crossed: Knob | None = None
 
     def shown(self, asked: Instruction, error: PolarError) -> Instruction:
         """The instruction as it is told to somebody who has nothing to turn."""
@@ -108,9 +107,8 @@ class MotorisedBolts:
         if knob is None:
             return
         units = self._units.get(knob)
-        if asked.stray and self._crossed is knob:
+        if self._tutor.crosses(knob):
             raise RefusedError(CROSSED[knob])
-        self._crossed = knob if asked.stray else None
         if asked.step is TutorStep.TEST and units is not None and not asked.stray:
             units *= GROWTH
             self._tutor.forget(knob)  # what it learned was of smaller units
