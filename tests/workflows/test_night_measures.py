@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 
@@ -346,11 +347,16 @@ def test_a_mount_that_does_not_track_is_told_and_no_guiding_is_blamed():
     assert [one.untracked for one in tracking_of(standing)] == [True]
     assert [one.untracked for one in tracking_of(held(rng, (600.0, 300.0), 8))] == [False]
     round_ones = measured(lambda u, v: 3.4 + 0 * u, stretch=1.4)
+    assert (
+        tracking_of([*standing[:3], *(replace(p, time_utc=p.time_utc + timedelta(days=1)) for p in standing[:3])]) == []
+    )
     frames = [
         NightFrame(f"{k}", p.time_utc, 5.0, SIZE, True, ra_deg=p.ra_deg, dec_deg=p.dec_deg, width_deg=20.0, sharp=round_ones)
         for k, p in enumerate(standing)
     ]  # fmt: skip
     assert "did not track" in advice_of(night_of(frames))
+    frames[-1] = replace(frames[-1], time_utc=START + timedelta(days=2))
+    assert "several nights" in advice_of(night_of(frames))
 
 
 def test_three_frames_say_no_drift():

@@ -25,6 +25,8 @@ NO_TILT = 1e-6
 """The chance below which a tilt is one: a frame has many stars, and optics are never perfect."""
 SAMPLED_PX = 1.8
 """FWHM below which the shape of stars says nothing of optics or guiding: a pixel is too coarse."""
+LONGEST_H = 20.0
+"""No night is longer, but a polar one."""
 CLOUDED = 0.15
 """Share of the frames."""
 
@@ -93,8 +95,9 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
     frames = [frame for frame in frames if not frame.calibration]
     ordered = sorted(frames, key=lambda f: (f.time_utc is None, f.time_utc.timestamp() if f.time_utc else 0.0, f.file))
     lost = _lost(ordered)
-    usual = Counter(frame.size for frame in ordered).most_common(1)
-    fields = [f.sharp.field for f in ordered if f.sharp and f.sharp.field and f.size == usual[0][0]]
+    # The shape of the field is that of the camera most frames are of.
+    usual = Counter((f.size, f.setup) for f in ordered if f.sharp).most_common(1)
+    fields = [f.sharp.field for f in ordered if f.sharp and f.sharp.field and (f.size, f.setup) == usual[0][0]]
     places = [Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg) if f.solved and f.time_utc else None for f in ordered]
     return Night(
         tuple(ordered),
@@ -157,12 +160,16 @@ def _focus(frames: Sequence[NightFrame]) -> Measure | None:
     if len(timed) < 5:
         return None
     hours = np.array([(time - timed[0][0]).total_seconds() / 3600.0 for time, _ in timed])
+    if hours[-1] > LONGEST_H:
+        return None
     found = slope(hours, np.array([wide for _, wide in timed]))
     return found[0] if found else None
 
 
 def advice_of(night: Night) -> str:
     """The one thing that would have made this night better, by what it cost."""
+    if night.hours > LONGEST_H:
+        return tr("These frames are of several nights. Give one night at a time.")
     costs = [*_of_the_sky(night), *_of_the_optics(night)]
     return max(costs)[1] if costs else tr("Nothing stands out. Keep doing this.")
 

@@ -18,6 +18,7 @@ FEWEST = 4
 """Frames of a stretch from which a drift is told."""
 ANOTHER_FIELD = 0.2
 """Share of the frame's width beyond which the next frame shows another field."""
+LONGEST_GAP_S = 6 * 3600.0
 DITHER = 6.0
 """Times the usual step beyond which a step is a dither or a knock."""
 SIDEREAL_ARCSEC_H = 54148.0
@@ -59,12 +60,18 @@ def tracking_of(places: Sequence[Place]) -> list[Tracking]:
     order = sorted(range(len(places)), key=lambda k: places[k].time_utc)
     fields: list[list[int]] = []
     for k in order:
-        if fields and _apart_deg(places[fields[-1][-1]], places[k]) < ANOTHER_FIELD * places[k].width_deg:
+        if fields and _goes_on(places[fields[-1][-1]], places[k]):
             fields[-1].append(k)
         else:
             fields.append([k])
     found = [_held([places[k] for k in field], tuple(field)) for field in fields if len(field) >= FEWEST]
     return [one for one in found if one is not None]
+
+
+def _goes_on(before: Place, after: Place) -> bool:
+    """Whether a frame is of the same field and night as the one before."""
+    waited_s = (after.time_utc - before.time_utc).total_seconds()
+    return waited_s < LONGEST_GAP_S and _apart_deg(before, after) < ANOTHER_FIELD * after.width_deg
 
 
 def _apart_deg(one: Place, other: Place) -> float:
