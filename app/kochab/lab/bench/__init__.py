@@ -152,6 +152,7 @@ BENCHES: dict[str, str] = {
     "peers": "kochab.lab.bench.peers:run",
     "polar": "kochab.lab.bench.polar:run",
     "refusal": "kochab.lab.bench.refusal:run",
+    "serve": "kochab.lab.bench.serve:run",
     "sky": "kochab.lab.bench.sky:run",
     "soak": "kochab.lab.bench.soak:run",
 }

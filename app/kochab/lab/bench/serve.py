@@ -1,0 +1,201 @@
+"""``kochab bench serve``: one command from its start to its end, cold, and with a worker; others on the same frames.
+
+Whole processes in turns, so that a busy machine is busy for all; medians. The frames are rendered from the catalogue:
+1.5 and 61 megapixels of 16 bits as FITS. Processor seconds of a warm command are its own and those of the worker's
+child. astrometry.net is Debian's ``solve-field`` and ASTAP its ``astap_cli``, each with the file and the field's width
+alone, where they and what they need are installed. The worker is for Linux; elsewhere it is not measured.
+"""
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame
+from kochab.frames.fits_write import write_fits
+from kochab.lab.bench import BenchResult, Goal, Report
+from kochab.simulate.star_images import RenderedStar, render
+from kochab.sky import open_catalogue
+
+KOCHAB = [sys.executable, "-m", "kochab"]
+SMALL, LARGE = (1500, 1000, 8.0), (9576, 6388, 4.0)
+"""Width and height, px, and the width, degrees."""
+OTHERS = ("solve-field", "astap_cli")
+TURNS, QUICK_TURNS, LIMIT_S, BATCH = 15, 5, 120.0, 24
+WARM_RATIO, WARM_LARGE_S, BATCH_FRAMES = 0.2, 0.3, 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Of one command: seconds on the wall and of the processor, and whether it solved its frame."""
+
+    wall_s: float
+    cpu_s: float
+    solved: bool
+
+
+def run(quick: bool, report: Report) -> BenchResult:
+    """Measure commands on both frames, and a batch."""
+    turns = QUICK_TURNS if quick else TURNS
+    with tempfile.TemporaryDirectory(prefix="kochab-bench-") as name:
+        folder = Path(name)
+        rows: list[dict[str, Any]] = []
+        with _worker(folder) as worker:
+            for label, shape in (("1.5 MP", SMALL), ("61 MP", LARGE)):
+                report(f"{label}: {turns} turns ...")
+                file = rendered(folder / f"{shape[0]}.fits", *shape)
+                found = commands(file, shape[2], worker)
+                if quick and shape is LARGE:
+                    found = {name: command for name, command in found.items() if name not in OTHERS}
+                rows += compared(label, found, turns if shape is SMALL else min(turns, 7))
+            report(f"batch of {BATCH} ...")
+            rows += batch(folder, [folder / f"{SMALL[0]}.fits"] * BATCH)
+    return BenchResult("serve", rows, goals(rows))
+
+
+def rendered(path: Path, width: int, height: int, fov_deg: float) -> Path:
+    """The sky in Cassiopeia on such a sensor, written as FITS.
+
+    Parameters
+    ----------
+    path : Path
+        Where it is written.
+    width, height : int
+        Of the frame, px.
+    fov_deg : float
+        Its width on the sky, degrees.
+    """
+    camera = Camera.centred(width, height, width / 2 / np.tan(np.radians(fov_deg / 2)))
+    attitude, catalogue = attitude_from(15.0, 60.5, 20.0), open_catalogue()
+    stars = catalogue.brightest(attitude.boresight, np.radians(fov_deg), 4000)
+    xy = camera.project(catalogue.vectors(stars) @ attitude.matrix.T)
+    flux = 3e5 * 10 ** (-0.4 * (catalogue.mag(stars) - 8.0))
+    write_fits(Frame(render(width, height, xy, flux, RenderedStar(3.0)).pixels), path)
+    return path
+
+
+@contextmanager
+def _worker(folder: Path) -> Iterator[int | None]:
+    """The number of a worker's process, None where there is none; its place is a folder of our own."""
+    if not sys.platform.startswith("linux"):
+        yield None
+        return
+    before = os.environ.get("XDG_RUNTIME_DIR")
+    os.environ["XDG_RUNTIME_DIR"] = str(folder)
+    process = subprocess.Popen([*KOCHAB, "serve"], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield process.pid
+    finally:
+        process.terminate()
+        process.communicate(timeout=LIMIT_S)
+        if before is None:
+            del os.environ["XDG_RUNTIME_DIR"]
+        else:
+            os.environ["XDG_RUNTIME_DIR"] = before
+
+
+def commands(file: Path, fov_deg: float, worker: int | None) -> dict[str, Callable[[], Spent]]:
+    """What solves the file, by name; only what is here."""
+    own = [*KOCHAB, "solve", str(file), "--json"]
+    found: dict[str, Callable[[], Spent]] = {"kochab cold": lambda: spent([*own, "--no-worker"])}
+    if worker is not None:
+        found["kochab warm"] = lambda: _with_children(worker, lambda: spent(own))
+    base = str(file.with_suffix(""))
+    if shutil.which("solve-field") and any(Path("/usr/share/astrometry").glob("index-*.fits")):
+        width = ["-L", f"{fov_deg * 0.9}", "-H", f"{fov_deg * 1.1}", "-u", "degwidth"]
+        asked = ["solve-field", "--no-plots", "--overwrite", "--cpulimit", "60", *width, str(file)]
+        found["solve-field"] = lambda: spent(asked, Path(f"{base}.solved"))
+    databases = (folder for name in ("/opt/astap", "/usr/share/astap") for folder in [Path(name)] if folder.is_dir())
+    if shutil.which("astap_cli") and any(any(folder.glob("*.*0")) for folder in databases):
+        found["astap_cli"] = lambda: spent(["astap_cli", "-f", str(file), "-r", "180"], Path(f"{base}.wcs"))
+    return found
+
+
+def spent(command: Sequence[str], mark: Path | None = None) -> Spent:
+    """Run a command; ``mark`` is the file that tells that it solved, None when its exit code does."""
+    if mark is not None:
+        mark.unlink(missing_ok=True)
+    started, before = time.perf_counter(), os.times()
+    try:
+        code = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=LIMIT_S).returncode
+    except subprocess.TimeoutExpired:
+        code = -1
+    wall, after = time.perf_counter() - started, os.times()
+    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    return Spent(wall, cpu, code == 0 if mark is None else mark.exists())
+
+
+def _with_children(process: int, work: Callable[[], Spent]) -> Spent:
+    """The same with the processor seconds of what a process's children spent meanwhile."""
+    before = _children_s(process)
+    done = work()
+    until = time.monotonic() + 5.0
+    while (after := _children_s(process)) == before and time.monotonic() < until:
+        time.sleep(0.005)  # until the worker has seen its child end
+    return Spent(done.wall_s, done.cpu_s + after - before, done.solved)
+
+
+def _children_s(process: int) -> float:
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[13]) + int(fields[14])) / os.sysconf("SC_CLK_TCK")
+
+
+def compared(frame: str, commands: Mapping[str, Callable[[], Spent]], turns: int) -> list[dict[str, Any]]:
+    """A row a command: medians over ``turns``, in which each has its turn after one that is not counted; others once."""
+    found: dict[str, list[Spent]] = {name: [] for name in commands}
+    for turn in range(turns + 1):
+        for name, command in commands.items():
+            if name in OTHERS and turn:  # they take seconds, astrometry.net a minute for 61 megapixels
+                continue
+            one = command()
+            if turn or name in OTHERS:
+                found[name].append(one)
+    return [
+        {
+            "frame": frame,
+            "command": name,
+            "wall_s": statistics.median(one.wall_s for one in runs),
+            "least_wall_s": min(one.wall_s for one in runs),
+            "cpu_s": statistics.median(one.cpu_s for one in runs),
+            "solved": sum(one.solved for one in runs),
+            "of": len(runs),
+        }
+        for name, runs in found.items()
+    ]
+
+
+def batch(folder: Path, files: Sequence[Path]) -> list[dict[str, Any]]:
+    """A row for one process and one for two, on many files."""
+    rows = []
+    for workers in (1, 2):
+        one = spent([*KOCHAB, "solve", *map(str, files), "--json", "--no-worker", "--workers", str(workers)])
+        rate = len(files) / one.wall_s
+        rows.append({"frame": f"{len(files)} of 1.5 MP", "command": f"--workers {workers}", "wall_s": one.wall_s})
+        rows[-1] |= {"cpu_s": one.cpu_s, "frames_s": rate, "frames_cpu_s": len(files) / one.cpu_s, "solved": one.solved}
+    return rows
+
+
+def goals(rows: Sequence[Mapping[str, Any]]) -> list[Goal]:
+    """What a worker saves, and how fast a batch is."""
+    wall = {(row["frame"], row["command"]): row["wall_s"] for row in rows}
+    cold, warm = wall.get(("1.5 MP", "kochab cold")), wall.get(("1.5 MP", "kochab warm"))
+    rates = [row["frames_cpu_s"] for row in rows if row["command"] == "--workers 1"]
+    return [
+        Goal.at_most("warm 1.5 MP, of cold on the wall", warm / cold if cold and warm else None, WARM_RATIO),
+        Goal.at_most("warm 61 MP, s on the wall", wall.get(("61 MP", "kochab warm")), WARM_LARGE_S),
+        Goal.at_least("frames a second of one processor, batch of 1.5 MP", rates[0] if rates else None, BATCH_FRAMES),
+    ]

@@ -1,0 +1,57 @@
+"""The bench of whole commands: what it counts and what it makes of it."""
+
+import sys
+
+import pytest
+
+from kochab.lab.bench import serve
+from kochab.lab.bench.serve import Spent, compared, goals, rendered, spent
+
+
+def test_a_command_is_timed_from_outside(tmp_path) -> None:
+    busy = "import time; start = time.process_time()\nwhile time.process_time() - start < 0.3: pass"
+    done = spent([sys.executable, "-c", busy])
+    assert done.wall_s >= done.cpu_s * 0.5
+    assert 0.3 <= done.cpu_s < 5
+    assert done.solved
+    assert not spent([sys.executable, "-c", "raise SystemExit(1)"]).solved
+    mark = tmp_path / "mark"
+    assert not spent([sys.executable, "-c", ""], mark).solved
+    assert spent([sys.executable, "-c", f"open({str(mark)!r}, 'w')"], mark).solved
+
+
+def test_commands_have_turns_and_others_run_once() -> None:
+    order = []
+
+    def command(name, seconds):
+        def run():
+            order.append(name)
+            return Spent(next(seconds), 1.0, True)
+
+        return run
+
+    found = {"kochab cold": command("cold", iter([9, 4, 2, 3])), "solve-field": command("field", iter([7, 0]))}
+    rows = compared("x", found, 3)
+    assert order == ["cold", "field", "cold", "cold", "cold"]
+    assert [(row["wall_s"], row["least_wall_s"], row["of"]) for row in rows] == [(3, 2, 3), (7, 7, 1)]
+
+
+def test_goals_are_measured_or_said_not_to_be() -> None:
+    rows = [
+        {"frame": "1.5 MP", "command": "kochab cold", "wall_s": 1.0},
+        {"frame": "1.5 MP", "command": "kochab warm", "wall_s": 0.15},
+        {"frame": "61 MP", "command": "kochab warm", "wall_s": 0.4},
+        {"frame": "b", "command": "--workers 1", "wall_s": 2.0, "frames_cpu_s": 9.0},
+    ]
+    assert [(goal.value, goal.met) for goal in goals(rows)] == [(0.15, True), (0.4, False), (9.0, True)]
+    assert [goal.met for goal in goals(rows[:1])] == [None, None, None]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the worker is for Linux")
+def test_a_small_frame_is_solved_cold_and_warm(tmp_path, monkeypatch) -> None:
+    file = rendered(tmp_path / "a.fits", 600, 400, 15.0)
+    with serve._worker(tmp_path) as worker:
+        made = serve.commands(file, 15.0, worker)
+        rows = compared("a", {name: made[name] for name in ("kochab cold", "kochab warm")}, 1)
+    assert [row["solved"] for row in rows] == [1, 1]
+    assert rows[1]["cpu_s"] > 0.02  # the worker's child is counted
