@@ -34,7 +34,7 @@ DRIFT = 90.0, -40.0  # arcsec an hour, east and north
 TILT = 0.9  # px across the half diagonal, to the right
 
 
-def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.0, filters=("L",)):
+def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.0, filters=("L",), axis=None):
     """Write the night's frames."""
     catalogue = open_catalogue()
     rows = catalogue.cone(unit_vectors(*CENTRE), np.radians(3.2), 9.3)
@@ -49,8 +49,12 @@ def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.
         wander = rng.normal(0, 0.8, 2)
         east, north = drift[0] * hours + wander[0], drift[1] * hours + wander[1]
         wcs.wcs.crval = [CENTRE[0] + east / 3600 / np.cos(np.radians(CENTRE[1])), CENTRE[1] + north / 3600]
+        roll = 0.0
+        if axis:
+            *wcs.wcs.crval, roll = axis(hours)
         wcs.wcs.crpix = [(SIZE[0] + 1) / 2, (SIZE[1] + 1) / 2]
-        wcs.wcs.cd = np.array([[-1, 0], [0, -1]]) * SCALE / 3600
+        cos, sin = np.cos(roll), np.sin(roll)
+        wcs.wcs.cd = np.array([[-cos, -sin], [sin, -cos]]) * SCALE / 3600
         xy = np.stack(wcs.all_world2pix(ra, dec, 0), axis=1)
         inside = ((xy > 8) & (xy < np.array(SIZE) - 9)).all(axis=1)
         place = xy[inside]
@@ -135,6 +139,61 @@ def test_another_filter_is_no_cloud_and_calibration_frames_are_no_frames_of_the_
     found = json.loads((tmp_path / "lrgb-night.json").read_text())
     assert (found["asked"], found["solved"], found["clouded"]) == (8, 8, [])
     assert found["advice"].startswith("Nothing stands out")
+
+
+def on_axis(alt_arcmin, az_arcmin):
+    """Where a camera points by hour of turning about an axis that stands so far off the refracted pole, by astropy.
+
+    RA and Dec of the middle, degrees, and the position angle of the frame's up, radians.
+    """
+    from astropy import units as u
+    from astropy.coordinates import AltAz, EarthLocation, SkyCoord
+    from astropy.time import Time
+    from scipy.spatial.transform import Rotation
+
+    place = EarthLocation.from_geodetic(11 * u.deg, 48 * u.deg, 0 * u.m)
+    air = {"pressure": 1010 * u.hPa, "temperature": 10 * u.deg_C, "relative_humidity": 0.5, "obswl": 0.55 * u.micron}
+
+    def level(hours):
+        return AltAz(obstime=Time(START + timedelta(hours=hours, seconds=30)), location=place, **air)
+
+    def vectors(sky):
+        return np.array([np.cos(sky.alt) * np.sin(sky.az), np.cos(sky.alt) * np.cos(sky.az), np.sin(sky.alt)])
+
+    middle = SkyCoord(*CENTRE, unit="deg")
+    up = SkyCoord(CENTRE[0], CENTRE[1] + 0.5, unit="deg")
+    began = np.array([vectors(one.transform_to(level(0.0))) for one in (middle, up)])
+    altitude = 48 + (58.3 / np.tan(np.radians(48)) / 60 + alt_arcmin) / 60
+    pole = [np.cos(np.radians(altitude)) * np.sin(np.radians(az_arcmin / 60)),
+            np.cos(np.radians(altitude)) * np.cos(np.radians(az_arcmin / 60)), np.sin(np.radians(altitude))]  # fmt: skip
+
+    def pointing(hours):
+        turned = Rotation.from_rotvec(-np.radians(15.0410686 * hours) * np.array(pole)).apply(began)
+        alt, az = np.degrees(np.arcsin(turned[:, 2])), np.degrees(np.arctan2(turned[:, 0], turned[:, 1]))
+        there = SkyCoord(
+            AltAz(alt=alt * u.deg, az=az * u.deg, obstime=level(hours).obstime, location=place, **air)
+        ).icrs
+        return there[0].ra.deg, there[0].dec.deg, there[0].position_angle(there[1]).rad
+
+    return pointing
+
+
+@pytest.mark.parametrize(("alt", "az"), [(9.0, -6.0), (-12.0, 20.0)])
+def test_the_polar_axis_is_that_of_the_mount_that_was_turned(tmp_path, alt, az):
+    from astropy.utils import iers
+
+    folder = tmp_path / "pole"
+    folder.mkdir()
+    with iers.conf.set_temp("auto_download", False), iers.conf.set_temp("iers_degraded_accuracy", "ignore"):
+        planted(folder, tilt=0.0, axis=on_axis(alt, az))
+    assert main(["night", str(folder), "--out", str(tmp_path), "--scale", "14"]) == 0
+    found = json.loads((tmp_path / "pole-night.json").read_text())
+    for name, true in (("altitude", alt), ("azimuth", az)):
+        sigma = found["polar"][f"{name}_arcsec_sigma"]
+        assert found["polar"][f"{name}_arcsec"] == pytest.approx(60 * true, abs=3 * sigma)
+        assert sigma < 90
+    assert "polar axis is off by" in found["advice"]
+    assert "Polar axis off by" in (tmp_path / "pole-night.html").read_text()
 
 
 def test_growing_stars_are_a_focus_that_drifts(tmp_path):

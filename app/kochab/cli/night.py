@@ -153,6 +153,8 @@ def text_of(night: "Night", page: str) -> str:
     for one in night.tracking:
         drift = f"RA {one.ra_arcsec_h.text('+')}, Dec {one.dec_arcsec_h.text('+')} arcsec an hour"
         lines.append(f"drift    {drift} ({len(one.frames)} frames, {one.hours:.1f} h)")
+    if night.polar:
+        lines.append(f"polar    {night.polar.words} ({night.polar.where})")
     if any(night.lost):
         lines.append(f"cloud    {len(night.clouded)} frames lost more than {CLOUD_MAG:g} mag")
     return "\n  ".join(map(printable, [page, *lines, advice_of(night)]))

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from datetime import datetime
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.frames import reading
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
+from kochab.polar.sighting import Sighting
 from kochab.solver import SolveOptions
 from kochab.workflows.night.sharpness import Sharpness, sharpness
 from kochab.workflows.night.transparency import StarLight
@@ -67,6 +69,8 @@ class NightFrame:
     sharp: Sharpness | None = None
     light: StarLight | None = None
     sky: Sky | None = None
+    site: Site | None = None
+    sighting: Sighting | None = None
     thumbnail: bytes = b""
     camera: str = ""
     setup: str = ""
@@ -120,6 +124,8 @@ def measured(found: SolvedFrame, site: Site | None = None) -> NightFrame:
         scale_arcsec_px=result.camera.scale_arcsec_px,
         light=star_light(found.detections, result, hint.exposure_s) if _linear(frame) else None,
         sky=sky,
+        site=there,
+        sighting=Sighting.of(result, hint.taken_utc, Path(found.path).name) if hint.taken_utc else None,
     )
 
 

@@ -115,6 +115,8 @@ def _tiles(night: Night) -> list[str]:
         most = max(night.tracking, key=lambda one: len(one.frames))
         dec = f"{tr('Dec')} {most.dec_arcsec_h.text('+')}"
         tiles.append(_tile(tr("Drift (″/h)"), f"{tr('RA')} {most.ra_arcsec_h.text('+')}", dec))
+    if night.polar:
+        tiles.append(_tile(tr("Polar axis off by"), night.polar.words, night.polar.where))
     if any(night.lost):
         text = tr("lost more than {mag} mag", mag=number(CLOUD_MAG, ".1f"))
         tiles.append(_tile(tr("Cloud"), tr_n("{n} frame", "{n} frames", len(night.clouded)), text))

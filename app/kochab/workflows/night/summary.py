@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kochab.polar.drift import Drift, measure_drift, stretches_of
+from kochab.polar.error import Knob
+from kochab.polar.measure import MeasureSettings
 from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import FieldOfSharpness, night_field
-from kochab.workflows.night.tracking import Place, Tracking, tracking_of
+from kochab.workflows.night.tracking import FEWEST, Place, Tracking, tracking_of
 from kochab.workflows.night.transparency import losses
 
 MAG_PER_AIRMASS = 0.2
@@ -25,6 +28,8 @@ NO_TILT = 1e-6
 """The chance below which a tilt is one: a frame has many stars, and optics are never perfect."""
 SAMPLED_PX = 1.8
 """FWHM below which the shape of stars says nothing of optics or guiding: a pixel is too coarse."""
+FAR_ARCSEC = 300.0
+"""Of the polar axis, beyond which it is worth an evening's first minutes."""
 LONGEST_H = 20.0
 """No night is longer, but a polar one."""
 CLOUDED = 0.15
@@ -36,7 +41,8 @@ class Night:
     """Frames in order of time, and what they say together.
 
     ``lost`` is light against the clear frames, magnitudes; ``cloud`` the same without what airmass takes. ``fwhm`` is
-    the median of the frames, px; ``focus`` its change an hour, px. ``asked`` is how many frames there are to measure.
+    the median of the frames, px; ``focus`` its change an hour, px.
+    ``polar`` is the axis by drift. ``asked`` is how many frames there are to measure.
     """
 
     frames: tuple[NightFrame, ...]
@@ -47,6 +53,7 @@ class Night:
     focus: Measure | None
     shape: FieldOfSharpness | None
     tracking: tuple[Tracking, ...]
+    polar: Drift | None
     asked: int
 
     @property
@@ -108,6 +115,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         _focus(ordered),
         night_field(fields),
         tuple(tracking_of([place for place in places if place])),
+        _polar(ordered),
         asked,
     )
 
@@ -166,11 +174,22 @@ def _focus(frames: Sequence[NightFrame]) -> Measure | None:
     return found[0] if found else None
 
 
+def _polar(frames: Sequence[NightFrame]) -> Drift | None:
+    """The polar axis by drift, where the site is known and one of its bolts can be told."""
+    held = [(frame.sighting, frame.site) for frame in frames if frame.sighting and frame.site]
+    if len(held) < FEWEST:
+        return None
+    settings = MeasureSettings(next(site for _, site in held if site))
+    stretches = stretches_of([sighting for sighting, _ in held if sighting], settings, None)
+    found = measure_drift(stretches, settings)
+    return found if isinstance(found, Drift) and not found.spoilt and any(map(found.tells, Knob)) else None
+
+
 def advice_of(night: Night) -> str:
     """The one thing that would have made this night better, by what it cost."""
     if night.hours > LONGEST_H:
         return tr("These frames are of several nights. Give one night at a time.")
-    costs = [*_of_the_sky(night), *_of_the_optics(night)]
+    costs = [*_of_the_sky(night), *_of_the_optics(night), *_of_the_axis(night)]
     return max(costs)[1] if costs else tr("Nothing stands out. Keep doing this.")
 
 
@@ -185,6 +204,16 @@ def _of_the_sky(night: Night) -> Iterator[tuple[float, str]]:
         why = Counter(f.reason for f in night.frames if f.reason).most_common(1)
         reason = tr(why[0][0]) if why else tr("cannot be read")
         yield n / total, tr("{n} of {total} frames have no solution: {reason}.", n=n, total=total, reason=reason)
+
+
+def _of_the_axis(night: Night) -> Iterator[tuple[float, str]]:
+    """What the polar axis costs: a tenth for each 10 arcmin."""
+    if night.polar and night.polar.known:
+        error = night.polar.error
+        off = error.total_arcsec
+        if off > FAR_ARCSEC and off > SURE * error.with_systematics.sigma_total_arcsec:
+            text = tr("The polar axis is off by {angle}. Align it before the next night.", angle=night.polar.words)
+            yield min(off / 6000.0, 0.5), text
 
 
 def _of_the_optics(night: Night) -> Iterator[tuple[float, str]]:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from kochab.polar.drift import Drift
+from kochab.polar.error import Knob
 from kochab.text.translation import in_english
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.summary import Night, advice_of
@@ -66,6 +68,7 @@ def night_json(night: Night) -> dict[str, Any]:
             if shape
             else None,
             "tracking": [_tracking(one) for one in night.tracking],
+            "polar": _polar(night.polar) if night.polar else None,
             "clouded": [night.frames[k].file for k in night.clouded],
             "best": [night.frames[k].file for k in night.best],
             "worst": [night.frames[k].file for k in night.worst],
@@ -91,6 +94,18 @@ def _tracking(one: Tracking) -> dict[str, Any]:
         **_pair("ra_arcsec_h", one.ra_arcsec_h),
         **_pair("dec_arcsec_h", one.dec_arcsec_h),
         "wander_arcsec": list(one.wander_arcsec),
+    }
+
+
+def _polar(drift: Drift) -> dict[str, Any]:
+    """As ``kochab polar`` names them; a bolt that the drift can't tell yet is null."""
+    error, whole = drift.error, drift.error.with_systematics
+    return {
+        "altitude_arcsec": error.altitude_arcsec if drift.tells(Knob.ALTITUDE) else None,
+        "altitude_arcsec_sigma": whole.knob_sigma_arcsec(Knob.ALTITUDE),
+        "azimuth_arcsec": error.azimuth_arcsec if drift.tells(Knob.AZIMUTH) else None,
+        "azimuth_arcsec_sigma": whole.knob_sigma_arcsec(Knob.AZIMUTH),
+        "text": drift.words,
     }
 
 
