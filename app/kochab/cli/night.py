@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from kochab.cli.batch import outcomes_of, with_file_name
 from kochab.cli.options import SEARCH, add_options, named, options_of
-from kochab.cli.output import tell
+from kochab.cli.output import ProgressLine, tell
 from kochab.cli.process import say
 from kochab.cli.solve import frames_in
 from kochab.core.errors import UsageError, printable
-from kochab.core.progress import Task
+from kochab.core.progress import Progress, Task
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
@@ -101,13 +101,17 @@ def _measure(
     from kochab.workflows.night.frame import NightFrame
 
     work = partial(measure_one, options=options, site=site)
+    line = ProgressLine("night")
     with closing(outcomes_of(work, [FrameOfNight(file) for file in files], workers)) as outcomes:
         for outcome in outcomes:
+            line(Progress("measure", len(into) / len(files), f"{len(into) + 1} of {len(files)} frames"))
             if "error" in outcome:
+                line.clear()
                 say(with_file_name(outcome["file"], outcome["error"]))
                 into.append(NightFrame(outcome["file"], error=outcome["error"]))
             else:
                 into.append(outcome["frame"])
+    line.clear()
 
 
 def measure_one(item: FrameOfNight, options: "SolveOptions", site: "Site | None") -> Task[Json]:
