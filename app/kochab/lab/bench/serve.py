@@ -155,7 +155,7 @@ def _children_s(process: int) -> float:
 
 
 def compared(frame: str, commands: Mapping[str, Callable[[], Spent]], turns: int) -> list[dict[str, Any]]:
-    """A row a command: medians over ``turns``, in which each has its turn after one that is not counted; others once."""
+    """A row a command: medians over ``turns``, each in its turn after one that is not counted; others once."""
     found: dict[str, list[Spent]] = {name: [] for name in commands}
     for turn in range(turns + 1):
         for name, command in commands.items():
