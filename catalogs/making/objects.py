@@ -3,7 +3,7 @@
 import re
 import sqlite3
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -105,8 +105,11 @@ def named_by_both(
     return counts
 
 
-def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]:
-    """OpenNGC's objects with Stellarium's numbers, and sizes where they lack one, and what only Stellarium has."""
+def joined(objects: list[SkyObject], second: list[SkyObject], named: Container[str] = frozenset()) -> list[SkyObject]:
+    """OpenNGC's objects with Stellarium's numbers, and sizes where they lack one, and what only Stellarium has.
+
+    What bears a name, by one of its designations in ``named``, is taken whatever catalogue it is of.
+    """
     # reversed, so that the first object of a name is the one that is kept
     known = {one.name: one for one in reversed(objects)}
     known |= {one.messier.replace("M", "M ", 1): one for one in objects if one.messier}
@@ -114,6 +117,7 @@ def joined(objects: list[SkyObject], second: list[SkyObject]) -> list[SkyObject]
     for other in second:
         at = next((known[word] for word in other.also if word in known), None)
         wanted = [word for of in BROUGHT for word in other.also if catalogue_of(word) == of]
+        wanted = wanted or ([*other.also] if any(word in named for word in other.also) else [])
         if at is not None:
             at.also += [
                 word for word in other.also if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))
@@ -247,7 +251,7 @@ def write_objects(database: Path, catalogue: Path, names: Path, path: Path) -> d
     objects, second = read_openngc(database), read_stellarium(catalogue)
     given = read_names(names)
     pairs = [SkyObject("", "", one.ra_deg, one.dec_deg, also=list(one.also)) for one in second]
-    counts = named_by_both(all_of := joined(objects, second), pairs, given)
+    counts = named_by_both(all_of := joined(objects, second, given), pairs, given)
     all_of, counts["corrections of no object"] = corrected([*all_of, *added(MORE_OBJECTS)], CORRECTIONS)
     all_of.sort(key=lambda one: one.name)
     lines = ["name\ttype\tra_deg\tdec_deg\tmag\tsize_arcmin\tmessier\tcommon\tminor_arcmin\tpa_deg\talso\tband\tsource"]

@@ -168,3 +168,28 @@ def test_the_veil_is_named_by_its_parts_and_its_whole(objects):
     first = {str(objects.name[row]): str(objects.common[row]).partition(",")[0] for row in range(len(objects))}
     assert (first["NGC 6960"], first["NGC 6992"], first["Sh2-103"]) == ("Western Veil", "Eastern Veil", "Cygnus Loop")
     assert {finder().still(name).name.partition(" ")[0] for name in ("West Veil Nebula", "East Veil Nebula")} == {"NGC"}
+
+
+def test_no_two_globular_clusters_stand_at_one_place(objects):
+    """Palomar 11 and 12, Terzan 3 and 8 and Ruprecht 106 had second rows under other numbers."""
+    vectors = objects.vector[objects.kind == "GCl"]
+    gaps = np.linalg.norm(vectors[:, None] - vectors[None], axis=2) + 10.0 * np.eye(len(vectors))
+    assert gaps.min() > np.radians(1.0 / 60.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("Fornax Dwarf Galaxy", "ESO 356-4"),
+        ("Sculptor Dwarf Galaxy", "ESO 351-30"),
+        ("Circinus Galaxy", "ESO 97-13"),
+        ("Draco Dwarf Galaxy", "PGC 60095"),
+        ("Holmberg IX", "PGC 28757"),
+        ("Cygnus A", "PGC 63932"),
+        ("Splinter Galaxy", "NGC 5907"),
+        ("Egg Nebula", "PGC 3168299"),
+    ],
+)
+def test_galaxies_that_have_a_name_are_there_by_whatever_number(name, number):
+    assert finder().still(name).name.startswith(number)
+    assert finder().still(number.replace("-4", "-004")).name.startswith(number)

@@ -83,7 +83,7 @@ def as_text(query: str, found: "Found | NotFound") -> str:
     if math.isfinite(found.magnitude):
         facts.append(f"{found.band or 'mag'} {found.magnitude:.1f}")
     if found.size_arcmin:
-        facts.append(" x ".join(f"{side:g}" for side in dict.fromkeys(found.size_arcmin)) + " arcmin")
+        facts.append(" x ".join(f"{side:.3g}" for side in dict.fromkeys(found.size_arcmin)) + " arcmin")
     others = f"\n  or {', '.join(found.alternatives)}" if found.alternatives else ""
     taken = "" if found.sure else f"{query} taken for "
     return f"{taken}{found.name}: {', '.join(facts)}{others}"

@@ -154,7 +154,8 @@ def numbered(text: str) -> str:
         return f"sh2{plain[4:].lstrip('0')}"
     found = _NUMBERED.fullmatch(plain)
     prefix = CATALOGUES.get(found[1].replace(" ", "")) if found is not None else None
-    return "" if prefix is None or found is None else prefix + re.sub(r"[\s]", "", found[2])
+    # ESO 097-013 is ESO 97-13
+    return "" if prefix is None or found is None else prefix + re.sub(r"\s|(?<=-)0+(?=\d)", "", found[2])
 
 
 def short_of(name: str) -> str:

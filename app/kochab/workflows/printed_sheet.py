@@ -22,9 +22,10 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.frames.pdf import A4, LETTER, Page, read_font
 from kochab.sky.catalogue import open_catalogue
 from kochab.sky.finder import Found
+from kochab.sky.landmarks import name_of_field
 from kochab.sky.layer import KINDS
 from kochab.text.angle_text import AngleStyle, radec_text
-from kochab.text.translation import tr, tr_noop
+from kochab.text.translation import number, tr, tr_noop
 from kochab.workflows.annotated_image import (
     CREDIT,
     INKS,
@@ -89,7 +90,7 @@ def finder_chart(found: Found, paper: str = "a4", field_deg: float | None = None
     if math.isfinite(found.magnitude):
         facts.append(f"{found.band or 'V'} {found.magnitude:.1f}")
     if found.size_arcmin:
-        facts.append(" × ".join(f"{side:g}" for side in dict.fromkeys(found.size_arcmin)) + "′")
+        facts.append(" × ".join(f"{side:.3g}" for side in dict.fromkeys(found.size_arcmin)) + "′")
     field_text = tr("Field {angle}°, stars to {mag}", angle=f"{field:.3g}", mag=f"{faintest:.1f}")
     _card(page, found.name, [" · ".join(facts), field_text])
     _compass(page, np.array([0.0, -1.0]), np.array([-1.0, 0.0]))
@@ -118,13 +119,14 @@ def annotated_sheet(frame: Frame, solution: Solution, paper: str = "a4") -> byte
     _frame(page, corner, width, height)
     wide, high = solution.camera.fov_deg
     place = radec_text(*solution.ra_dec_deg, AngleStyle.SEXAGESIMAL)
+    turn = number(solution.roll_deg, "+.1f").replace("-", "−")
     facts = [
         f"{place} · {wide:.3g}° × {high:.3g}° · {camera.scale_arcsec_px:.4g}″/px",
-        tr("Up is {angle}° east of north · {n} stars matched", angle=f"{solution.roll_deg:.1f}", n=len(solution.stars)),
+        tr("Rotation {rotation} · {n} stars matched", rotation=f"{turn}°", n=len(solution.stars)),
     ]
     if frame.hint.time_utc is not None and not frame.hint.time_of_file:
         facts.append(f"{frame.hint.time_utc:%Y-%m-%d %H:%M:%S} UTC")
-    _card(page, name, facts)
+    _card(page, name_of_field(solution), [*facts[:-1], f"{facts[-1]} · {name}"])
     _compass(page, *compass(solution))
     _legend(page, solution, scale, False, math.nan)
     return page.packed()

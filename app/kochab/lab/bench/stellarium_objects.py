@@ -59,12 +59,16 @@ SPELLED |= {"ST": "Stock", "CED": "Ced", "RU": "Ru", "TR": "Tr", "ARP": "Arp"}
 
 
 def designation(text: str) -> str:
-    """A designation as people write it: ``NGC0224``, ``B033``, ``SH 2-155`` are NGC 224, B 33, Sh2-155."""
+    """A designation as people write it: ``NGC0224``, ``B033``, ``SH 2-155`` are NGC 224, B 33, Sh2-155.
+
+    ``ESO 097-013`` is ESO 97-13.
+    """
     found = re.fullmatch(r"(sh ?2|[a-z]+)[\s-]*0*(\d.*)", text.strip(), re.IGNORECASE)
     if found is None:
         return text.strip()
     head = SPELLED.get(found[1].upper(), found[1].upper())
-    return f"Sh2-{found[2]}" if head.startswith("SH") else f"{head} {found[2]}"
+    number = re.sub(r"-0+(?=\d)", "-", found[2]) if head == "ESO" else found[2]
+    return f"Sh2-{number}" if head.startswith("SH") else f"{head} {number}"
 
 
 def plain(name: str) -> str:
