@@ -14,7 +14,7 @@ from kochab.sky.catalogue_file import write_container
 from kochab.sky.elements import Row, bodies_of, sbdb_json, sbdb_row
 from kochab.sky.ephemeris import Ephemeris, Series
 from kochab.sky.orbits import carried
-from kochab.sky.small_bodies import LEAST_K1
+from kochab.sky.small_bodies import LEAST_K1, SmallBodies
 
 AU_KM = 149597870.69962819  # DE421's
 FIRST_JD, LAST_JD = 2414912.5, 2470720.5  # 1899-09-15 to 2052-07-02: 109 times 512 days
@@ -85,7 +85,7 @@ def write_ephemeris(source: Path, path: Path) -> None:
     write_container(path, {"kind": "ephemeris", "start_jd": FIRST_JD, "series": EXCERPT}, columns)
 
 
-EPOCH_JD = 2461406.5
+EPOCH_JD, NEAR_YEARS = 2461406.5, 45.0
 """2027-01-01, to which the asteroids are carried."""
 LOST_JD = 2457000.5
 """Asteroids whose elements are older have not been seen again."""
@@ -117,8 +117,17 @@ def write_small_bodies(asteroids: Path, comets: Path, source: Path, path: Path) 
         some &= ~table.comet
         table.state[some] = yield from carried(table.state[some], table.epoch_jd[some], EPOCH_JD, whole, 1e-10)
         table.epoch_jd[some] = EPOCH_JD
+    yield from bring_near(table, whole)
     table.write(path)
     return {"asteroids": len(rocks), "comets": len(ices)}
+
+
+def bring_near(table: SmallBodies, ephemeris: Ephemeris) -> Task[None]:
+    """Carry the comets of the last decades to the asteroids' date too, as a night of today would do each time."""
+    near = np.flatnonzero(table.comet & (EPOCH_JD - table.epoch_jd < NEAR_YEARS * 365.25))
+    recent = np.full_like(table.state, np.nan)
+    recent[near] = yield from carried(table.state[near], table.epoch_jd[near], EPOCH_JD, ephemeris, 1e-10)
+    table.recent, table.recent_jd = recent, EPOCH_JD
 
 
 def _rows(path: Path) -> Iterator[Row]:

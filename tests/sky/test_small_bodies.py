@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from catalogs.making.solar_system import write_small_bodies
-from kochab.core.attitude import unit, unit_vectors
+from kochab.core.attitude import ARCSEC, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import run
@@ -367,3 +367,17 @@ def test_a_bad_file_is_refused_in_one_sentence(tmp_path, name, text, said):
 )
 def test_names_are_short(full, short):
     assert short_name(full) == short
+
+
+@pytest.mark.parametrize("name", ["1P/Halley", "2P/Encke", "67P/Churyumov-Gerasimenko", "C/1995 O1 (Hale-Bopp)"])
+def test_a_comet_is_where_its_own_elements_have_it_when_carried_from_a_nearer_date(name):
+    table = shipped_small_bodies()
+    row = np.array([table.names.index(name)])
+    jd = 2461370.5  # 2026-11-26
+    begun, since = table.nearest(jd)
+    assert since[row[0]] == table.recent_jd
+    assert table.nearest(float(table.epoch_jd[row[0]]))[1][row[0]] == table.epoch_jd[row[0]]
+    near = run(carried(begun[row], since[row], jd, shipped_ephemeris()))
+    far = run(carried(table.state[row], table.epoch_jd[row], jd, shipped_ephemeris()))
+    arcsec = np.linalg.norm(near[0, :3] - far[0, :3]) / np.linalg.norm(far[0, :3]) / ARCSEC
+    assert arcsec < 0.5
