@@ -13,6 +13,7 @@ from kochab.core.errors import NoAnswerError, PortError
 from kochab.core.progress import run
 from kochab.gear.mounts import probe
 from kochab.gear.mounts.probe import list_ports, port_info, probe_port
+from kochab.gear.mounts.protocols import nexstar
 from kochab.simulate.responders import RESPONDERS
 from tests.gear.mounts.bench import moved, simulated
 from tests.simulate.dialects import DIALECT_RESPONDERS
@@ -110,6 +111,22 @@ def test_a_line_that_trickles_is_left_when_the_time_for_all_questions_is_over(mo
         assert not run(probe_port(port)).found
     assert asked
     assert max(asked) - begun < 3.0  # the last was begun in time
+
+
+def test_the_bus_of_a_celestron_that_trickles_is_read_for_the_time_of_one_answer(monkeypatch) -> None:
+    """256 bytes at three a second were waited for, 88 s in all."""
+    now, read = [0.0], []
+    monkeypatch.setattr("kochab.gear.mounts.protocols.nexstar.monotonic", lambda: now[0])
+
+    class Trickling:
+        def read_exact(self, count, timeout_s):
+            now[0] += 0.3
+            read.append(count)
+            return b"x" * count
+
+    with pytest.raises(NoAnswerError):
+        nexstar.aux_reader(nexstar.aux(nexstar.AZM, nexstar.AUX_VERSION), 0.8)(Trickling())
+    assert len(read) == 3
 
 
 def test_a_port_that_cannot_be_opened_is_its_own_advice() -> None:

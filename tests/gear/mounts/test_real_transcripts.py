@@ -158,7 +158,8 @@ def test_a_sync_whose_answer_comes_with_the_next_command_is_read_back() -> None:
     start = [(b":GVP#", b"Autostar#"), (b":GR#", b"05:30:00#")]
     here, idle = [(b":GR#", b"05:30:00#"), (b":GD#", b"-12*10:00#")], [(b":D#", b"#"), (b":GW#", b"PT2#")]
     after = [(b":GR#", late), (b":GR#", b"05:30:00#"), (b":GD#", b"-12*15:00#")]
-    mount, link = loose(Lx200, [*start, *here, *here, *idle, *here, *idle, *SENT, (b":CM#", b""), *after])
+    looks = 4 * here  # as if it counted in whole minutes, which it may
+    mount, link = loose(Lx200, [*start, *looks, *idle, *here, *idle, *SENT, (b":CM#", b""), *after])
     now = datetime(2026, 1, 15, 20, tzinfo=UTC)
     guard = Guard(mount, Site(10.0, 8.0), Limits(), clock=lambda: now, wait=lambda s: None)
     guard.clock_and_site.trust()  # the transcript does not hold its clock

@@ -6,6 +6,7 @@ control, which Celestron's Wi-Fi and the mounts' own USB speak.
 """
 
 from datetime import datetime, timedelta
+from time import monotonic
 
 from kochab.core.frame import Site
 from kochab.core.mount import PierSide
@@ -230,11 +231,11 @@ def aux_answer(asked: bytes, came: bytes) -> bytes | None:
 
 
 def aux_reader(asked: bytes, timeout_s: float) -> Reader:
-    """Read until the answer has come."""
+    """Read until the answer has come; not for longer, however long a line trickles."""
 
     def read(link: SerialLink) -> bytes:
-        came = bytearray()
-        while len(came) < LONGEST_CHATTER:
+        came, end_s = bytearray(), monotonic() + timeout_s
+        while len(came) < LONGEST_CHATTER and monotonic() < end_s:
             came += link.read_exact(1, timeout_s)
             if answer := aux_answer(asked, bytes(came)):
                 return answer
