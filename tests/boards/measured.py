@@ -8,17 +8,19 @@ import tempfile
 from collections import Counter
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import product
 from time import monotonic
 
 from kochab.core.errors import DeviceError
-from kochab.core.mount import Ability
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.workflows.nudge import nudge
 
-from . import BOARDS, served, virtual_time
-from .evenings import KINDS, spend
+from . import BEHIND_INDI, BOARDS, served, virtual_time
+from .evenings import INDI_ORDERS, KINDS, spend
 from .sky import apart_deg, sidereal_deg
 
 MOMENTS_S = (0.3, 0.6, 1.0, 2.0, 4.0, 8.0)  # after a rest was ordered its power fails
@@ -27,6 +29,7 @@ REACHES_DEG, AWAY_DEG = 5.0, 5.0
 STEP_DEG, STEPS = 4.0, 12  # of syncs by hand, each below what has to be confirmed
 FORGETS = [kind for kind in BOARDS if kind not in ("nexstar", "skywatcher")]  # its home is nowhere, or a person's word
 UNKNOWN_S = 60.0
+RATES = 0.5, 1.0, 2.0, 8.0, 60.0  # in sidereal
 
 
 def power_cuts(count):
@@ -66,6 +69,51 @@ def broken_lines():
             guard.mount.talk.link.close()
             guard.stop_on_new_line()
             yield {"driver": kind, "line": "broken in a slew", "runs": 1, "wrong": int(board.moving)}
+
+
+def ends():
+    """Nudges and sessions whose Stop is lost, at rates from the guide rate on: how many moved on unnoticed."""
+    for kind in FORGETS:
+        runs = wrong = 0
+        for multiple, direction, dec in product(RATES, (Direction.WEST, Direction.NORTH), (40.0, 75.0)):
+            rate = multiple * SIDEREAL_DEG_S
+            for end in (_nudged, _left_moving, _left_in_a_slew):
+                with _guarded(kind) as (board, guard):
+                    board.align(-20.0, dec)
+                    with suppress(DeviceError):  # it is told
+                        end(board, guard, direction, rate)
+                        runs += 1
+                        wrong += board.moving
+        yield {"driver": kind, "line": "ends", "runs": runs, "wrong": wrong}
+
+
+def _nudged(board, guard, direction, rate):
+    board.lose_stops(1)
+    run(nudge(guard, direction, 3600.0 * rate * 1.5, rate_deg_s=rate))
+
+
+def _left_moving(board, guard, direction, rate):
+    guard.move(direction, rate, 1.0)
+    board.timing.sleep(6.0)
+    board.move(int(direction is Direction.NORTH), rate)  # its own end did nothing
+    guard.see_stopped()
+
+
+def _left_in_a_slew(board, guard, direction, rate):
+    guard.goto(*_place(board, -10.0 - 10.0 * rate, 45.0))
+    board.timing.sleep(1.0)
+    board.lose_stops(1)
+    guard.see_stopped()
+
+
+def behind_indi(count):
+    """The families that INDI's drivers alone drive, in real time, minutes an evening; none where INDI lacks them."""
+    for kind, seed in product(BEHIND_INDI, range(1, count + 1)):
+        evening = spend(kind, seed, INDI_ORDERS, "through INDI")
+        if not evening.skipped:
+            row = Counter(what for what, _ in evening.violations)
+            cuts = {"driver": f"{kind} by INDI", "line": "power cuts", "runs": 1, "cuts": evening.cuts}
+            yield cuts | {k: row[k] for k in KINDS}
 
 
 def syncs_by_hand():
@@ -128,5 +176,7 @@ def rows(quick):
     yield from power_cuts(8 if quick else 100)
     yield from rests()
     yield from broken_lines()
+    yield from ends()
+    yield from behind_indi(1 if quick else 3)
     yield from syncs_by_hand()
     yield stops_without_a_driver()

@@ -37,8 +37,11 @@ SUITES = {
     "syncs and unknown motion": "test_night_syncs",
     "states of Alpaca": "test_alpaca_words",
     "states of INDI": "test_indi_words",  # EQMod beyond the pole among them
+    "asked again after a silence": "test_asked_again",
+    "cut between two programs": "test_last_seen",
+    "seen to stand": "test_standing",
 }
-QUICK = "arrives or below_the_horizon or stop_ends or test_killed or test_real_transcripts or syncs or _words"
+QUICK = "arrives or below_the_horizon or stop_ends or test_killed or test_real_transcripts or syncs or _words or asked_again or standing"
 
 
 def detective(cases):
