@@ -1,5 +1,6 @@
 """FITS of every kind against astropy, and what is wrong said in a sentence."""
 
+import bz2
 import gzip
 import tracemalloc
 
@@ -212,17 +213,27 @@ def test_packed_cubes_are_read_as_plain_ones(tmp_path, shape):
     assert frame.warnings == plain.warnings
 
 
-def test_gzip(tmp_path):
+@pytest.mark.parametrize(("suffix", "pack"), [("gz", gzip.compress), ("bz2", bz2.compress)])
+def test_packed_files(suffix, pack, tmp_path):
     plain = write(tmp_path / "a.fits", sky())
-    packed = tmp_path / "b.fit.gz"
-    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    packed = tmp_path / f"b.fit.{suffix}"
+    packed.write_bytes(pack(plain.read_bytes()))
     np.testing.assert_array_equal(read_frame(packed).pixels, sky())
     packed.write_bytes(packed.read_bytes()[:-2000])
     with pytest.raises(FrameError, match="unzip"):
         read_frame(packed)
-    packed.write_bytes(gzip.compress(b"a poem"))
+    packed.write_bytes(pack(plain.read_bytes())[:200] + b"no more of it" * 50)
+    with pytest.raises(FrameError, match="unzip"):
+        read_frame(packed)
+    packed.write_bytes(pack(b"a poem"))
     with pytest.raises(FrameError, match="no FITS"):
         read_frame(packed)
+
+
+def test_a_compressed_image_in_a_bzipped_file(tmp_path):
+    fits.HDUList([fits.PrimaryHDU(), fits.CompImageHDU(sky())]).writeto(tmp_path / "a.fits")
+    (tmp_path / "a.fits.bz2").write_bytes(bz2.compress((tmp_path / "a.fits").read_bytes()))
+    np.testing.assert_array_equal(read_frame(tmp_path / "a.fits.bz2").pixels, read_frame(tmp_path / "a.fits").pixels)
 
 
 def test_cards_that_break_the_standard_cost_a_warning(tmp_path):

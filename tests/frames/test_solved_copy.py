@@ -1,5 +1,6 @@
 """A solution written into a person's own file: nothing but the header's WCS changes."""
 
+import bz2
 import gzip
 import os
 import stat
@@ -62,17 +63,18 @@ def test_only_the_wcs_of_the_header_changes(night):
     assert night.read_bytes() == first  # and once more adds nothing
 
 
-def test_a_gzipped_file_stays_gzipped(night):
-    packed = night.with_name("night.fits.gz")
-    packed.write_bytes(gzip.compress(night.read_bytes()))
+@pytest.mark.parametrize(("suffix", "module"), [(".gz", gzip), (".bz2", bz2)])
+def test_a_packed_file_stays_packed(suffix, module, night):
+    packed = night.with_name(f"night.fits{suffix}")
+    packed.write_bytes(module.compress(night.read_bytes()))
     write_solved_copy(solution(), packed, packed)
     write_solved_copy(solution(), night, night)
-    assert gzip.decompress(packed.read_bytes()) == night.read_bytes()
+    assert module.decompress(packed.read_bytes()) == night.read_bytes()
     write_solved_copy(solution(), packed, plain := night.with_name("copy.fits"))
     assert plain.read_bytes() == night.read_bytes()
-    write_solved_copy(solution(), night, again := night.with_name("copy.fits.gz"))
-    assert gzip.decompress(again.read_bytes()) == night.read_bytes()
-    assert sorted(p.suffix for p in night.parent.iterdir()) == [".fits", ".fits", ".gz", ".gz"]
+    write_solved_copy(solution(), night, again := night.with_name(f"copy.fits{suffix}"))
+    assert module.decompress(again.read_bytes()) == night.read_bytes()
+    assert sorted(p.suffix for p in night.parent.iterdir()) == sorted([".fits", ".fits", suffix, suffix])
 
 
 def test_a_compressed_image_stays_compressed(tmp_path):

@@ -215,7 +215,7 @@ def _wcs_of(args: argparse.Namespace, file: str) -> str | None:
     """The ``.wcs`` that is asked for beside ``file``, None without."""
     if args.name_wcs:
         # astrometry.net's name: m42.fits.gz gives m42.wcs.
-        return str(Path(file.removesuffix(".gz")).with_suffix(".wcs"))
+        return str(Path(file.removesuffix(".gz").removesuffix(".bz2")).with_suffix(".wcs"))
     return f"{file}.wcs" if args.wcs else None
 
 
@@ -250,7 +250,7 @@ def frames_in(given: str) -> list[str]:
     from kochab.frames import suffixes
 
     try:
-        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in {*suffixes()} - {".gz"})
+        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in {*suffixes()} - {".gz", ".bz2"})
     except OSError:
         return [given]  # told in its turn, like a file that cannot be read
     return found or [given]

@@ -1,10 +1,11 @@
-"""FITS: lenient headers, and the first image, plain, compressed (.fz) or gzipped.
+"""FITS: lenient headers, and the first image, plain, compressed (.fz), gzipped or bzipped.
 
 Plain images are read by hand, straight into the frame's memory and turned into native unsigned
 numbers strip by strip while they are in the processor's cache; tile compression is astropy's.
 A header card that breaks the standard (FITS 4.0, section 4) costs a warning, not the frame.
 """
 
+import bz2
 import gzip
 import io
 import math
@@ -12,7 +13,7 @@ import os
 import re
 import sys
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -190,26 +191,39 @@ def read_fits(path: Path) -> Frame:
 
 
 def read_fits_file(file: BinaryIO, path: Path) -> Frame:
-    """The same of an open file, plain or gzipped; ``path`` is what the frame is called."""
+    """The same of an open file, plain or packed; ``path`` is what the frame is called."""
     packed_bytes = file.seek(0, os.SEEK_END)
-    file.seek(0)
-    if file.read(2) != b"\x1f\x8b":
+    if (pack := pack_of(file)) is None:
         return _read(file, path, packed_bytes)
     leave_to_sandbox()
-    file.seek(0)
     try:
-        with gzip.open(file, "rb") as unzipped:
+        with pack(file) as unzipped:
             if unzipped.read(9) != b"SIMPLE  =":
                 raise FrameError("holds no FITS image.")
             return _read(unzipped, path, packed_bytes)  # type: ignore[arg-type]
-    except (EOFError, zlib.error, gzip.BadGzipFile):
+    except (EOFError, zlib.error, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:  # of the disk
+            raise
         raise FrameError("is cut short or damaged: it does not unzip.") from None
+
+
+PACKED = gzip.GzipFile, bz2.BZ2File
+
+
+def pack_of(file: BinaryIO) -> Callable[[BinaryIO], gzip.GzipFile | bz2.BZ2File] | None:
+    """What unpacks an open file, which is at its beginning afterwards; None where it is plain."""
+    file.seek(0)
+    head = file.read(3)
+    file.seek(0)
+    if head.startswith(b"BZh"):
+        return bz2.BZ2File
+    return (lambda packed: gzip.GzipFile(fileobj=packed)) if head.startswith(b"\x1f\x8b") else None
 
 
 def _read(file: BinaryIO, path: Path, packed_bytes: int) -> Frame:
     image = find_image(file)
     header = image.header
-    packed = image.compressed or isinstance(file, gzip.GzipFile)
+    packed = image.compressed or isinstance(file, PACKED)
     wanted, notes = _choose(image.shape, abs(image.bitpix) // 8, packed_bytes if packed else None)
     read = _decompress if image.compressed else _read_plain
     samples = read(file, image, wanted).reshape(wanted)
@@ -346,9 +360,9 @@ def _scaled(stored: Array, header: Header, zero: float, scale: float) -> Array:
 
 
 def _decompress(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Array:
-    if isinstance(file, gzip.GzipFile):  # astropy goes to a file's end and back
+    if isinstance(file, PACKED):  # astropy goes to a file's end and back
         file.seek(0)
-        # Bounded: a gzip bomb must not fill the memory.
+        # Bounded: a bomb must not fill the memory.
         file = io.BytesIO(file.read(MAX_BYTES))
     _check_tiles(image, wanted, file.seek(0, os.SEEK_END) - image.offset)
     leave_to_sandbox()

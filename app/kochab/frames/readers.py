@@ -38,7 +38,10 @@ class Format:
 _RAW = ".cr2 .cr3 .crw .nef .nrw .arw .srf .sr2 .dng .raf .orf .rw2 .raw .pef .srw .3fr .iiq .x3f"
 _OWN = {
     "FITS": Format(
-        "kochab.frames.fits:read_fits", ".fit .fits .fts .fz .gz", (b"SIMPLE  =", b"\x1f\x8b"), tr_noop("FITS")
+        "kochab.frames.fits:read_fits",
+        ".fit .fits .fts .fz .gz .bz2",
+        (b"SIMPLE  =", b"\x1f\x8b", b"BZh"),
+        tr_noop("FITS"),
     ),
     "XISF": Format("kochab.frames.xisf:read_xisf", ".xisf", (b"XISF0100",), tr_noop("XISF")),
     "TIFF": Format(

@@ -1,5 +1,6 @@
 """A solution written as a world coordinate system: a ``.wcs`` file, or a solved copy of a FITS file."""
 
+import bz2
 import gzip
 import os
 import re
@@ -15,7 +16,7 @@ from kochab.core.errors import FrameError
 from kochab.core.solution import Solution
 from kochab.core.wcs import wcs_cards
 from kochab.frames.atomic_file import atomic_file, write_atomically
-from kochab.frames.fits import BLOCK, CARD, find_image
+from kochab.frames.fits import BLOCK, CARD, find_image, pack_of
 from kochab.frames.outputs import same_file
 
 _COPIED_BYTES = 1 << 20
@@ -55,24 +56,27 @@ def write_wcs(solution: Solution, path: str | os.PathLike[str]) -> None:
 def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target: str | os.PathLike[str]) -> None:
     """Copy a FITS file, its first image's old WCS replaced by this one, all its other bytes as they are.
 
-    The target appears whole or not at all, and may be the source itself, which then stays gzipped
-    if it was; another is gzipped when it is named ``.gz``.
+    The target appears whole or not at all, and may be the source itself, which then stays packed
+    as it was; another is packed when it is named ``.gz`` or ``.bz2``.
 
     Raises FrameError when the source is not FITS with an image, or the target cannot be written.
     """
     name = Path(source).name
     try:
         with atomic_file(target) as part, open(source, "rb") as raw, ExitStack() as closing:
-            file: Any = raw
-            if packed := raw.read(2) == b"\x1f\x8b":
-                raw.seek(0)
-                file = gzip.GzipFile(fileobj=raw)
+            pack = pack_of(raw)
+            file: Any = raw if pack is None else pack(raw)
             image = find_image(file)
             file.seek(0)
             before, header = file.read(image.start), file.read(image.offset - image.start)
             out: Any = closing.enter_context(part.open("wb"))
-            if packed if same_file(source, target) else Path(target).suffix.lower() == ".gz":
+            suffix = Path(target).suffix.lower()
+            if same_file(source, target):  # whatever it is called
+                suffix = "" if pack is None else ".bz2" if pack is bz2.BZ2File else ".gz"
+            if suffix == ".gz":
                 out = closing.enter_context(gzip.GzipFile(name.removesuffix(".gz"), "wb", fileobj=out))
+            elif suffix == ".bz2":
+                out = closing.enter_context(bz2.BZ2File(out, "wb"))
             out.write(before + _with_wcs(header, solution))
             shutil.copyfileobj(file, out, _COPIED_BYTES)
     except FrameError as error:
