@@ -29,6 +29,12 @@ class Command:
     switch: bool = False
     short: str = ""  # text on a button
 
+    @property
+    def letter(self) -> str:
+        """The single letter that switches it; empty where none does."""
+        keys = self.keys.split()
+        return keys[0] if self.switch and keys and len(keys[0]) == 1 else ""
+
 
 NEWS = tr_noop("What’s new")  # also a page of the help book
 COMMANDS = (

@@ -25,7 +25,7 @@ from kochab.window.image.stretch_strip import StretchStrip
 from kochab.window.panels.solution_panel import SolutionPanel
 from kochab.window.services import Services
 from kochab.window.settings import WindowSettings
-from kochab.window.shell.actions import Actions, connect_actions
+from kochab.window.shell.actions import COMMANDS, Actions, Command, connect_actions
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.help_book import Help
 from kochab.window.shell.layout import Layout
@@ -101,11 +101,31 @@ class Commands(QObject):
         super().__init__(parts.window)
         self._parts = parts
         self._show_state()
+        self._said_before = ""
+        for command in COMMANDS:
+            if command.letter:
+                parts.actions[command.name].toggled.connect(self._note_message)  # before what it switches says more
         connect_actions(parts.actions, parts)
+        for command in COMMANDS:
+            if command.letter:
+                parts.actions[command.name].triggered.connect(lambda on, c=command: self._say_switched(c, on))
         self._connect_frame()
         self._connect_window()
         self._show_recent()
         self._enable()
+
+    def _note_message(self) -> None:
+        self._said_before = self._parts.window.status.currentMessage()
+
+    def _say_switched(self, command: Command, on: bool) -> None:
+        """What a letter did, which may have been meant for a field, and how to take it back."""
+        window = self._parts.window
+        if window.status.currentMessage() == self._said_before:  # and nobody has said why it shows nothing
+            what = tr(command.text).replace("&", "")
+            text = (
+                tr("{what}: on. {key} switches it off again.") if on else tr("{what}: off. {key} switches it on again.")
+            )
+            window.say(text.format(what=what, key=command.letter))
 
     def _show_state(self) -> None:
         """Switches as they were left, before they do anything."""
