@@ -17,8 +17,8 @@ from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.camera import Camera, ChartCamera
 from kochab.core.frame import Hint, Site
 from kochab.window.atlas.dialog import Atlas
-from kochab.window.atlas.frame_painting import paint_frame
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
+from kochab.window.atlas.sky_painting import paint_frame
 from kochab.window.image.screen_image import Viewport
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
@@ -313,4 +313,22 @@ def test_stars_have_their_colours(atlas, opened):
     assert blue > red + 30
     opened[1].appearance.use_theme("night")
     assert middle(78.634, -8.202)[1:] == (0, 0)
+    opened[1].appearance.use_theme("dark")
+
+
+def test_the_milky_way_glows_behind_the_stars(atlas, opened):
+    """Between its stars the cloud in Cygnus is brighter than the sky beside it, and at night red as all else."""
+
+    def ground(ra, dec):
+        atlas.chart.look(unit_vectors(ra, dec), 40.0)
+        image = atlas.chart.grab().toImage()
+        x, y = image.width() // 2, image.height() // 2
+        pixels = [image.pixelColor(x + i, y + j) for i in range(-40, 41, 2) for j in range(-40, 41, 2)]
+        return np.median([[c.red(), c.green(), c.blue()] for c in pixels], axis=0)
+
+    cygnus, beside = ground(305.0, 38.0), ground(230.0, 45.0)
+    assert (cygnus > beside + 8).all()
+    atlas.chart.look(unit_vectors(305.0, 38.0), 3.0)
+    opened[1].appearance.use_theme("night")
+    assert list(ground(305.0, 38.0)[1:]) == [0, 0]
     opened[1].appearance.use_theme("dark")

@@ -32,11 +32,12 @@ from kochab.frames.sky_grid import pieces
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.frame_bodies import body_mark
 from kochab.sky.layer import MARKS, Layers, Mark, inside
+from kochab.sky.milky_way import MilkyWay
 from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body, BodyKind
 from kochab.text.translation import tr
-from kochab.window.atlas.frame_painting import paint_frame
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
+from kochab.window.atlas.sky_painting import paint_frame, paint_glow
 from kochab.window.dialogs import is_red
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
 from kochab.window.image.overlay import Overlay
@@ -64,6 +65,9 @@ SHOWN = ("objects", "names", "bodies", "figures", "boundaries", "ecliptic", "gri
 STAR_INKS = ((0.0, "#becfff"), (0.3, "#dbe3ff"), (0.6, "#fdf8ff"), (0.9, "#ffeddf"), (1.3, "#ffdebd"), (9.9, "#ffcc94"))
 """Up to which B-V a star is drawn in which colour: sRGB of a blackbody of the bin's temperature (Ballesteros 2012,
 EPL 97, 34008, eq. 14), through the colour matching functions of Wyman, Sloan and Shirley (2013, JCGT 2, 2)."""
+
+
+GLOW_DEG = 6.0  # closer, the Milky Way is its stars
 
 
 MOONS_DEG = 3.0  # wider, moons of planets are not
@@ -111,6 +115,7 @@ class StarChart(QWidget):
         self.image: Callable[[], QImage | None] = lambda: None  # of the open frame
         self.mosaic: Mosaic | None = None
         self.catalogue: Catalogue | None = None
+        self._glow: MilkyWay | None = None
         self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
         self.own: ViewsOwn | None = None
         self._picture: tuple[object, QPixmap] | None = None  # of the sky, until something of it changes
@@ -141,8 +146,9 @@ class StarChart(QWidget):
         assert self.overlay.solution is not None, "shown above"
         return self.overlay.solution
 
-    def fill(self, tables: SkyTables, catalogue: Catalogue) -> None:
-        """The sky has been read."""
+    def fill(self, tables: SkyTables, catalogue: Catalogue, glow: MilkyWay | None = None) -> None:
+        """The sky has been read; without ``glow`` there is no Milky Way."""
+        self._glow = glow
         self._tables, self.catalogue, self._key = tables, catalogue, None
         lines = {kind: chains for kind, chains in tables.lines.items() if kind != "boundaries"}
         stars = tables.stars.take(np.flatnonzero(tables.stars.mag < WIDE_MAG))
@@ -227,6 +233,8 @@ class StarChart(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.fillRect(self.rect(), QColor(colours.sky))
         view = Viewport(self.width(), self.height())
+        if self._glow is not None and self.field_deg > GLOW_DEG:
+            paint_glow(painter, self._glow, sheet, self.rect(), QColor(colours.star))
         self._paint_stars(painter, view, colours.star)
         if self.frame is not None and (image := self.image()) is not None:
             paint_frame(painter, image, self.frame, sheet, view)

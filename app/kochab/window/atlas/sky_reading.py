@@ -8,6 +8,7 @@ from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
 from kochab.sky.catalogue import Catalogue, open_catalogue
 from kochab.sky.elements import kept_elements
+from kochab.sky.milky_way import MilkyWay, milky_way
 from kochab.sky.sky_tables import SkyTables, sky_tables
 from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
@@ -15,10 +16,11 @@ from kochab.sky.solar_system import Body
 BODIES_MAG = 10.0  # down to which asteroids and comets are drawn
 
 
-def read_sky() -> Task[tuple[SkyTables, Catalogue]]:
+def read_sky() -> Task[tuple[SkyTables, Catalogue, MilkyWay]]:
     """Stars, objects and lines of the whole sky, as :meth:`StarChart.fill` takes them."""
     yield Progress("sky")
-    return sky_tables(), open_catalogue()
+    tables, catalogue = sky_tables(), open_catalogue()
+    return tables, catalogue, (yield from milky_way(catalogue))
 
 
 def read_bodies(when: datetime, site: Site | None) -> Task[tuple[datetime, list[Body]]]:

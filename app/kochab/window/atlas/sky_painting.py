@@ -1,15 +1,17 @@
-"""The open frame painted into the sky of a chart, bent as its lens bent it."""
+"""What is painted into the sky of a chart: the open frame, bent as its lens bent it, and the glow of the Milky Way."""
 
 import numpy as np
-from PySide6.QtCore import QPointF, QRectF
-from PySide6.QtGui import QImage, QPainter, QPolygonF, QTransform
+from PySide6.QtCore import QPointF, QRect, QRectF
+from PySide6.QtGui import QColor, QImage, QPainter, QPolygonF, QTransform
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
+from kochab.sky.milky_way import MilkyWay
 from kochab.window.image.screen_image import Viewport
 
 CELLS = 10  # along each side; within one the chart's projection and the lens bend by less than a pixel
 LEAST_PX = 24.0  # of the chart: smaller, the outline says enough
+GLOW_STEP_PX, GLOW_MOST = 5, 0.22  # of the widget between samples, and how bright its brightest cloud is
 OVERLAP_PX = 0.7  # of the image, by which a cell reaches into the next: no seams
 
 
@@ -48,6 +50,37 @@ def paint_frame(painter: QPainter, image: QImage, frame: Solution, sheet: Soluti
             grown = cell.adjusted(-OVERLAP_PX, -OVERLAP_PX, OVERLAP_PX, OVERLAP_PX) & QRectF(image.rect())
             painter.drawImage(grown, image, grown)
             painter.restore()
+    painter.restore()
+
+
+def paint_glow(painter: QPainter, glow: MilkyWay, sheet: Solution, room: QRect, ink: QColor) -> None:
+    """Paint the Milky Way as faint light.
+
+    Parameters
+    ----------
+    painter : QPainter
+        Of the chart.
+    glow : MilkyWay
+        How bright it is where.
+    sheet : Solution
+        The chart, as a solved frame.
+    room : QRect
+        The widget.
+    ink : QColor
+        Of its light.
+    """
+    wide, high = max(2, room.width() // GLOW_STEP_PX), max(2, room.height() // GLOW_STEP_PX)
+    x = (np.arange(wide) + 0.5) * room.width() / wide - 0.5
+    y = (np.arange(high) + 0.5) * room.height() / high - 0.5
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    share = GLOW_MOST * glow.brightness(sheet.sky_at(places)).reshape(high, wide)
+    pixels = np.empty((high, wide, 4), np.uint8)
+    for k, light in enumerate((ink.red(), ink.green(), ink.blue(), 255)):
+        pixels[..., k] = np.rint(share * light)  # premultiplied
+    image = QImage(pixels.data, wide, high, 4 * wide, QImage.Format.Format_RGBA8888_Premultiplied)
+    painter.save()
+    painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+    painter.drawImage(room, image)
     painter.restore()
 
 
