@@ -148,6 +148,7 @@ BENCHES: dict[str, str] = {
     "identify": "kochab.lab.bench.identify:run",
     "live": "kochab.lab.bench.live:run",
     "mount": "kochab.lab.bench.mount:run",
+    "narrow": "kochab.lab.bench.narrow:run",
     "papers": "kochab.lab.bench.papers:run",
     "peers": "kochab.lab.bench.peers:run",
     "polar": "kochab.lab.bench.polar:run",
