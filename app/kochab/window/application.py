@@ -36,6 +36,7 @@ from kochab.window.shell.frame_title import FrameTitle
 from kochab.window.shell.help_book import Help
 from kochab.window.shell.layout import Layout
 from kochab.window.shell.main_window import MainWindow
+from kochab.window.shell.own_stars import OwnStars
 from kochab.window.shell.tools import Tools
 from kochab.window.shell.views import VIEWS, Views
 from kochab.window.shell.welcome import Sample, samples
@@ -265,6 +266,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     window, parts = build(engine, settings, wiring=wiring)
     garbage = Garbage()  # it has no parent: this name keeps it
     background = Background(window, engine)
+    OwnStars(window.status, parts.session.jobs, 2 * AFTER_MS)
     window.show()
     window.keep_within(window.screen().availableGeometry())  # at a larger scale a screen has fewer logical px
     tell_of_language(window.say, settings, without_texts)
