@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 
 from kochab.core.progress import run
-from kochab.identification.index import open_volume
+from kochab.identification.index import open_volume, shipped
 from kochab.identification.index_build import build_volume
+from kochab.identification.pair_table import table_for
+
+
+def of_shipped(field_deg, density):
+    """The pairs of the shipped index in 2016."""
+    return table_for(shipped(), field_deg, 2016.0, density)
 
 
 @pytest.fixture(scope="session")

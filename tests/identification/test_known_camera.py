@@ -14,6 +14,7 @@ from kochab.identification.index import shipped
 from kochab.identification.patterns import MOST_FOR_TRIANGLES, Patterns, Search, known_camera
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue
+from tests.identification.conftest import of_shipped
 
 SIDE = 1024
 
@@ -86,7 +87,7 @@ def test_any_pointing_roll_and_parity(toy_sky, toy_volume, ra, dec, roll, mirror
 def test_points_that_are_no_stars_are_refused(seed, count, share) -> None:
     points = random_points(np.random.default_rng(seed), count, SIDE)
     search = Search(points, hint_for(15.0, share))
-    for known in known_camera(search, shipped(), 2016.0):
+    for known in known_camera(search, of_shipped):
         assert next(known.verdicts(), None) is None
 
 
@@ -94,7 +95,7 @@ def test_chance_reaches_a_bound_no_oftener_than_it_says() -> None:
     rng, least = np.random.default_rng(4), []
     for _ in range(300):
         points = random_points(rng, int(rng.integers(4, 9)), SIDE)
-        searches = known_camera(Search(points, hint_for(20.0, 1e-3)), shipped(), 2016.0)
+        searches = known_camera(Search(points, hint_for(20.0, 1e-3)), of_shipped)
         for known in searches:
             assert next(known.verdicts(), None) is None
         least.append(min(known.least for known in searches))
@@ -106,7 +107,7 @@ def test_a_third_star_beside_another_is_no_evidence() -> None:
     """Two pairs of close stars look alike everywhere: the second of a pair says nothing new."""
     xy = np.array([[100.0, 200.0], [800.0, 700.0], [802.0, 703.0], [101.0, 204.0], [798.0, 700.0]])
     search = Search(Detections.from_list(xy, SIDE, SIDE), hint_for(15.0, 0.01))
-    for known in known_camera(search, shipped(), 2016.0):
+    for known in known_camera(search, of_shipped):
         gap = [0.01] * 5
         assert known._alarm(gap, 0, 1, 5.0)[0] == 0.0
 
@@ -125,7 +126,7 @@ def test_a_third_star_beside_another_is_no_evidence() -> None:
 )
 def test_other_cases_are_left_to_the_quads(stars, fov_deg, hint) -> None:
     points = random_points(np.random.default_rng(1), stars, SIDE)
-    assert known_camera(Search(points, hint), shipped(), 2016.0) == ()
+    assert known_camera(Search(points, hint), of_shipped) == ()
 
 
 def test_the_hint_s_place_is_kept_to() -> None:

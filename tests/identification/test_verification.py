@@ -10,10 +10,10 @@ from kochab.core.attitude import attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.pairing import mutual_nearest_of_few
-from kochab.identification.index import shipped
 from kochab.identification.patterns import COMPLETE, Search, known_camera
 from kochab.identification.quads import FieldStars
 from kochab.identification.verification import CandidatePointing, chance_of, verify
+from tests.identification.conftest import of_shipped
 
 SIDE, LEVEL, REACH_PX = 1024, 1, 10.0
 HALF = np.array([SIDE / 2.0, SIDE / 2.0])
@@ -77,7 +77,7 @@ def test_where_the_quads_are_asked_as_well_every_answer_pays_for_one_more_way(st
     xy = np.random.default_rng(1).uniform(0.0, SIDE, (stars, 2))
     scale = Camera.centred(SIDE, SIDE, FOCAL_PX).scale_arcsec_px
     search = Search(Detections.from_list(xy, SIDE, SIDE), Hint(scale_arcsec_px=(scale / 1.01, scale * 1.01)))
-    searches = known_camera(search, shipped(), 2016.0)
+    searches = known_camera(search, of_shipped)
     assert searches
     assert {known.n_searches for known in searches} == {search.n_searches} == {len(searches) + (stars > COMPLETE)}
     search.tried = 1000

@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints, Table
 from kochab.core.attitude import Attitude, unit, unit_vectors
@@ -33,12 +34,44 @@ class Matches(Table):
     vectors: Floats
 
 
+class StarCatalogue(Protocol):
+    """What is needed of a catalogue here."""
+
+    def vectors(self, rows: Ints, year: float) -> Floats:
+        """ICRS unit vectors (N, 3) at a Julian year."""
+        ...
+
+    def mag(self, rows: Ints) -> NDArray[np.floating]:
+        """V magnitudes (N,)."""
+        ...
+
+    def brightest(self, vector: Floats, radius_rad: float, n: int, year: float) -> Ints:
+        """The brightest rows of a cone around an ICRS unit vector.
+
+        Parameters
+        ----------
+        vector : Floats
+            Axis of the cone, ICRS unit vector (3,).
+        radius_rad : float
+            Its half angle, radians.
+        n : int
+            How many at most.
+        year : float
+            Epoch of the stars' places, Julian year.
+        """
+        ...
+
+    def labels(self, rows: Ints) -> list[tuple[str, str]]:
+        """Identifiers and names."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
     """What an identifier returns: matches, a camera and an attitude good to about a pixel.
 
     ``log10_false_alarm`` bounds the probability of so good a match by chance, all ``candidates``
-    that were tried counted.
+    that were tried counted. ``catalogue`` is the one whose rows the matches name, None for the shipped one.
     """
 
     matches: Matches
@@ -47,6 +80,7 @@ class Identification:
     log10_false_alarm: float
     method: str
     candidates: int = 1
+    catalogue: StarCatalogue | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -244,8 +244,8 @@ def _sets(near: Ints32, neighbours: int) -> Ints32:
 def _diameter(vectors: NDArray[np.float32], quads: Ints32) -> NDArray[np.float32]:
     """Largest distance (Q,) between members of quads, rad."""
     p = vectors[quads]
-    pairs = [((p[:, i] - p[:, j]) ** 2).sum(axis=1) for i in range(4) for j in range(i)]
-    return np.asarray(np.sqrt(np.maximum.reduce(pairs)))
+    gaps = [p[:, i] - p[:, j] for i in range(4) for j in range(i)]
+    return np.asarray(np.sqrt(np.maximum.reduce([np.einsum("qi,qi->q", gap, gap) for gap in gaps])))
 
 
 def build_volume(
@@ -318,7 +318,7 @@ def build_volume(
             level = yield from _as_part(task, begin, width)
             wanted, done = max(1, int(level.first.sum())), 0
             for part in level.parts():
-                found.add(*_encode(grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])))
+                found.add(*encode(grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])))
                 done += len(part)
                 yield Progress("patterns", begin + width * (1.0 + 1.5 * done / wanted))
             # `kept` has the scratch files on the disk before their sizes are; replaced whole, it is never half a file
@@ -350,7 +350,7 @@ def _begun(folder: Path, plan: dict[str, Any]) -> dict[str, Any]:
     return {"levels": 0, "sizes": [], "quads": 0}
 
 
-def _encode(
+def encode(
     grid: Grid, xyz: Floats, members: Ints32
 ) -> tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint8]]:
     """Cells, stored codes and sizes (Q,), and stored members (Q, 12) of quads (Q, 4) at ``xyz`` (Q, 4, 3)."""

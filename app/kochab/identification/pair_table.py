@@ -6,6 +6,7 @@ detections may be, and each star's own by distance, in rings of equal area, to f
 10,000 stars make 225,000 pairs in a twentieth of a second.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
@@ -34,8 +35,8 @@ NARROWEST_DEG = 7.0
 class PairTable:
     """The pairs of N stars up to ``reach_rad``, each both ways round: P of them.
 
-    The stars are those of ``volume``'s ``level``. ``rows`` (N,) are catalogue rows, ``vectors``
-    (N, 3) ICRS unit vectors at the table's year, ``rough`` (3, N) the same in single precision.
+    The stars are those of ``volume``'s ``level``, over ``area_sr`` of the sky. ``rows`` (N,) are catalogue rows,
+    ``vectors`` (N, 3) ICRS unit vectors at the table's year, ``rough`` (3, N) the same in single precision.
     ``one`` and ``other`` (P,) number stars and ``angle`` (P,) rad is ascending; ``first`` has where
     each of its bins begins. The neighbours of
     star s in ring r are ``neighbour[begin[r, s] : begin[r + 1, s]]``, as far from it as ``apart``.
@@ -54,6 +55,7 @@ class PairTable:
     neighbour: Ints32
     apart: NDArray[np.float32]
     reach_rad: float
+    area_sr: float = 4.0 * math.pi
 
     def between(self, low_rad: float, high_rad: float) -> slice:
         """The pairs of which the angle is from ``low_rad`` to ``high_rad``, and a few more."""
@@ -159,12 +161,38 @@ def _at_year(volume: Volume, level: int, year: int) -> PairTable:
 @lru_cache(maxsize=4)
 def _opened(volume: Volume, level: int) -> PairTable:
     """The table with its stars where the index has them."""
-    a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
-    stars = np.ascontiguousarray(volume.stars[a:b])
-    vectors = stars.astype(np.float64)
+    stars = _stars_of(volume, level)
     reach = float(min(np.radians(REACH * volume.fields_deg[level]), 1.0))
     key = {"stars": sha256(stars.tobytes()).hexdigest(), "reach": reach, "rings": RINGS}
-    found = cached_table("known", key, lambda: make_pairs(vectors, reach))
+    found = cached_table("known", key, lambda: make_pairs(stars.astype(np.float64), reach))
+    return _assembled(volume, level, reach, found)
+
+
+def table_of(volume: Volume, level: int, reach_rad: float, area_sr: float) -> PairTable:
+    """The table of a volume's level, made anew.
+
+    Parameters
+    ----------
+    volume : Volume
+        Of a part of the sky.
+    level : int
+        Which of its levels.
+    reach_rad : float
+        Widest pair, radians.
+    area_sr : float
+        Over which the stars lie.
+    """
+    found = make_pairs(_stars_of(volume, level).astype(np.float64), reach_rad)
+    return replace(_assembled(volume, level, reach_rad, found), area_sr=area_sr)
+
+
+def _stars_of(volume: Volume, level: int) -> NDArray[np.float32]:
+    return np.ascontiguousarray(volume.stars[int(volume.offsets[level]) : int(volume.offsets[level + 1])])
+
+
+def _assembled(volume: Volume, level: int, reach: float, found: Arrays) -> PairTable:
+    a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
+    vectors = _stars_of(volume, level).astype(np.float64)
     # a pair and its reverse stand next to each other
     angle = found["angle"].repeat(2)
     return PairTable(

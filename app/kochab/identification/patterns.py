@@ -8,7 +8,7 @@ whatever found it.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -30,6 +30,7 @@ from kochab.identification.verification import ACCEPT_LOG10, FEWEST, CandidatePo
 from kochab.text.translation import tr, tr_n
 
 if TYPE_CHECKING:
+    from kochab.identification.pair_table import PairTable
     from kochab.identification.triangles import KnownSearch
 
 # -- One frame's search: which patterns to ask about, in what order, and which answers hold ----
@@ -272,7 +273,11 @@ KNOWN, ROUGHLY = 1.03, 1.25
 """Highest over lowest scale: of any frame, and of one with few stars."""
 
 
-def known_camera(search: Search, volumes: tuple[Volume, ...], year: float) -> tuple["KnownSearch", ...]:
+PairsFor = Callable[[float, float], "PairTable | None"]
+"""The pairs for a field, degrees, of which a frame shows so many stars and more."""
+
+
+def known_camera(search: Search, pairs: PairsFor) -> tuple["KnownSearch", ...]:
     """The searches by triangles to make; none where the scale or the field is not for them.
 
     Where the stars are so few that chance has room, a table of fewer stars is asked first.
@@ -281,12 +286,12 @@ def known_camera(search: Search, volumes: tuple[Volume, ...], year: float) -> tu
     poor = len(search.xy) <= POOR_FIELD
     if high > low * (ROUGHLY if poor else KNOWN) or not FEWEST_FOR_TRIANGLES <= len(search.xy) <= MOST_FOR_TRIANGLES:
         return ()
-    from kochab.identification.pair_table import DENSE, SPARSE, table_for
+    from kochab.identification.pair_table import DENSE, SPARSE
     from kochab.identification.triangles import BRIGHTEST, FEW, DetectionAngles, KnownSearch
 
     field_deg = search.field_deg((low * high) ** 0.5)
     wanted = (SPARSE, DENSE) if len(search.xy) <= FEW else (DENSE,)
-    tables = [table_for(volumes, field_deg, year, density) for density in wanted]
+    tables = [pairs(field_deg, density) for density in wanted]
     there = [table for table in tables if table is not None]
     if not there:
         return ()
@@ -319,12 +324,18 @@ def triangle_search(
 class Patterns:
     """Lost in space by quads; see the module's text.
 
-    ``volumes`` are the shipped ones and, for tests, all there are; by default the installation's.
+    ``volumes`` are by default the installation's; ``pairs`` finds the table of triangles, by default one of theirs.
     """
 
-    def __init__(self, volumes: tuple[Volume, ...] | None = None, stages: tuple[SearchStage, ...] = STAGES) -> None:
+    def __init__(
+        self,
+        volumes: tuple[Volume, ...] | None = None,
+        stages: tuple[SearchStage, ...] = STAGES,
+        pairs: PairsFor | None = None,
+    ) -> None:
         self.volumes = volumes
         self.stages = stages
+        self.pairs = pairs
 
     def identify(
         self, detections: Detections, hint: Hint | None = None, year: float = 2016.0
@@ -344,7 +355,7 @@ class Patterns:
 
     def _identify(self, detections: Detections, hint: Hint | None, year: float) -> Task[Identification | NoSolution]:
         search = Search(detections, hint)
-        known = known_camera(search, self.volumes or shipped(), year)
+        known = known_camera(search, self.pairs or partial(self._table, year))
         found = yield from triangle_search(search, known, detections)
         if found is not None:
             return found
@@ -371,6 +382,11 @@ class Patterns:
                 made = yield from make_fine()
                 found = yield from self._search(search, (*volumes, made), late, detections)
         return found or self._none(search, detections)
+
+    def _table(self, year: float, field_deg: float, density: float) -> "PairTable | None":
+        from kochab.identification.pair_table import table_for
+
+        return table_for(self.volumes or shipped(), field_deg, year, density)
 
     def _none(self, search: Search, detections: Detections) -> NoSolution:
         return NoSolution(

@@ -242,7 +242,7 @@ class KnownSearch:
         self.side: float = 2.0 * max(width, height)
         self.corner = math.hypot(width, height)
         # in the frame's middle; farther out a pixel holds less sky, so that this is the most
-        self.density: float = len(table.rows) / (4.0 * math.pi) / angles.focal**2
+        self.density: float = len(table.rows) / table.area_sr / angles.focal**2
         self.proposed: set[tuple[int, int]] = set()
         self.trials = (0.0, 0.0)
         self.triangles = 0
@@ -300,10 +300,11 @@ class KnownSearch:
     def _pointings(self, b: int, c: int) -> tuple[float, float]:
         """How many pointings two proposers make that agree within r px, as ``a + b r``.
 
-        N stars spread about evenly make N^2 / 2 pairs, which count two ways round and as two parities.
+        N stars spread about evenly over the area A make N^2 pi sin(angle) / A pairs per rad, which count two ways round
+        and as two parities.
         """
-        # a share of sin(angle) / 2 of them per rad, and they may be off by growth and r / f either way
-        pairs = 2.0 * len(self.table.rows) ** 2 * math.sin(self.angles.angle[b][c])
+        # they may be off by growth and r / f either way
+        pairs = 8.0 * math.pi * len(self.table.rows) ** 2 / self.table.area_sr * math.sin(self.angles.angle[b][c])
         return pairs * abs(self.angles.growth[b][c]), pairs / self.angles.focal
 
     def _count(self, triangle: Corners) -> None:

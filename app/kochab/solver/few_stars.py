@@ -15,11 +15,11 @@ from kochab.core.attitude import angle_between, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.pairing import mutual_nearest
-from kochab.core.solution import Identification, Matches
+from kochab.core.solution import Identification, Matches, StarCatalogue
 from kochab.identification.patterns import ROUGHLY
 from kochab.identification.quads import directions, pointings
 from kochab.identification.verification import ACCEPT_LOG10, with_crowding
-from kochab.solver.matches import StarCatalogue, without_companions
+from kochab.solver.matches import without_companions
 
 FEWEST, MOST, MOST_HINTED = 5, 6, 5
 DEPTH = 1.6

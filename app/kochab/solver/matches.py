@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections
 from kochab.core.pairing import close_pairs, mutual_nearest
-from kochab.core.solution import Identification, Matches, NamedStar
+from kochab.core.solution import Identification, Matches, NamedStar, StarCatalogue
 
 # -- Which detection is which catalogue star, by place alone -----------------------------------
 
@@ -39,38 +38,6 @@ SMALLEST_TOLERANCE_PX = 1.0
 LARGEST_TOLERANCE_PX = 8.0
 PRINCIPAL_POINT_SIGMA = 0.01
 """Of the larger side, one sigma a coordinate: most real lenses that show it have theirs 0.3 to 3 % off the middle."""
-
-
-class StarCatalogue(Protocol):
-    """What is needed of a catalogue here."""
-
-    def vectors(self, rows: Ints, year: float) -> Floats:
-        """ICRS unit vectors (N, 3) at a Julian year."""
-        ...
-
-    def mag(self, rows: Ints) -> NDArray[np.floating]:
-        """V magnitudes (N,)."""
-        ...
-
-    def brightest(self, vector: Floats, radius_rad: float, n: int, year: float) -> Ints:
-        """The brightest rows of a cone around an ICRS unit vector.
-
-        Parameters
-        ----------
-        vector : Floats
-            Axis of the cone, ICRS unit vector (3,).
-        radius_rad : float
-            Its half angle, radians.
-        n : int
-            How many at most.
-        year : float
-            Epoch of the stars' places, Julian year.
-        """
-        ...
-
-    def labels(self, rows: Ints) -> list[tuple[str, str]]:
-        """Identifiers and names."""
-        ...
 
 
 def extend(

@@ -3,7 +3,7 @@
 import logging
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
@@ -16,15 +16,16 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
-from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution
+from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution, StarCatalogue
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
-from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, StarCatalogue, named_stars
+from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, named_stars
 from kochab.text.translation import tr
 
 if TYPE_CHECKING:
     from kochab.detection.auto import AutoDetector
     from kochab.sky import Catalogue
+    from kochab.solver.cone_search import Narrow
 
 
 logger = logging.getLogger(__name__)
@@ -46,7 +47,8 @@ class Examined:
 class _Request:
     """One list of stars to solve: how, by which clock, and the ``frame`` it is of, None for a list alone.
 
-    ``n_star_lists`` counts the lists of the same frame tried so far, this one included.
+    ``n_star_lists`` counts the lists of the same frame tried so far, this one included; ``unreadable`` has what is
+    wrong with the user's catalogue.
     """
 
     detections: Detections
@@ -54,6 +56,7 @@ class _Request:
     clock: Stopwatch
     frame: Frame | None = None
     n_star_lists: int = 1
+    unreadable: list[str] = field(default_factory=list)
 
     @property
     def year(self) -> float:
@@ -219,13 +222,19 @@ def _diagnosed(request: _Request, refusal: NoSolution | None) -> Task[NoSolution
 
     yield Progress("diagnose", 0.9)
     evidence = Evidence(request.detections, request.options.hint, request.frame)
-    return diagnose(evidence, refusal, request.clock.elapsed_ms())
+    result = diagnose(evidence, refusal, request.clock.elapsed_ms())
+    return replace(result, warnings=result.warnings + _problems(request))
+
+
+def _problems(request: _Request) -> tuple[str, ...]:
+    """What is wrong with the user's catalogue, once."""
+    return tuple(dict.fromkeys(request.unreadable))
 
 
 def _finished(request: _Request, found: Identification) -> Solution | NoSolution:
     with request.clock.stage("attitude"):
         result = _conclude(request, found)
-    warnings = (request.frame.warnings if request.frame else ()) + result.warnings
+    warnings = (request.frame.warnings if request.frame else ()) + result.warnings + _problems(request)
     elapsed_ms = request.clock.elapsed_ms()
     return replace(result, detections=len(request.detections), elapsed_ms=elapsed_ms, warnings=warnings)
 
@@ -234,8 +243,14 @@ def _searches(request: _Request) -> Iterator[Task[Identification | NoSolution]]:
     """The searches to make in order: by the hint, blind, and the last resort when stars are few."""
     detections, options = request.detections, request.options
     hint = options.hint if options.hint and options.hint.helps else None
+    near = _narrow(request, hint) if len(detections) >= FEWEST_TO_TRY else None
     if len(detections) >= FEWEST_TO_TRY:
-        yield _identify(request, hint)
+        if near is not None and hint is not None and near.first:
+            yield _in_cone(request, hint, near)
+        if near is None or not (near.first and near.whole):
+            yield _identify(request, hint)
+        if near is not None and hint is not None and not near.first:
+            yield _in_cone(request, hint, near)
         if hint is not None and options.blind_after_hint:
             from kochab.identification.patterns import MOST_FOR_TRIANGLES
 
@@ -254,6 +269,26 @@ def _may_climb(request: _Request) -> bool:
     options = request.options
     blind = options.hint is None or not options.hint.helps or options.blind_after_hint
     return options.method == DEFAULT_METHOD and blind
+
+
+def _narrow(request: _Request, hint: Hint | None) -> "Narrow | None":
+    """What is known of a narrow frame with a hint; None for another frame or method."""
+    if hint is None or hint.centre_deg is None or request.options.method != DEFAULT_METHOD:
+        return None
+    from kochab.solver.cone_search import narrow
+
+    return narrow(request.detections, hint)
+
+
+def _in_cone(request: _Request, hint: Hint, near: "Narrow") -> Task[Identification | NoSolution]:
+    from kochab.solver.cone_search import search_cone
+
+    with request.clock.stage("identify"):
+        return (
+            yield from request.clock.watch(
+                search_cone(request.detections, hint, near, request.year, request.unreadable)
+            )
+        )
 
 
 def _identify_few(request: _Request) -> Task[Identification | NoSolution]:
@@ -302,7 +337,7 @@ def _conclude(request: _Request, found: Identification) -> Solution | NoSolution
         with_unknown_date,
     )
 
-    catalogue, options, year = _catalogue(), request.options, request.year
+    catalogue, options, year = found.catalogue or _catalogue(), request.options, request.year
     usable = request.detections.take(slice(0, options.max_stars))
     scale = options.hint.focal_px if options.hint else None
     focal = FocalPrior.of_range(*scale) if scale else None  # the fit drops it if the stars contradict it

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from kochab.core.errors import CatalogueError
-from kochab.core.progress import Task
+from kochab.core.progress import Progress, Task
 from kochab.folders import config_folder
 from kochab.parsing.text_input import TextError, read_json
 from kochab.sky.user_catalogues.star_cone import Cone, Reach, StarCone, UserCatalogue
 from kochab.text.translation import tr
 
 __all__ = [
+    "CatalogueError",
     "Cone",
     "Reach",
     "StarCone",
@@ -146,7 +147,12 @@ def located(text: str) -> Where:
 
 def choose(text: str) -> Task[UserCatalogue]:
     """Use the catalogue at a path or of a name from now on; it is tried first, and a Gaia table sorted."""
-    where = located(text)
+    return (yield from choose_at(located(text)))
+
+
+def choose_at(where: Where) -> Task[UserCatalogue]:
+    """The same for a catalogue that was found; it yields once at least."""
+    yield Progress("catalog")
     if where.kind == "Gaia":
         from kochab.sky.user_catalogues.gaia_table import sort_table
 

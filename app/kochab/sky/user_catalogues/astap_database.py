@@ -141,7 +141,8 @@ class AstapDatabase:
         some = there[:: max(1, len(there) // 24)]
         found = [(_area(self._files[area])[2], self._tiling.area_deg2(area[0])) for area in some]
         faintest = max((float(mag.max(initial=-2.0)) for mag, _ in found), default=-2.0)
-        density = float(np.median([len(mag) / deg2 for mag, deg2 in found]))
+        # areas without a star are none that it is of
+        density = float(np.median([len(mag) / deg2 for mag, deg2 in found if len(mag)] or [0.0]))
         return Reach(faintest, density, len(there) / sum(self._tiling.cells))
 
 

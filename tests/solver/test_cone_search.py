@@ -1,0 +1,225 @@
+"""Narrow frames whose place and scale are known, with the shipped stars and with the user's own."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import apart_deg, attitude_from, unit_vectors
+from kochab.core.camera import Camera
+from kochab.core.frame import Detections, Hint
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Solution
+from kochab.identification import index, index_build
+from kochab.simulate.random_fields import FieldPlan, random_field, random_points
+from kochab.sky import open_catalogue, user_catalogues
+from kochab.solver import SolveOptions
+from kochab.solver.cone_search import Cone, cone_stars
+from kochab.solver.pipeline import solve_detections
+from tests.sky import user_files
+
+PLACE, DENSITY, HALF_DEG = (359.9, -35.0), 3000, 2.0
+"""Across 0 h."""
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+"""When the frames are taken: the shipped stars as they are stored."""
+
+
+@pytest.fixture(scope="module")
+def deep_stars():
+    """Made up, as deep as nothing that is shipped: RA, Dec, magnitude (N, 3)."""
+    rng = np.random.default_rng(4)
+    count = int(DENSITY * 4 * HALF_DEG**2)
+    ra = PLACE[0] + rng.uniform(-HALF_DEG, HALF_DEG, count) / np.cos(np.radians(PLACE[1]))
+    dec = PLACE[1] + rng.uniform(-HALF_DEG, HALF_DEG, count)
+    return np.column_stack([ra % 360.0, dec, 16.5 + np.log10(rng.uniform(1e-4, 1.0, count))])
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory, deep_stars):
+    folder = tmp_path_factory.mktemp("astap")
+    user_files.write_astap(folder, "d50", deep_stars, every_area=False)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def catalogue():
+    return open_catalogue()
+
+
+@pytest.fixture
+def in_use(tmp_path, monkeypatch, database):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    run(user_catalogues.choose(str(database)))
+
+
+@pytest.fixture
+def nothing_in_use(tmp_path, monkeypatch):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+
+
+@pytest.fixture
+def no_big_index(monkeypatch):
+    """As on a computer where the index of small fields was never made, and must not be."""
+
+    def made():
+        raise AssertionError("the big index was asked for")
+        yield
+
+    monkeypatch.setattr("kochab.solver.cone_search.fine", lambda: None)
+    monkeypatch.setattr("kochab.identification.patterns.fine", lambda: None)
+    monkeypatch.setattr(index_build, "make_fine", made)
+
+
+def deep_field(stars, rng, fov_deg, size=1024):
+    """Detections of a field of the deep stars, a tenth missing and a tenth false, and the truth."""
+    ra, dec = PLACE[0] + rng.uniform(-0.6, 0.6), PLACE[1] + rng.uniform(-0.6, 0.6)
+    attitude = attitude_from(ra % 360.0, dec, float(rng.uniform(-180, 180)))
+    focal = size / 2.0 / np.tan(np.radians(fov_deg) / 2.0)
+    camera = Camera.centred(size, size, float(focal), bool(rng.integers(2)))
+    vectors = unit_vectors(stars[:, 0], stars[:, 1])
+    near = vectors @ attitude.boresight > np.cos(np.radians(fov_deg))
+    xy, mag = camera.project(vectors[near] @ attitude.matrix.T), stars[near, 2]
+    inside = ((xy > -0.5) & (xy < size - 0.5)).all(axis=1) & (rng.random(len(xy)) > 0.1)
+    xy = xy[inside] + rng.normal(0.0, 0.3, (int(inside.sum()), 2))
+    false = rng.uniform(0, size - 1, (len(xy) // 10, 2))
+    mags = np.concatenate([mag[inside] + rng.normal(0.0, 0.3, len(xy)), rng.choice(mag[inside], len(false))])
+    order = np.argsort(mags)[:80]
+    xy = np.concatenate([xy, false])[order]
+    return Detections.from_list(xy, size, size, 10.0 ** (-0.4 * mags[order])), camera, attitude
+
+
+def hint_near(camera, attitude, rng, radius_deg, sureness=1.1):
+    ra, dec = attitude.ra_dec_deg
+    off = 0.6 * radius_deg
+    turn = rng.uniform(0, 2 * np.pi)
+    place = (ra + off * np.sin(turn) / np.cos(np.radians(dec))) % 360.0, dec + off * np.cos(turn)
+    scale = camera.scale_arcsec_px
+    span = (scale / sureness, scale * sureness)
+    return Hint(scale_arcsec_px=span, centre_deg=(*place, radius_deg), time_utc=J2000)
+
+
+def solved(detections, hint):
+    return run(solve_detections(detections, SolveOptions(hint=hint, blind_after_hint=False)))
+
+
+def right(result, attitude, fov_deg):
+    return isinstance(result, Solution) and apart_deg(result.ra_dec_deg, attitude.ra_dec_deg) < 0.01 * fov_deg
+
+
+@pytest.mark.parametrize("fov_deg", [0.1, 0.2, 0.4])
+def test_a_deep_catalogue_solves_what_the_shipped_stars_cannot(in_use, no_big_index, deep_stars, fov_deg):
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        detections, camera, attitude = deep_field(deep_stars, rng, fov_deg)
+        hint = hint_near(camera, attitude, rng, 0.4)
+        result = solved(detections, hint)
+        assert right(result, attitude, fov_deg)
+        assert result.log10_false_alarm < -5.0
+        assert all(star.id for star in result.stars)
+        assert len(result.stars) >= 0.6 * len(detections)
+
+
+@pytest.mark.parametrize("fov_deg", [0.5, 0.8])
+def test_the_shipped_stars_suffice_where_seven_stand(nothing_in_use, no_big_index, catalogue, fov_deg):
+    """And no frame with a place and a scale waits for the index of small fields."""
+    rng = np.random.default_rng(12)
+    fields = [random_field(catalogue, rng, FieldPlan(fov_deg, missing=0.0, spurious=0.1)) for _ in range(40)]
+    rich = [field for field in fields if field.stars >= 7]
+    assert len(rich) > 10
+    for field in rich:
+        assert right(
+            solved(field.detections, hint_near(field.camera, field.attitude, rng, 2.0)), field.attitude, fov_deg
+        )
+
+
+def test_four_stars_of_a_known_camera_are_enough(nothing_in_use, no_big_index, catalogue):
+    rng = np.random.default_rng(2)
+    found = []
+    while len(found) < 12:
+        field = random_field(catalogue, rng, FieldPlan(0.5, noise_px=0.2, missing=0.0, spurious=0.0))
+        gap = np.linalg.norm(field.detections.xy[:, None] - field.detections.xy[None], axis=2) + 1e9 * np.eye(
+            field.stars
+        )
+        if field.stars == 4 and gap.min() > 30.0:
+            hint = hint_near(field.camera, field.attitude, rng, 1.0, 1.003)
+            found.append(right(solved(field.detections, hint), field.attitude, 0.5))
+    assert sum(found) >= 11
+
+
+@pytest.mark.parametrize("count", [4, 6, 9, 20, 60])
+def test_points_near_a_place_are_no_frame_of_it(in_use, no_big_index, count):
+    """A hint makes few pointings possible, and no list of points one of them."""
+    rng = np.random.default_rng(count)
+    for fov_deg, sureness in ((0.1, 1.1), (0.2, 1.01), (0.4, 1.1), (0.8, 1.01)):
+        scale = 3600.0 * fov_deg / 1024
+        hint = Hint(scale_arcsec_px=(scale / sureness, scale * sureness), centre_deg=(*PLACE, 0.3))
+        assert isinstance(solved(random_points(rng, count), hint), NoSolution)
+
+
+def test_a_damaged_catalogue_leaves_the_shipped_stars_and_a_sentence(
+    tmp_path, in_use, no_big_index, catalogue, database
+):
+    rng = np.random.default_rng(1)
+    field = random_field(catalogue, rng, FieldPlan(0.8))
+    hint = hint_near(field.camera, field.attitude, rng, 0.5)
+    damaged = tmp_path / "damaged"
+    damaged.mkdir()
+    for area in user_catalogues.open_user_catalogue(user_catalogues.chosen())._tiling.areas(
+        *np.radians(hint.centre_deg[:2]), np.radians(5.0)
+    ):
+        (damaged / f"d50_{area[0]:02d}{area[1]:02d}.1476").write_bytes(b"damaged")
+    user_catalogues._remember({"kind": "ASTAP", "name": "D50", "path": str(damaged)})
+    result = solved(field.detections, hint)
+    assert right(result, field.attitude, 0.8)
+    assert len(result.warnings) == 1
+    assert "is not an ASTAP star file" in result.warnings[0]
+    none = solved(random_points(rng, 20), hint)
+    assert "is not an ASTAP star file" in none.warnings[0]
+
+
+def test_a_catalogue_that_is_gone_is_told(tmp_path, monkeypatch, no_big_index, catalogue):
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path))
+    user_catalogues._remember({"kind": "ASTAP", "name": "D50", "path": str(tmp_path / "gone")})
+    rng = np.random.default_rng(1)
+    field = random_field(catalogue, rng, FieldPlan(0.8))
+    result = solved(field.detections, hint_near(field.camera, field.attitude, rng, 0.5))
+    assert right(result, field.attitude, 0.8)
+    assert "gone" in result.warnings[0]
+
+
+def test_a_star_that_both_have_counts_once_and_keeps_its_name(in_use, catalogue, deep_stars, database):
+    own = user_catalogues.opened()
+    cone = Cone(*np.radians(PLACE).tolist(), float(np.radians(1.0)))
+    both = cone_stars(cone, own)
+    shipped = cone_stars(cone, None)
+    assert (both.shipped >= 0).sum() == len(shipped.v)
+    again = cone_stars(cone, _Twice(shipped))
+    assert len(again.v) == len(shipped.v)
+    assert both.labels(np.arange(5))[0][0]
+    assert (np.diff(both.v) >= 0).all()
+
+
+class _Twice:
+    """The shipped stars as another catalogue has them, an arcsecond off."""
+
+    def __init__(self, stars):
+        self.stars = stars
+
+    def cone(self, cone):
+        x, y, z = self.stars.place.T
+        dec = np.arcsin(z) + np.radians(0.8 / 3600)
+        return user_catalogues.StarCone(np.arctan2(y, x), dec, self.stars.v)
+
+
+def test_one_that_vague_or_wide_is_left_to_the_other_searches(nothing_in_use, catalogue):
+    from kochab.solver.cone_search import narrow
+
+    field = random_field(catalogue, np.random.default_rng(1), FieldPlan(0.8))
+    hint = hint_near(field.camera, field.attitude, np.random.default_rng(1), 1.0)
+    assert narrow(field.detections, hint).field_deg == pytest.approx(0.8, rel=0.02)
+    assert narrow(field.detections, replace(hint, centre_deg=None)) is None
+    assert narrow(field.detections, replace(hint, scale_arcsec_px=None)) is None
+    assert narrow(field.detections, replace(hint, scale_arcsec_px=(1.0, 3.0))) is None
+    assert narrow(field.detections, replace(hint, scale_arcsec_px=(15.0, 15.1))) is None
+    assert index.LEVEL_FIELDS_DEG[4] == pytest.approx(2.83, abs=0.01)
