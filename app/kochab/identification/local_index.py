@@ -21,6 +21,8 @@ ALIKE = 0.95
 """A level with this share of the finer one's stars stands for both: where the catalogue ends, all levels are alike."""
 WIDEST_PAIR = 1.5
 """Over the frame's field: its diagonal."""
+MOST_PAIRS = 300_000
+"""A table of more would take longer than all else."""
 STEPS = 16
 """Cells of code space along an axis: few quads need few cells."""
 
@@ -85,9 +87,10 @@ def local_volume(vectors: Floats, rows: Ints, axis: Floats, fields_deg: tuple[fl
 
 
 def local_pairs(volume: Volume, field_deg: float, density: float, area_sr: float) -> PairTable | None:
-    """The pairs of all stars of the volume, or, where a sparse table is asked for, of a level that is dense enough.
+    """The pairs of the stars of the deepest level that has not too many, or, where that is asked for, of a sparse one.
 
-    A frame of few stars may be a gap in a rich part of the sky, whose stars only the deepest level has.
+    A frame of few stars may be a gap in a rich part of the sky, whose stars only the deepest level has. None: every
+    level has too many pairs.
 
     Parameters
     ----------
@@ -100,11 +103,15 @@ def local_pairs(volume: Volume, field_deg: float, density: float, area_sr: float
     area_sr : float
         Of the cone, over which the stars lie.
     """
-    level = 0
+    reach = math.radians(WIDEST_PAIR * field_deg)
+    stars = np.diff(volume.offsets)
+    level = int(np.argmax(stars * stars * (math.pi * reach * reach / 2.0 / area_sr) <= MOST_PAIRS))
     if density < DENSE:
         enough = np.flatnonzero(PER_FIELD * (field_deg / volume.fields_deg) ** 2 >= DENSE)
-        level = int(enough[-1]) if len(enough) else 0
-    return table_of(volume, level, math.radians(WIDEST_PAIR * field_deg), area_sr)
+        level = max(level, int(enough[-1]) if len(enough) else 0)
+    if stars[level] ** 2 * (math.pi * reach * reach / 2.0 / area_sr) > MOST_PAIRS:
+        return None
+    return table_of(volume, level, reach, area_sr)
 
 
 def _plane(vectors: Floats, axis: Floats) -> Floats:
