@@ -28,6 +28,7 @@ from kochab.workflows.annotated_image import (
     annotated_picture,
     as_svg,
     dated_drawing,
+    doubled,
     drawing_of,
     font_of,
     picture_of,
@@ -124,6 +125,22 @@ def test_tags_place_the_picture_where_another_reader_has_it(tmp_path, name, answ
     told = float(re.search(r"up to ([\d.]+) px", str(tags.Spatial.Notes))[1])
     assert off.max() < 1.3 * told + 0.06
     assert off.max() > 0.5 * told - 0.06
+
+
+def test_a_small_frame_is_written_twice_as_large_and_stays_where_it_was(tmp_path):
+    """At 400 px letters of 9 px hid what they named. The sky and the tags follow the pixels, through a lens with k1."""
+    answer = solution(84.0, -3.0, roll=20.0, size=(400, 300))
+    answer = replace(answer, camera=replace(answer.camera, k1=-0.05, cx=220.0))
+    twice = doubled(answer)
+    places = np.array([[0.0, 0.0], [399.0, 0.0], [12.5, 280.0], [199.5, 149.5]])
+    assert twice.sky_at(2.0 * places + 0.5) == pytest.approx(answer.sky_at(places), abs=1e-12)
+    annotate(Frame(rgb((400, 300))[..., 0]), answer, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == (800, 600)
+    tags = pytest.importorskip("pyavm").AVM.from_image(str(tmp_path / "a.png"))
+    assert tags.Spatial.ReferenceDimension == [800.0, 600.0]
+    there = unit_vectors(*tags.to_wcs().all_pix2world([[399.5, 299.5]], 0).T)
+    assert np.degrees(np.linalg.norm(there - answer.sky_at(np.array([[199.5, 149.5]])))) < 0.05
 
 
 @pytest.mark.parametrize("answer", [solution(mirrored=True), solution(fov_deg=165.0)], ids=["mirrored", "all sky"])

@@ -5,7 +5,7 @@ import io
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from html import escape
 from pathlib import Path
@@ -75,6 +75,7 @@ INKS = {
 """The colours of the window's dark theme."""
 NORTH, EAST, EDGE = "#ff6b6b", "#6bb8ff", "#0c0e11"
 SMALL_PX = 12_000_000  # a picture this small has smooth lines; in others they are wide
+TINY_PX = 800  # a smaller picture is written twice as large
 LETTER_PX, ACROSS = 13, 1200.0  # of a picture 1200 px across; larger ones have larger letters
 STELLARIUM_DEG, STELLARIUM_PX = 20.0, 4096  # the widest field, and the largest picture that any computer shows
 CREDIT, SHORT_CREDIT = "Kochab · OpenNGC (CC BY-SA 4.0), Stellarium, Hipparcos", "OpenNGC, CC BY-SA 4.0"
@@ -300,6 +301,8 @@ def annotated_picture(frame: Frame, drawn: Drawing) -> "Image":
     from PIL import Image, ImageDraw
 
     picture = picture_of(frame)
+    if picture.size != (drawn.width, drawn.height):
+        picture = picture.resize((drawn.width, drawn.height), Image.Resampling.LANCZOS)
     fine = 2 if picture.width * picture.height < SMALL_PX else 1  # Pillow does not antialias: drawn twice as large
     for ink in dict.fromkeys(ink for _, ink, _ in drawn.strokes):
         mask = Image.new("L", (fine * picture.width, fine * picture.height))
@@ -337,6 +340,21 @@ def as_svg(frame: Frame, drawn: Drawing) -> str:
     return "\n".join([*lines, "</g></svg>", ""])
 
 
+def doubled(solution: Solution) -> Solution:
+    """The solution of the same frame with twice as many pixels each way; pixel (0, 0) becomes four."""
+    camera = solution.camera
+    lens = replace(
+        camera,
+        width=2 * camera.width,
+        height=2 * camera.height,
+        focal_px=2.0 * camera.focal_px,
+        cx=2.0 * camera.cx + 0.5,
+        cy=2.0 * camera.cy + 0.5,
+    )
+    stars = tuple(replace(star, x=2.0 * star.x + 0.5, y=2.0 * star.y + 0.5) for star in solution.stars)
+    return replace(solution, camera=lens, stars=stars)
+
+
 def annotate(
     frame: Frame,
     solution: Solution,
@@ -347,7 +365,8 @@ def annotate(
 ) -> None:
     """Write the frame with the layers over it: PNG, JPEG, TIFF, PDF or SVG by the name. OSError when it cannot be.
 
-    The first three carry tags that place them on the sky.
+    The first three carry tags that place them on the sky. A small frame is written twice as large, but for SVG, which
+    every viewer enlarges: its names had letters of 9 px and hid what they name.
 
     Parameters
     ----------
@@ -364,7 +383,10 @@ def annotate(
     detected : Floats
         Stars detected (N, 2), px.
     """
-    ending, drawn = Path(path).suffix.lower(), dated_drawing(frame, solution, more, layers, detected)
+    ending = Path(path).suffix.lower()
+    if max(frame.width, frame.height) < TINY_PX and ending != ".svg":
+        solution, detected = doubled(solution), 2.0 * detected + 0.5
+    drawn = dated_drawing(frame, solution, more, layers, detected)
     if ending == ".svg":
         write_atomically(path, as_svg(frame, drawn))
         return
