@@ -84,6 +84,22 @@ def test_a_planet_that_is_elsewhere_on_another_date_is_not_seen_and_its_detectio
     assert {round(source.mag) for source in told.unknown} == {-2, 5}
 
 
+def test_a_frame_without_a_date_is_looked_through_for_what_is_in_no_catalogue(field, catalogue):
+    told = found(field, catalogue, None)
+    assert told.bodies == ()
+    assert {round(source.mag) for source in told.unknown} == {-2, 5}  # the planet, too
+
+
+def test_of_a_thousand_detections_without_a_star_the_brightest_are_looked_up(field, catalogue, monkeypatch):
+    solution, detections, _ = field
+    few = replace(solution, stars=solution.stars[:12])
+    asked, cone = [], catalogue.cone
+    monkeypatch.setattr(catalogue, "cone", lambda *given: asked.append(1) or cone(*given))
+    monkeypatch.setattr(frame_bodies, "BRIGHTEST", 3)
+    assert {round(source.mag) for source in found((few, detections, None), catalogue, None).unknown} >= {-2}
+    assert 1 <= len(asked) <= 3
+
+
 def test_a_bright_star_that_the_fit_left_out_is_not_unknown(field, catalogue):
     solution, detections, _ = field
     brightest = min(solution.stars, key=lambda star: star.mag)
