@@ -101,15 +101,38 @@ def test_a_list_of_stars_is_solved_as_kstars_sends_it(orion, tmp_path, capsys) -
         ]
     )
     table.writeto(tmp_path / "k.xyls")
-    asked = ["-O", "--no-plots", "--no-verify", "--resort", "--crpix-center", "--downsample", "2", "--depth", "1-50"]
+    # The list of StellarSolver 2.4, externalextractorsolver.cpp.
+    asked = ["-O", "--no-plots", "--no-verify", "--crpix-center", "--resort", "--depth", "1-50", "--objs", "150"]
+    asked += ["--match", "none", "--corr", "none", "--new-fits", "none", "--rdls", "none", "-vv", "--uniformize", "0"]
+    asked += ["--odds-to-solve", "1e+09", "--odds-to-tune-up", "1e+06", "--no-remove-lines"]
     asked += ["--x-column", "X_IMAGE", "--y-column", "Y_IMAGE", "--sort-column", "MAG_AUTO", "--sort-ascending"]
     asked += ["--width", "1080", "--height", "720", "-L", "14", "-H", "16", "-u", "degwidth"]
-    asked += ["-3", "84", "-4", "-1.5", "-5", "15", "--config", "/nowhere.cfg", "--cancel", str(tmp_path / "stop")]
+    asked += [
+        "-3",
+        "84",
+        "-4",
+        "-1.5",
+        "-5",
+        "15",
+        "--backend-config",
+        "/nowhere.cfg",
+        "--cancel",
+        str(tmp_path / "stop"),
+    ]
     capsys.readouterr()
     assert solve_field(*asked, "-W", tmp_path / "k.wcs", tmp_path / "k.xyls") == 0
     assert told(capsys.readouterr().out)["centre"] == pytest.approx(CENTRE, abs=0.01)
     assert (tmp_path / "k.solved").exists()
     assert not (tmp_path / "k.new").exists()  # there is no image to copy
+
+
+def test_ccdciel_finds_what_it_looks_for(orion, tmp_path, capsys) -> None:
+    """Its call from cu_astrometry_engine.pas: the new FITS where it says, .solved beside the image."""
+    asked = ["--overwrite", "--scale-low", "45", "--scale-high", "55", "--scale-units", "arcsecperpix"]
+    asked += ["--ra", "84", "--dec", "-1.5", "--radius", "15", "--objs", "50", "--downsample", "2", "--no-plots"]
+    assert solve_field(*asked, "--new-fits", tmp_path / "out.fits", orion) == 0
+    assert fits.getheader(tmp_path / "out.fits")["CTYPE1"].startswith("RA---TAN")
+    assert (tmp_path / "orion.solved").exists()
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ FACES = {
     "astap": "kochab.cli.faces.astap:run",
     "astap_cli": "kochab.cli.faces.astap:run",
     "solve-field": "kochab.cli.faces.solve_field:run",
+    "watney-solve": "kochab.cli.faces.watney:run",
 }
 """By the original's name, what takes its arguments and returns its exit code."""
 
