@@ -298,3 +298,14 @@ def test_other_variables_have_another_worker(runtime, monkeypatch):
     assert hand_over.place() == here
     monkeypatch.setenv("KOCHAB_CACHE", "/elsewhere")
     assert hand_over.place().path != here.path
+
+
+def test_a_signal_that_comes_while_it_forks_ends_it(worker):
+    """--stop asks it who it is, for which it forks, and sends the signal at that moment."""
+    path = hand_over.place().path
+    for _ in range(20):
+        with socket.socket(socket.AF_UNIX) as line:
+            line.connect(path)
+    worker.terminate()
+    assert worker.wait(20) == 130
+    assert not os.path.exists(path)

@@ -47,17 +47,22 @@ class Worker:
         self._listener = _listener(place.path)
         self._inode = os.stat(place.path).st_ino
         self._children: set[int] = set()
+        self._ended = False
 
     def serve(self) -> None:
-        """Serve until idle, until a signal raises, or until another version is asked for."""
+        """Serve until idle, until another version is asked for, or until a signal, which raises KeyboardInterrupt."""
         gc.collect()
         gc.freeze()  # what is loaded stays shared: a collection in a child would copy it
         wake, waker = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
+        # A flag, no exception: one that is raised while Python forks is lost (its hooks' are only reported).
+        before = {number: signal.signal(number, self._end) for number in PASSED}
         signal.set_wakeup_fd(waker, warn_on_full_buffer=False)
         last, watched = time.monotonic(), (self._listener.fileno(), wake)
         try:
             while self._children or time.monotonic() - last < self._idle_s:
+                if self._ended:
+                    raise KeyboardInterrupt
                 left = max(self._idle_s - (time.monotonic() - last), 0.05)
                 ready = select.select(watched, [], [], left)[0]
                 if wake in ready:
@@ -73,7 +78,12 @@ class Worker:
             signal.set_wakeup_fd(-1)
             os.close(wake)
             os.close(waker)
+            for number, handler in before.items():
+                signal.signal(number, handler)
             self.close()
+
+    def _end(self, number: int, frame: object) -> None:
+        self._ended = True
 
     def close(self) -> None:
         """Listen no more; commands that run go on by themselves."""
