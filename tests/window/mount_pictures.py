@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QApplication
 
 from kochab.window.application import build
 from kochab.window.frame.session import WorkflowEngine
+from kochab.window.mount.score_card import ScoreCard
 from kochab.window.settings import WindowSettings
 from kochab.workflows.session.wiring import Wiring
 from tests.window.practice_on_screen import practise, until
@@ -33,7 +34,15 @@ def paint_ms(chart):
     chart.look(chart.centre, chart.field_deg * 1.01)
     began = time.thread_time()
     chart.grab()
-    return {"marks_ms": round(marks * 1e3, 1), "all_ms": round((time.thread_time() - began) * 1e3, 1)}
+    whole = time.thread_time() - began
+    chart.is_light = True  # as while it turns with a slew
+    chart.look(chart.centre, chart.field_deg * 1.01)
+    began = time.thread_time()
+    chart.grab()
+    light, chart.is_light = time.thread_time() - began, False
+    return {
+        name: round(spent * 1e3, 1) for name, spent in (("marks_ms", marks), ("turning_ms", light), ("all_ms", whole))
+    }
 
 
 def main(folder, *sizes):
@@ -73,6 +82,15 @@ def main(folder, *sizes):
                 pause(400)
                 window.grab().save(str(folder / f"{size[0]}-{theme}.png"))
             print(json.dumps({"size": size, "seen": [window.width(), window.height()], **paint_ms(view.room.chart)}))
+        commands.appearance.use_theme("dark")
+        until(lambda: commands.appearance.settled, "the theme")
+        view.settings.line.setChecked(True)
+        pause(300)
+        window.grab().save(str(folder / "unfolded.png"))
+        view.leave.click()
+        until(lambda: window.findChildren(ScoreCard), "the score")
+        pause(300)
+        window.findChildren(ScoreCard)[0].grab().save(str(folder / "score.png"))
         window.close()
     app.quit()
 

@@ -1,16 +1,27 @@
 """The room of the Mount mode: the chart, what the mount adds to it, and what is done on it."""
 
+import re
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
+import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 
-from kochab.core.attitude import apart_deg, separation_deg, unit_vectors
+from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors
+from kochab.core.frame import Detections, Site
 from kochab.core.mount import Pointing
+from kochab.gear.mount_events import SolvedPosition
 from kochab.gear.mounts.coordinates import from_mount_epoch
+from kochab.gear.mounts.motion_plan import Limits
+from kochab.window.atlas.chart import StarChart
 from kochab.window.devices.mount_status import mount_status_text
-from kochab.window.mount.sky_overlay import flat
+from kochab.window.image.thumbnails import reduced
+from kochab.window.mount.sky_overlay import LocalSky, MountMarks, flat
 from kochab.window.themes import theme_colours
+from kochab.workflows.solve_frame import SolvedFrame
+from kochab.workflows.target_tonight import target_tonight, tonight_text
 from tests.gear.mounts.bench import place
 from tests.window.fakes import fake_solution, star_field
 from tests.window.mount_bench import connected
@@ -192,9 +203,6 @@ def test_the_solved_place_is_a_dot_and_the_reported_one_a_ring(qtbot, opened):
     with connected(qtbot, commands) as mount:
         room, known = mount.view.room, mount.control.known
         solution = fake_solution(600, 400)
-        known.hear(type("Sight", (), {}))  # anything else changes nothing
-        from kochab.gear.mount_events import SolvedPosition
-
         mount.control._hear(SolvedPosition(solution, known.report.icrs_deg, mount.bench.clock()))
         marks = room.marks
         assert np.allclose(marks.solved, solution.centre_vector)
@@ -206,3 +214,169 @@ def test_the_solved_place_is_a_dot_and_the_reported_one_a_ring(qtbot, opened):
         room.chart.look(marks.mount, 20.0)
         ring = flat(room.chart, marks.mount[None])[0] + (0.0, -13.0)
         assert drawn(room.chart, ring, theme_colours().mount)
+
+
+# -- The horizon, the meridian, and when a target is up --------------------------------------------
+
+
+def astropy_altaz(vector, site, when):
+    """Geometric altitude and azimuth by astropy, degrees."""
+    astropy = pytest.importorskip("astropy")
+    from astropy import units as u
+    from astropy.coordinates import AltAz, EarthLocation, SkyCoord
+    from astropy.time import Time
+
+    assert astropy
+    ra, dec = radec_deg(vector)
+    where = EarthLocation(lat=site.latitude_deg * u.deg, lon=site.longitude_deg * u.deg, height=site.height_m * u.m)
+    seen = SkyCoord(ra * u.deg, dec * u.deg).transform_to(AltAz(obstime=Time(when), location=where))
+    return seen.alt.deg, seen.az.deg
+
+
+WHEN = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
+PARIS = Site(48.85, 2.35, 60.0)
+
+
+def test_the_hill_lies_at_the_limits_by_astropy_and_the_meridian_is_south_and_north():
+    limits = Limits(lowest_altitude_deg=10.0, horizon_deg=((80.0, 10.0), (90.0, 30.0), (100.0, 10.0)))
+    local = LocalSky.at(PARIS, WHEN, limits)
+    for azimuth in (0, 45, 90, 180, 300):
+        altitude, seen = astropy_altaz(local.floor[azimuth], PARIS, WHEN)
+        assert altitude == pytest.approx(30.0 if azimuth == 90 else 10.0, abs=0.15), "refraction is 5 arcmin there"
+        assert abs((seen - azimuth + 180.0) % 360.0 - 180.0) < 0.05
+    for vector in local.meridian[::20]:
+        altitude, seen = astropy_altaz(vector, PARIS, WHEN)
+        if altitude > 85.0:
+            continue  # at the zenith every azimuth is near
+        assert min(abs(seen - 180.0), seen, 360.0 - seen) < 0.5
+    assert astropy_altaz(local.nadir, PARIS, WHEN)[0] < -89.9
+
+
+def test_what_is_below_the_limit_is_under_the_hill_wherever_the_chart_looks(qtbot):
+    chart = StarChart()
+    qtbot.addWidget(chart)
+    chart.resize(500, 400)
+    marks = MountMarks(local=LocalSky.at(PARIS, WHEN, Limits()))
+    zenith = -marks.local.nadir
+    south = MountMarks.south(PARIS, WHEN)
+    chart.own = marks
+    ground = QColor(theme_colours().ground)
+    for centre, field in (
+        (zenith, 60.0),
+        (zenith, 175.0),
+        (south, 100.0),
+        (marks.local.floor[90], 60.0),
+        (-zenith, 90),
+    ):
+        chart.look(centre, field)
+        picture = chart.grab().toImage()
+        for x in range(25, 500, 90):
+            for y in range(25, 400, 75):
+                vector = chart.sky_at(QPointF(x, y))
+                if vector @ chart.centre < 0.05:
+                    continue  # beyond the hemisphere
+                altitude, _ = astropy_altaz(vector, PARIS, WHEN)
+                seen = picture.pixelColor(x, y)
+                if abs(altitude - 5.0) > 1.0 and seen.lightness() < 30:  # no star, line or letter
+                    assert (seen.green() > seen.red() + ground.green() - ground.red() - 6) is bool(altitude < 5.0), (
+                        altitude, x, y, seen.getRgb(),
+                    )  # fmt: skip
+
+
+@pytest.mark.parametrize("radec", [(83.82, -5.39), (279.23, 38.78), (10.68, 41.27), (201.3, -11.16)])
+def test_a_target_comes_to_the_meridian_and_up_when_astropy_says(radec):
+    vector, limits = unit_vectors(*radec), Limits()
+    told = target_tonight(vector, PARIS, WHEN, limits)
+    altitude, azimuth = astropy_altaz(vector, PARIS, WHEN)
+    assert told.altitude_deg == pytest.approx(altitude, abs=0.7)
+    assert told.rising == (azimuth < 180.0)
+    _, then = astropy_altaz(vector, PARIS, WHEN + timedelta(hours=told.meridian_h))
+    assert min(abs(then - 180.0), then, 360.0 - then) < 0.3
+    if altitude > 5.0:
+        assert told.rises_h == 0.0
+    else:
+        later, _ = astropy_altaz(vector, PARIS, WHEN + timedelta(hours=told.rises_h))
+        assert later == pytest.approx(5.0, abs=0.3)
+
+
+def test_a_target_is_told_in_a_line():
+    def line(radec, **limits):
+        given = Limits(**limits)
+        return tonight_text(target_tonight(unit_vectors(*radec), PARIS, WHEN, given), WHEN, given)
+
+    assert re.fullmatch(r"altitude \d+°, rising, flips in \d+ h \d+ min", line((130.0, 20.0)))
+    assert re.fullmatch(r"altitude \d+°, rising, meridian in \d+ h \d+ min", line((130.0, 20.0), crosses_meridian=True))
+    assert re.fullmatch(r"altitude -?\d+°: too low, rises at \d\d:\d\d UTC", line((201.3, -11.16)))
+    assert line((24.4, -57.2)) == "never above your horizon limit here"  # Achernar
+    assert line((10.0, 41.0)) == "altitude 37°, setting"
+
+
+# -- The camera's last frame -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def picture(qtbot, opened):
+    """That of the Mount view, whose window has a file open."""
+    _, commands = opened
+    commands.views.show("mount")
+    view = commands.views.docks["mount"].view
+    return view.camera_picture, commands.session
+
+
+def taken(qtbot, session, seed):
+    frame = star_field(seed=seed)
+    session.show(frame, f"Camera frame {seed}")
+    return frame
+
+
+def solved(session, frame):
+    session.answer(SolvedFrame("", frame, Detections.from_list([(1.0, 1.0)], 600, 400), fake_solution(600, 400)))
+
+
+def test_an_opened_file_is_never_taken_for_what_the_camera_sees(qtbot, picture, tmp_path):
+    shown, session = picture
+    assert session.known.path is not None
+    assert shown.shown is None
+    assert shown.caption.text() == "No frame of the camera yet."
+    frame = taken(qtbot, session, 3)
+    qtbot.waitUntil(lambda: shown.shown is not None)
+    session.open(session.known.path or tmp_path / "M31.fits")
+    assert shown.shown.frame is frame
+
+
+def test_names_stay_until_the_next_frame_is_solved_and_end_with_a_motion(qtbot, picture):
+    shown, session = picture
+    first = taken(qtbot, session, 3)
+    qtbot.waitUntil(lambda: shown.shown is not None)
+    solved(session, first)
+    assert shown.canvas.overlay.solution is not None
+    second = taken(qtbot, session, 4)
+    qtbot.waitUntil(lambda: shown._next is not None and shown._next.picture is not None)
+    assert shown.shown.frame is first
+    assert shown.canvas.overlay.solution is not None
+    assert "solving the next frame" in shown.caption.text()
+    solved(session, second)
+    assert shown.shown.frame is second
+    shown.show_motion(has_moved=True, slews=True)
+    assert shown.canvas.overlay.solution is None, "they are of where the mount was"
+    assert shown.caption.text().endswith("before this slew")
+
+
+def test_the_age_is_told_and_another_mount_begins_with_none(qtbot, picture):
+    shown, session = picture
+    taken(qtbot, session, 3)
+    qtbot.waitUntil(lambda: shown.shown is not None)
+    shown.shown.at_s -= 720.0
+    shown.look()
+    assert shown.caption.text() == "taken 12 min ago"
+    shown.forget()
+    assert shown.caption.text() == "No frame of the camera yet."
+
+
+def test_the_small_picture_holds_the_whole_frame():
+    frame = star_field(width=1210, height=803, seed=5)
+    small = reduced(frame, 300)
+    assert small.shape[:2] == (160, 242)
+    assert small.dtype == np.uint8
+    y, x = np.unravel_index(np.argmax(frame.pixels), frame.pixels.shape)
+    assert small[y // 5, x // 5].max() == small.max()

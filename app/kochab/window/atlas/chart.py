@@ -118,6 +118,7 @@ class StarChart(QWidget):
         self._glow: MilkyWay | None = None
         self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
         self.own: ViewsOwn | None = None
+        self.is_light = False  # as wide charts are: while it turns with something, twice as fast
         self._picture: tuple[object, QPixmap] | None = None  # of the sky, until something of it changes
         self._tables: SkyTables | None = None
         self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
@@ -130,11 +131,11 @@ class StarChart(QWidget):
     @property
     def sheet(self) -> Solution:
         """The chart as a frame, north up and east to the left."""
-        key = self.centre.tobytes(), self.field_deg, self.width(), self.height()
+        key = self.centre.tobytes(), self.field_deg, self.width(), self.height(), self.is_light
         if key != self._key or self.overlay.solution is None:
             camera = ChartCamera.of(self.width(), self.height(), self.field_deg)
             self._key, sheet = key, frame_at(camera, self.centre)
-            self.overlay.tables = self._wide if self.field_deg > WIDE_DEG else self._tables
+            self.overlay.tables = self._wide if self.is_light or self.field_deg > WIDE_DEG else self._tables
             self.overlay.show(NO_STARS, sheet)
             self.overlay.show_bodies(tuple(self._marks(sheet)))
             if self.catalogue is not None:

@@ -105,7 +105,7 @@ def mount_status_text(known: MountSnapshot) -> str:
     if known.stopping:
         return tr("{mount}: stopping…", mount=name)
     if known.left_deg is not None:
-        return f"{name}: {way_text(known)}"
+        return way_text(known)
     if known.busy:
         # The bar has no room for what stands in brackets, as "(F4)".
         doing = tr(action(known.busy).doing).partition(" (")[0]
@@ -124,7 +124,7 @@ def way_text(known: MountSnapshot) -> str:
         left = tr("{angle} to go, {seconds} s", angle=left, seconds=seconds)
     else:
         left = tr("{angle} to go", angle=left)
-    going = tr("slewing to {target}", target=known.target) if known.target else tr("slewing")
+    going = tr("Slewing to {target}", target=known.target) if known.target else tr("Slewing")
     return f"{going} · {left}"
 
 

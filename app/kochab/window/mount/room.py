@@ -154,12 +154,14 @@ class MountRoom(Page):
         """Bring the mount to the middle, and keep it there."""
         self._follows = True
         self.follow.hide()
+        self._place()
         if self.marks.mount is not None:
             self._turn_to(self.marks.mount, None)
 
     def _turn_to(self, mount: Floats, left_deg: float | None) -> None:
         """Turn the chart with the mount; for a long slew it is widened, and narrowed again after it."""
         chart, field = self.chart, self.chart.field_deg
+        chart.is_light = self.marks.slewing
         if left_deg is not None and self._field_before is None:
             self._field_before = field
             field = max(field, min(WAY_SHARE * left_deg, WIDEST_DEG))
@@ -177,6 +179,7 @@ class MountRoom(Page):
         if self._turning or mount is None:
             return
         self._field_before = None
+        self.chart.is_light = False
         if self._follows and separation_deg(self.chart.centre, mount) > MOVED_SHARE * self.chart.field_deg:
             self._follows = False
             self.follow.show()

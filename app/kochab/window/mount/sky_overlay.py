@@ -122,8 +122,10 @@ class MountMarks:
         hill = QPainterPath()
         hill.addPolygon(floor)
         hill.closeSubpath()
-        below = QPointF(*flat(chart, self.local.nadir[None])[0].tolist())
-        if not floor.containsPoint(below, Qt.FillRule.OddEvenFill):
+        # Of zenith and nadir the one before the chart tells which side is up: the other may have no place on it.
+        up = -1.0 if self.local.nadir @ sheet.centre_vector > 0.0 else 1.0
+        sure = QPointF(*flat(chart, -up * self.local.nadir[None])[0].tolist())
+        if floor.containsPoint(sure, Qt.FillRule.OddEvenFill) is (up > 0.0):
             hill.addRect(QRectF(chart.rect()).adjusted(-2.0, -2.0, 2.0, 2.0))
         painter.fillPath(hill, translucent(colours.ground, 205))
         painter.setPen(QPen(translucent(colours.horizon, 220), 1.6))
@@ -142,14 +144,18 @@ class MountMarks:
         self._name_meridian(brush, chart, line, colours)
 
     def _name_meridian(self, brush: Brush, chart: StarChart, line: Floats, colours: Colours) -> None:
-        """Beside the line, where it is nearest to a third of the chart's height."""
-        inside = line[(line[:, 0] > 40.0) & (line[:, 0] < chart.width() - 40.0)]
-        inside = inside[(inside[:, 1] > 40.0) & (inside[:, 1] < chart.height() - 40.0)]
-        if self.meridian_text and len(inside):
-            x, y = inside[np.argmin(np.abs(inside[:, 1] - 0.3 * chart.height()))].tolist()
-            wide = brush.words(self.meridian_text, colours.horizon_text)[0].width()
-            left = x + 10.0 if x + wide + 20.0 < chart.width() else x - wide - 14.0
-            _write(brush, QPointF(left, y), self.meridian_text, colours.horizon_text)
+        """Beside the line where no other name is, as near as can be to a third of the chart's height."""
+        if not self.meridian_text:
+            return
+        box, _ = brush.words(self.meridian_text, colours.horizon_text)
+        taken = [QRectF(*label.box) for label in chart.overlay.labels] + [QRectF(at) for at in chart.overlay.covered]
+        inside = QRectF(chart.rect()).adjusted(8.0, 8.0, -8.0, -8.0)
+        for x, y in line[np.argsort(np.abs(line[:, 1] - 0.3 * chart.height()))].tolist():
+            for left in (x + 10.0, x - box.width() - 14.0):
+                at = box.translated(left, y)
+                if inside.contains(at) and not any(at.intersects(other) for other in taken):
+                    _write(brush, QPointF(left, y), self.meridian_text, colours.horizon_text)
+                    return
 
     def paint_marks(self, painter: QPainter, chart: StarChart) -> None:
         """The way, the target, the ring and the dot."""

@@ -15,6 +15,7 @@ from kochab.gear.actions import POLAR, reasons_against
 from kochab.gear.profiles import current_profile, save_selection, saved_profiles
 from kochab.gear.session import Meridian, MountSelection
 from kochab.text.translation import tr, tr_noop
+from kochab.window.devices.mount_status import way_text
 from kochab.window.frame.picture_age import PictureAge
 from kochab.window.mount.actions import MountActions, MoveStarMode
 from kochab.window.mount.buttons import OrderButtons
@@ -312,7 +313,8 @@ class MountView(View):
         self.leave.setText(tr("End practice") if known.practice else tr("Disconnect"))
         self.name.setText(self._title())
         show_text(self.line, "" if off else tr("Connected on {port}", port=known.port))
-        show_text(self.cannot, "" if known.connected is None else tr(known.connected.lacks.get(Ability.PARK, "")))
+        lacks = "" if known.connected is None else known.connected.lacks.get(Ability.PARK, "")
+        show_text(self.cannot, tr("Park: {reason}", reason=tr(lacks)) if lacks else "")
         self.pointing.show_known(known, self._services.settings.angle_style)
         self.camera_picture.show_motion(known.moved_since, known.slewing or known.left_deg is not None)
         self.room.show_known(known, self._site, self.control.kept.limits)
@@ -338,6 +340,10 @@ class MountView(View):
         self.bar.setVisible(progress is not None)
         self.cancel_find.setVisible(self.connect_box.searching)
         if progress is None:
+            return
+        if way := way_text(self.control.known):
+            self.bar.show_share(progress.fraction)
+            self.say(f"{way}…", "muted")
             return
         user = tr(ALIGNING) if self.control.known.busy == POLAR else ""
         self.bar.show_share(progress.fraction)
