@@ -175,9 +175,7 @@ def _of_json(path: Path, line: int, row: Mapping[str, Any]) -> SolvedFile:
             solution = _solution(row)
             _refuse_impossible(solution)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError):
-        raise FrameError(
-            "Solution {line} of {path} is not what kochab solve --json prints.", line=line, path=path
-        ) from None
+        raise FrameError("{path}: line {line} is not what kochab solve --json prints.", path=path, line=line) from None
     near = (Path(name), path.parent / name, path.parent / Path(name).name)
     picture = next((p for p in near if os.path.isfile(p)), None)  # not p.is_file(), which raises for some names
     hint, zone = _hint_of(picture) if picture and time is None else (Hint(time_utc=time), ())
