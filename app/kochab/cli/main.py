@@ -25,7 +25,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "detect": ("kochab.cli.solve:add_detect_parser", "find the stars of a frame"),
     "find": ("kochab.cli.find:add_parser", "where a star, an object or a body is"),
     "chart": ("kochab.cli.chart:add_parser", "a finder chart or an annotated image to print, as PDF"),
-    "catalog": ("kochab.cli.catalog:add_parser", "star catalogues: info, build, import, coverage"),
+    "catalog": ("kochab.cli.catalog:add_parser", "star catalogues: info, list, use, build, import, coverage"),
     "live": ("kochab.cli.live:add_parser", "plate solve a camera's frames as they arrive"),
     "camera": ("kochab.cli.live:add_camera_parser", "list cameras, take a frame"),
     "profile": ("kochab.cli.profile:add_parser", "equipment profiles: list, show, save, remove"),
