@@ -17,6 +17,7 @@ class View(Page):
     """
 
     frame_wanted = Signal(bool)
+    folded = Signal(bool)  # whether it leaves its width to the room
     room: QWidget | None = None
 
     def aim(self, action: str, target: str) -> None:

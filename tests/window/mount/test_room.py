@@ -380,3 +380,22 @@ def test_the_small_picture_holds_the_whole_frame():
     assert small.dtype == np.uint8
     y, x = np.unravel_index(np.argmax(frame.pixels), frame.pixels.shape)
     assert small[y // 5, x // 5].max() == small.max()
+
+
+def test_the_side_folds_away_on_a_small_window_and_comes_back(qtbot, opened):
+    window, commands = opened
+    with connected(qtbot, commands) as mount:
+        window.resize(1024, 700)
+        QApplication.processEvents()
+        view, dock = mount.view, commands.views.docks["mount"]
+        wide, before = view.room.width(), dock.width()
+        view.fold.click()
+        qtbot.waitUntil(lambda: view.room.width() > wide + 150, timeout=5_000)
+        assert dock.width() <= 64
+        assert view.stop.isVisible()
+        assert view.pointing.isVisible()
+        assert view.go.centre.isVisible()
+        assert (window.width(), window.height()) == (1024, 700)
+        view.unfold.click()
+        qtbot.waitUntil(lambda: dock.width() >= min(before, 300), timeout=5_000)
+        assert view.pad.isVisible()

@@ -39,6 +39,7 @@ VIEWS: dict[str, Mode] = {
 }
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 BESIDE_ROOM, BESIDE_ROOM_PX = 0.2, 400  # the same beside a view's own room
+FOLDED_PX, ANY_PX = 64, 16_777_215  # of a dock that is folded; Qt's own number for no limit
 LEAST_SHARE = 0.5  # of the image, in a window that was made smaller
 
 
@@ -126,6 +127,7 @@ class Views(QObject):
         module, _, kind = mode.made_by.partition(":")
         view: View = getattr(import_module(module), kind)(self._services)
         self._made[name] = view
+        view.folded.connect(lambda on: self._fold(self.docks[name], on))
         view.frame_wanted.connect(lambda on: self._window.show_room(None if on else view.room))
         return view
 
@@ -163,6 +165,12 @@ class Views(QObject):
         for dock in map(self.docks.__getitem__, self.docked):
             if dock.width() > LEAST_SHARE * self._window.width():
                 self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
+
+    def _fold(self, dock: ViewDock, on: bool) -> None:
+        """Leave a strip of a dock, or give it its width back."""
+        dock.setMaximumWidth(FOLDED_PX if on else ANY_PX)
+        if not dock.isFloating():
+            self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
 
     def _share_px(self, dock: ViewDock) -> int:
         share, most = (BESIDE_ROOM, BESIDE_ROOM_PX) if self._has_room(dock) else (SHARE, MOST_PX)
