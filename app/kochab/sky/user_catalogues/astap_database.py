@@ -173,7 +173,7 @@ def _area(path: Path) -> tuple[Floats, Floats, Floats]:
     return _read_area(path, version(path))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=24)
 def _read_area(path: Path, _: Version) -> tuple[Floats, Floats, Floats]:
     ra, dec, mag, _ = decode(_mapped(path), path.name)
     return np.radians(ra), np.radians(dec), mag
