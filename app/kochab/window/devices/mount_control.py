@@ -255,9 +255,8 @@ class MountControl(QObject):
             case Stopped():
                 self.message.emit(tr("Stopping…"), "muted")
             case StandsStill():
-                self.message.emit(
-                    f"{tr('Mount stopped.')} {event.sentence}".rstrip(), "wrong" if event.sentence else "muted"
-                )
+                stands = tr("Mount stopped.")
+                self.message.emit(f"{stands} {event.sentence}".rstrip(), "wrong" if event.sentence else "muted")
             case StopFailed() | LimitReached():
                 self.message.emit(event.sentence, "bad")
         self.changed.emit()
