@@ -83,7 +83,7 @@ def test_the_age_is_the_windows_own_and_grows_while_nobody_shows_a_newer_state()
     page.show(replace(state, solved=False))
     assert told()["age"] == "OLD: newest frame not solved, last result 41 s ago"
     page.show(replace(state, stage="ended"))
-    assert (told()["age"], told()["old"]) == ("", True)
+    assert (told()["age"], told()["old"]) == ("Last result; not live.", True)
     html = page.answer("/token/")[1].decode()
     assert "now.age" in html
     assert "now.old" in html

@@ -179,11 +179,21 @@ class Imaging:
         faster = 1.0 / math.cos(math.radians(DECLINATION_DEG))
         return SIDEREAL_RAD_S * self.exposure_s * ARCSEC * faster * CORNER_MM * 1000.0 / self.pixel_um
 
+    @property
+    def unguided_arcsec(self) -> float:
+        """The error that trails no star by more than a pixel when nobody guides."""
+        return MOST_PX / self.trail_px_arcsec
+
+    @property
+    def guided_arcsec(self) -> float:
+        """The error that turns the frame's corner by no more than a pixel about the guide star."""
+        return MOST_PX / self.rotation_px_arcsec
+
 
 def good_enough(error: PolarError, imaging: Imaging) -> str:
     """How small an error is enough for such frames: it moves no star by more than a pixel."""
     trail, rotation = (error.total_arcsec * each for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
-    alone, guided = (_limit_in_words(MOST_PX / each) for each in (imaging.trail_px_arcsec, imaging.rotation_px_arcsec))
+    alone, guided = (limit_in_words(each) for each in (imaging.unguided_arcsec, imaging.guided_arcsec))
     if trail <= MOST_PX:
         return tr("Good enough: stop.")
     if rotation <= MOST_PX:
@@ -191,7 +201,7 @@ def good_enough(error: PolarError, imaging: Imaging) -> str:
     return tr("Guided: {guided} is enough. Unguided: {alone}.", guided=guided, alone=alone)
 
 
-def _limit_in_words(arcsec: float) -> str:
+def limit_in_words(arcsec: float) -> str:
     """What is enough, from ten arcminutes on in whole ones."""
     return f"{int(arcsec / 60.0)}′" if 600.0 <= arcsec < 5400.0 else angle_in_words(arcsec)
 

@@ -93,7 +93,7 @@ def test_polar_alignment_uses_the_mount_that_is_connected(qtbot, polar):
     assert len(nights.made) == 1, "the same telescope under the same sky"
     commands.window.activateWindow()
     qtbot.waitUntil(commands.window.isActiveWindow)
-    qtbot.keyClick(view.buttons.cancel, Qt.Key.Key_Escape)
+    qtbot.keyClick(view.room.frame, Qt.Key.Key_Escape)
     drive(view)
     assert mount.control.known.phase == "on", "who opened it closes it"
     assert mount.go.goto.explanation.reason == ""
@@ -122,7 +122,7 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
         mount.control.order("goto", lambda guard: iter(()))
     mount.orders.nudge(Direction.NORTH, 60.0)
     assert mount.message.text() == why.BY_HAND
-    view.buttons.cancel.click()
+    view.buttons.cancel.trigger()
     drive(view)
     assert mount.go.goto.explanation.reason == ""
     assert mount.control.known.phase == "on"

@@ -90,24 +90,24 @@ def test_a_guide_log_that_is_dropped_tells_one_bolt_and_how_long_more(polar, tmp
     _, view = polar()
     log = tmp_path / "PHD2_GuideLog_2026-03-14.txt"
     log.write_text(log_text(falling(2.0), hour=-0.1, dec=10.0))
-    drop(view, [log])
+    drop(view.room, [log])
     assert view.setup.frames.chosen is FrameSource.FILES
     assert view.setup.frames.files.paths(0) == (log,)
     view.setup.aim.site.setText(HERE)
     view.begin()
     drive(view)
-    numbers = view.page.numbers
     assert view.alignment.state.stage == "done", view.message.text()
-    assert view.page.words.text().startswith("Polar alignment error: at least 7.")
-    assert view.page.words.text().endswith("from 10 minutes of drift.")
-    assert numbers.total.text().startswith("At least 7.")
-    (altitude, way), (azimuth, other) = numbers.knobs[Knob.ALTITUDE], numbers.knobs[Knob.AZIMUTH]
-    assert altitude.text().startswith("not known yet (± ")
-    assert not way.text()
-    assert azimuth.text().startswith("+")
-    assert other.text() == "↺ anticlockwise, seen from above"
-    assert "can't tell altitude yet" in numbers.findings.text()
-    assert "min more on this place" in numbers.more.text()
+    assert view.alignment.state.words.startswith("Polar alignment error: at least 7.")
+    assert view.alignment.state.words.endswith("from 10 minutes of drift.")
+    assert view.room.number.total.text() == "–"
+    assert view.room.number.age.text().startswith("Total error: at least 7.")
+    altitude, azimuth = view.room.knobs[Knob.ALTITUDE], view.room.knobs[Knob.AZIMUTH]
+    assert altitude.value.text().startswith("not known yet (± ")
+    assert not altitude.way.text()
+    assert azimuth.value.text().endswith(("′", "″"))
+    assert azimuth.way.text() == "anticlockwise, seen from above"
+    assert "can't tell altitude yet" in view.history.notes.text()
+    assert "min more on this place" in view.history.notes.text()
     assert "not known yet" in view.page.target.accessibleDescription()
     view.bolts.show_state(view.alignment.state, 0.0)
     assert view.bolts.digits() == "–"
@@ -142,22 +142,20 @@ def test_a_live_session_that_nobody_turned_gives_what_the_command_line_says_and_
     assert view.alignment.state.error is None or not view.alignment.state.drift.known
 
 
-def test_findings_come_before_the_numbers(polar, tmp_path):
+def test_all_that_is_known_stands_in_tonight(polar, tmp_path):
     _, view = polar()
     measured(view, solved_frames(tmp_path))
-    numbers = view.page.numbers
-    assert numbers.findings.text().startswith("⚠ ")
-    assert numbers.findings.y() < numbers.total.parentWidget().y()
-    assert view.page.detail.text() == "3 frames: Solved by another program: an error of 0.2 px is assumed."
+    assert "⚠ " in view.history.notes.text()
+    assert view.alignment.state.detail == "3 frames: Solved by another program: an error of 0.2 px is assumed."
 
 
 def test_a_fixed_tripod_is_told_as_one(polar, tmp_path):
     _, view = polar()
     state = measured(view, [tmp_path / stream(tmp_path, rate_deg_min=0.0)], "40, 10, 300")
-    assert view.page.words.text() == "Fixed tripod: there is no axis to align."
+    assert view.alignment.state.words == "Fixed tripod: there is no axis to align."
     assert [f.kind for f in state.findings] == [PolarFindingKind.FIXED_TRIPOD]
-    assert "The camera stood still" in view.page.numbers.findings.text()
-    assert view.page.numbers.total.text() == "–"
+    assert "The camera stood still" in view.history.notes.text()
+    assert view.room.number.total.text() == "–"
     assert view.history.history is None
 
 
@@ -165,8 +163,8 @@ def test_a_clock_without_a_zone_is_asked_for_and_the_files_are_measured_again(po
     _, view = polar()
     state = measured(view, solved_frames(tmp_path, image=snapshot))
     assert next(f for f in state.findings if f.kind is PolarFindingKind.CLOCK).spoils
-    assert "no time zone" in view.page.words.text()
-    assert not view.page.numbers.knobs[Knob.ALTITUDE][1].text(), "no bolt by a clock that nobody knows"
+    assert "no time zone" in view.alignment.state.words
+    assert not view.room.knobs[Knob.ALTITUDE].way.text(), "no bolt by a clock that nobody knows"
     assert not (tmp_path / "config").exists()
     zone = view.page.zone
     assert zone.isVisible()
@@ -227,7 +225,9 @@ def test_what_is_measured_is_remembered_and_told_another_night(polar, tmp_path, 
     later[0]["time_utc"] = (BEGUN - timedelta(days=3)).isoformat()
     nights.write_text(json.dumps(later))
     measured(view, [])
-    assert "Last measured here" not in view.page.detail.text(), "the set-up tells it, for a site that is given there"
+    assert "Last measured here" not in view.alignment.state.detail, (
+        "the set-up tells it, for a site that is given there"
+    )
     nights.unlink()
     nights.mkdir()  # can't be written
     with caplog.at_level(logging.WARNING):
@@ -299,8 +299,8 @@ def test_back_to_the_start_is_offered_where_creep_may_hide(polar):
     view.alignment.state = AlignmentState("measure", "Measuring.", creep_arcsec=23.0)
     view._show()
     assert view.buttons.back.isVisible()
-    assert view.page.numbers.more.text() == "Optional: turn RA back to the start; checks for slip (±23″ assumed)."
-    view.buttons.back.click()
+    assert view.history.notes.text().endswith("Optional: turn RA back to the start; checks for slip (±23″ assumed).")
+    view.buttons.back.trigger()
     assert view.alignment.controls.pressed(PolarButton.BACK)
     assert "one more frame" in view.message.text()
     view._show()
@@ -313,10 +313,10 @@ def test_frames_that_turned_one_way_ask_for_one_back_at_the_start(polar, tmp_pat
     paths = solved_frames(tmp_path, turns=(0.0, 25.0, 50.0, -0.75))
     one_way = measured(view, paths[:3])
     assert one_way.creep_arcsec > 10.0
-    assert f"±{one_way.creep_arcsec:.0f}″ assumed" in view.page.numbers.more.text()
+    assert f"±{one_way.creep_arcsec:.0f}″ assumed" in view.history.notes.text()
     back = measured(view, paths[3:])
     assert back.creep_arcsec == 0.0
-    assert "slip" not in view.page.numbers.more.text()
+    assert "slip" not in view.history.notes.text()
 
 
 def test_a_cloudy_frame_is_left_out_and_one_of_two_is_not(polar, tmp_path):
@@ -327,7 +327,7 @@ def test_a_cloudy_frame_is_left_out_and_one_of_two_is_not(polar, tmp_path):
     (tmp_path / "few.json").write_text("\n".join(few))
     _, view = polar()
     assert measured(view, [tmp_path / "night.json"], "40, 10, 300").drift is not None
-    assert view.page.detail.text() == "1 frame: No solution, left out."
+    assert view.alignment.state.detail == "1 frame: No solution, left out."
     view.setup.frames.files.clear()
     assert measured(view, [tmp_path / "few.json"], "40, 10, 300").stage == "ended"
     assert view.message.text().startswith("frame x has no solution, cloud")
@@ -351,12 +351,12 @@ def test_a_guide_log_is_followed_while_it_grows(qtbot, polar, tmp_path):
             lambda least=least: view.alignment.state.drift is not None and view.alignment.state.drift.minutes > least
         )
         assert view.alignment.state.running
-        assert "of drift" in view.page.detail.text()
+        assert "of drift" in view.alignment.state.detail
     assert view.buttons.done.isHidden()
-    view.buttons.use_frames.click()
+    view.buttons.use_frames.trigger()
     drive(view)
     assert view.alignment.state.stage == "done"
-    assert view.page.words.text().endswith("from 10 minutes of drift.")
+    assert view.alignment.state.words.endswith("from 10 minutes of drift.")
 
 
 def test_a_log_without_parity_shows_both_answers_until_somebody_says_which(polar, tmp_path):
@@ -368,9 +368,9 @@ def test_a_log_without_parity_shows_both_answers_until_somebody_says_which(polar
     unknown = measured(view, [log])
     assert view.setup.form.isRowVisible(view.setup.frames.dec_sign)
     assert unknown.drift.spoilt
-    assert "too far east" in view.page.words.text()
-    assert "too far west" in view.page.words.text()
-    shown = " ".join(way.text() for _, way in view.page.numbers.knobs.values())
+    assert "too far east" in view.alignment.state.words
+    assert "too far west" in view.alignment.state.words
+    shown = " ".join(card.way.text() for card in view.room.knobs.values())
     assert "clockwise" not in shown
     view.setup.frames.dec_sign.setCurrentIndex(view.setup.frames.dec_sign.findData(-1))
     said = measured(view, [log])

@@ -54,15 +54,13 @@ def test_off_by_default_and_nothing_is_shown(view):
     assert not view.phone.page.url
     assert view.phone.url.text() == ""
     assert not view.phone.code.rows
-    assert view.served.isHidden()
-    assert view.tabs.tabText(3) == "Phone"
+    assert view.buttons.phone.text() == "Pho&ne"
 
 
 def test_on_it_serves_the_numbers_and_says_so_everywhere(qtbot, view):
     url = switch_on(qtbot, view)
-    assert view.served.isVisibleTo(view)
-    assert url in view.served.text()
-    assert "ON" in view.tabs.tabText(3)
+    assert view.buttons.phone.text() == "Pho&ne: on"
+    assert view.buttons.phone.toolTip() == url
     assert "On." in view.phone.state.text()
     view.phone.show_state(adjusting(-725.0, 200.0))
     status, body = ask(url)
@@ -88,7 +86,7 @@ def test_off_again_nobody_answers(qtbot, view):
     qtbot.waitUntil(lambda: not view.phone.page.url and view.phone.switch.isEnabled(), timeout=LIMIT_MS)
     with pytest.raises(ConnectionRefusedError):
         ask(url)
-    assert view.served.isHidden()
+    assert view.buttons.phone.text() == "Pho&ne"
     switch_on(qtbot, view)
     assert ask(view.phone.url.text())[0] == 200
 

@@ -15,7 +15,9 @@ from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.tutor import BoltTutor
 from kochab.server.phone_page import PhonePage
 from kochab.window.polar.bolts_view import BoltsView
-from kochab.window.polar.error_display import Numbers, more_text, signed_text
+from kochab.window.polar.error_display import more_text, signed_text, uncertainty_words
+from kochab.window.polar.messages import Message, all_known, most_urgent
+from kochab.window.polar.room import KnobCard, NumberCard
 from kochab.window.polar.sound_cues import Cue, Cues, SoundCues, speech_text
 from kochab.workflows.polar.align import AdjustingEnd, adjust
 from kochab.workflows.polar.measure import HandTurner, Sweep, measure_axis
@@ -142,16 +144,15 @@ def test_one_uncertainty_is_told_everywhere_and_it_counts_flexure(qtbot):
     qtbot.addWidget(bolts)
     bolts.show_state(AlignmentState("done", error=off), 0.0)
     assert bolts.face.total == "total 73″ ± 30″"
-    numbers = Numbers()
-    qtbot.addWidget(numbers)
-    numbers.show_state(AlignmentState("done", error=off), 0.0)
-    assert numbers.total.text() == "73″ ± 30″"
-    told = numbers.split.text()
-    assert told == "Uncertainty: 3″ measurement, 30″ possible flexure."
+    number = NumberCard()
+    qtbot.addWidget(number)
+    number.show_state(AlignmentState("done", error=off), 0.0)
+    assert (number.total.text(), number.sigma.text()) == ("73″", "± 30″")
+    assert uncertainty_words(AlignmentState("done", error=off)) == "3″ measurement, 30″ possible flexure."
     assumed = PolarFinding(PolarFindingKind.FLEXURE_NOT_MEASURED, "Flexure not measured (±30″ assumed).")
-    numbers.show_state(AlignmentState("done", error=off, findings=(assumed,)), 0.0)
-    assert not numbers.split.text(), "one line says it: what was not measured is not split again"
-    assert "not measured" in numbers.findings.text()
+    state = AlignmentState("done", error=off, findings=(assumed,))
+    assert uncertainty_words(state) == "±30″, nearly all assumed flexure.", "what was not measured is not split"
+    assert "not measured" in all_known(state)
     assert np.hypot(seen.sigma_total_arcsec, off.flexure_along_arcsec) == pytest.approx(
         off.with_systematics.sigma_total_arcsec
     )
@@ -173,17 +174,13 @@ def test_findings_of_live_frames_replace_each_other(measured):
 
 def test_a_bolt_turned_by_two_degrees_asks_to_measure_again(qtbot, measured):
     sky, states, measurement = measured
-    numbers = Numbers()
-    qtbot.addWidget(numbers)
     task = adjust(sky, measurement, BoltTutor())
     first = absorb(states[-1], next(task), 0.0)
     sky.rig.mount.turn_bolts(180.0, 0.0)
     later, ended = follow(first, task, 1.0)
     sky.rig.mount.turn_bolts(-180.0, 0.0)
     assert ended.end is AdjustingEnd.LARGE_MOVE
-    numbers.show_state(later[-1], 1.0)
-    assert "Measure again" in numbers.findings.text()
-    assert not numbers.reminder.isHidden()
+    assert "Measure again" in most_urgent(later[-1], Message()).text
 
 
 def test_stop_when_the_error_is_below_its_uncertainty(measured):
@@ -196,7 +193,7 @@ def test_stop_when_the_error_is_below_its_uncertainty(measured):
 
 
 def test_the_wheel_turns_while_the_number_is_old_and_stops(qtbot):
-    numbers = Numbers()
+    numbers = NumberCard()
     qtbot.addWidget(numbers)
     numbers.show_state(adjusting(300.0, 20.0), 1.0)
     assert not numbers.spinner.wheel.isActive()
@@ -279,12 +276,14 @@ def test_a_player_is_given_a_file_of_tones(tmp_path, qtbot):
 def test_a_spoilt_measurement_shows_the_error_but_no_way_to_turn(qtbot, spoils):
     finding = PolarFinding(PolarFindingKind.DISAGREE, "Something slipped.", spoils=spoils)
     state = replace(adjusting(300.0, 20.0), findings=(finding,))
-    numbers, bolts = Numbers(), BoltsView()
-    qtbot.addWidget(numbers)
-    qtbot.addWidget(bolts)
-    numbers.show_state(state, 0.0)
+    number, bolts, cards = NumberCard(), BoltsView(), [KnobCard(knob) for knob in Knob]
+    for made in (number, bolts, *cards):
+        qtbot.addWidget(made)
+    number.show_state(state, 0.0)
     bolts.show_state(state, 0.0)
-    assert numbers.total.text() == total_in_words(state.error)
-    assert all((way.text() == "") is spoils for _, way in numbers.knobs.values())
+    for card in cards:
+        card.show_state(state, 10.0)
+    assert f"{number.total.text()} {number.sigma.text()}" == total_in_words(state.error)
+    assert all((card.way.text() == "") is spoils for card in cards)
     assert (bolts.way() == "") is spoils
-    assert "Something slipped." in numbers.findings.text()
+    assert most_urgent(state, Message()) == Message("Something slipped.", "wrong")

@@ -83,7 +83,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     _, view = polar(nights)
     view.setup.frames.exposure.setValue(1.0)
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
-    stages, words, obeyed = [], [], []
+    stages, words, obeyed, answers, pictures = [], [], [], [], []
     view.begin()
 
     def person():
@@ -93,12 +93,17 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
         asked = state.turn_instruction or state.instruction
         if state.hand_needed and not any(asked is one for one in obeyed):  # equal asks recur
             obeyed.append(asked)
-            words.append(view.page.words.text())
+            words.append(view.alignment.state.words)
             assert view.buttons.turn_for_me.isVisible()
             view.buttons.turn_for_me.click()
+            answers.append((view.message.text(), view.buttons.turn_for_me.isEnabled()))
+            pictures.append(view.room.frame.picture)
 
     drive(view, person)
     assert view.alignment.state.stage == "done", view.message.text()
+    assert set(answers) == {("Turned; taking a frame (1 s).", False)}, "heard at once, and not to be pressed again yet"
+    assert any(picture is not None for picture in pictures), "the live frame is the room"
+    assert view.room.frame.picture is None, "and gone with the practice"
     assert nights.true_arcsec < 30.0
     assert view.alignment.state.error.total_arcsec == pytest.approx(nights.true_arcsec, abs=15.0)
     assert stages.count("adjust") >= 1
@@ -160,7 +165,8 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     view.setup.frames.exposure.setValue(1.0)
     view.begin()
     assert view.buttons.second.isVisible()
-    view.buttons.second.click()
+    assert view.page.flexure.isEnabled()
+    view.buttons.second.trigger()
     assert "another declination" in view.message.text()
     assert view.alignment.controls.pressed(PolarButton.SECOND_SWEEP)
     obeyed, ways, decs = [], [], []
@@ -173,7 +179,7 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
             decs.append(nights.made[-1].rig.truth().ra_dec_deg[1])
             view.buttons.turn_for_me.click()
         if view.alignment.state.stage == "adjust":
-            view.buttons.cancel.click()
+            view.buttons.cancel.trigger()
 
     drive(view, person)
     across = [w for w in ways if w in (Direction.NORTH, Direction.SOUTH)]
@@ -223,12 +229,12 @@ def test_files_are_measured(polar, frames):
     drive(view)
     assert view.alignment.state.stage == "done", view.message.text()
     assert view.alignment.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
-    value, way = view.page.numbers.knobs[Knob.ALTITUDE]
-    assert value.text().startswith(("+19.9′", "+20.0′", "+20.1′"))
-    assert way.text() == "▼ lower the axis"
+    card = view.room.knobs[Knob.ALTITUDE]
+    assert card.value.text() in ("▼ 19.9′", "▼ 20.0′", "▼ 20.1′")
+    assert card.way.text() == "lower the axis"
     assert "Refracted pole" in view.page.pole.text()
     assert view.alignment.state.findings
-    assert view.page.numbers.findings.text().startswith("⚠ ")
+    assert "⚠ " in view.history.notes.text()
 
 
 def test_the_report_is_kept_as_a_page_and_as_a_pdf(qtbot, polar, frames, tmp_path):
@@ -260,20 +266,20 @@ def test_a_second_sweep_answers_for_flexure(polar, frames, second_sweep):
     view.setup.aim.imaging.setText("50 mm, 9 µm, 2 s")
     view.begin()
     drive(view)
-    enough = view.page.numbers.enough
-    assert enough.text() == "Good enough: stop."
-    view.page.show_state(
-        replace(view.alignment.state, findings=(PolarFinding(PolarFindingKind.FAR, "Far.", spoils=True),)), 0.0
-    )
-    assert not enough.text(), "no advice from a spoilt measurement"
-    view.page.show_state(view.alignment.state, 0.0)
-    assert "Flexure not measured" in view.page.numbers.findings.text()
+    (guided, allows), (_, alone) = view.page.enough.rows
+    assert guided.text() == "50 mm, 2 s, guided"
+    assert [each.text().endswith(": yes, already") for each in (allows, alone)] == [True, True]
+    spoilt = replace(view.alignment.state, findings=(PolarFinding(PolarFindingKind.FAR, "Far.", spoils=True),))
+    view.page.show_state(spoilt)
+    assert ":" not in allows.text(), "no advice from a spoilt measurement"
+    view.page.show_state(view.alignment.state)
+    assert "Flexure not measured" in view.history.notes.text()
     view.setup.frames.files.add(second_sweep, 1)
     assert "second sweep" in view.setup.frames.files.item(3).text()
     view.begin()
     drive(view)
     assert view.alignment.state.stage == "done", view.message.text()
-    assert "Flexure not measured" not in view.page.numbers.findings.text()
+    assert "Flexure not measured" not in view.history.notes.text()
     assert view.alignment.state.error.altitude_arcsec == pytest.approx(1200.0, abs=20.0)
 
 
@@ -336,13 +342,13 @@ def test_cancel_ends_it_and_another_can_begin(qtbot, polar):
     _, view = polar(nights)
     view.begin()
     qtbot.waitUntil(lambda: view.alignment.state.stage in ("measure", "turn"), timeout=30_000)
-    view.buttons.cancel.click()
+    view.buttons.cancel.trigger()
     drive(view)
     assert view.alignment.state.stage == "ended"
     assert "Cancelled" in view.message.text()
     view.begin()
     qtbot.waitUntil(lambda: view.alignment.adjuster is not None, timeout=30_000)
-    view.buttons.cancel.click()
+    view.buttons.cancel.trigger()
     drive(view)
     assert len(nights.made) == 2
 
@@ -381,13 +387,13 @@ def test_space_presses_done_when_something_is_to_be_turned(qtbot, polar):
     commands.window.activateWindow()
     view.begin()
     qtbot.waitUntil(lambda: view.alignment.state.hand_needed, timeout=60_000)
-    view.buttons.done.setFocus()
+    view.buttons.turn_for_me.setFocus()
     pressed = []
-    view.buttons.done.clicked.connect(lambda: pressed.append(1))
-    qtbot.keyClick(view.buttons.done, Qt.Key.Key_Space)
+    view.buttons.turn_for_me.clicked.connect(lambda: pressed.append(1))
+    qtbot.keyClick(view.buttons.turn_for_me, Qt.Key.Key_Space)
     assert pressed
-    assert view.alignment.controls.take(PolarButton.TURNED) or "new frame" in view.message.text()
-    view.buttons.cancel.click()
+    assert "taking a frame" in view.message.text()
+    view.buttons.cancel.trigger()
     drive(view)
 
 
@@ -403,6 +409,9 @@ def test_f7_shows_the_bolts_over_the_whole_screen(qtbot, polar):
     qtbot.keyClick(view.bolts, Qt.Key.Key_S)
     assert view.cues.on
     assert "sounds" in view.bolts.sounding
+    qtbot.keyClick(view.bolts, Qt.Key.Key_N, Qt.KeyboardModifier.ControlModifier)
+    assert commands.actions["night"].isChecked(), "red light without leaving the bolts"
+    qtbot.keyClick(view.bolts, Qt.Key.Key_N, Qt.KeyboardModifier.ControlModifier)
     qtbot.keyClick(view.bolts, Qt.Key.Key_Escape)
     assert not view.bolts.isVisible()
 
@@ -410,7 +419,7 @@ def test_f7_shows_the_bolts_over_the_whole_screen(qtbot, polar):
 def test_every_control_can_be_reached_and_says_what_it_is(polar):
     _, view = polar(Nights())
     kinds = (QAbstractButton, QComboBox, QLineEdit, QListWidget, QAbstractSpinBox, QPlainTextEdit)
-    for widget in view.findChildren(kinds[0]) + [w for k in kinds[1:] for w in view.findChildren(k)]:
+    for widget in [w for inside in (view, view.room) for k in kinds for w in inside.findChildren(k)]:
         if widget.objectName().startswith("qt_") or isinstance(widget.parent(), QComboBox | QAbstractSpinBox):
             continue
         name = widget.accessibleName() or getattr(widget, "text", str)()
@@ -485,12 +494,12 @@ def test_the_mount_turns_itself_and_stands_still_when_it_is_given_up(qtbot, pola
     view.setup.frames.exposure.setValue(0.5)
     view.begin()
     qtbot.waitUntil(lambda: "The mount turns" in view.alignment.state.words, timeout=60_000)
-    assert "Keep clear" in view.page.words.text()
+    assert "Keep clear" in view.alignment.state.words
     assert view.buttons.turn_for_me.isHidden() or not view.buttons.turn_for_me.isEnabled()
     mount = nights.made[-1].rig.mount
     qtbot.waitUntil(lambda: mount.slewing, timeout=20_000)
     if ending == "cancel":
-        view.buttons.cancel.click()
+        view.buttons.cancel.trigger()
         drive(view)
     else:
         commands.window.close()
@@ -582,10 +591,10 @@ def test_nobody_turns_the_practice_telescope_and_its_drift_tells(qtbot, polar):
     qtbot.waitUntil(lambda: view.alignment.state.drift is not None and view.alignment.state.drift.minutes > 4.0)
     assert view.alignment.state.running
     assert view.buttons.done.isHidden()
-    assert view.buttons.second.isHidden()
+    assert not view.buttons.second.isVisible()
     assert view.buttons.turn_for_me.isHidden()
-    assert "of drift" in view.page.detail.text()
-    view.buttons.use_frames.click()
+    assert "of drift" in view.alignment.state.detail
+    view.buttons.use_frames.trigger()
     drive(view)
     assert view.alignment.state.stage == "done", view.message.text()
     error, true = view.alignment.state.error, nights.made[-1].rig.truth().axis_error()

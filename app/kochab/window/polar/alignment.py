@@ -26,6 +26,7 @@ class RunningAlignment(QObject):
     began = Signal(object)  # AlignmentRequest
     stepped = Signal(object, object)  # the AlignmentState before and after
     practising = Signal()  # the practice telescope can be turned
+    seen = Signal(object, object)  # Frame, Solution or None
     kept = Signal(object)  # History, so far or at the end
     message = Signal(str, str)  # a sentence and its role
     finished = Signal()
@@ -41,6 +42,7 @@ class RunningAlignment(QObject):
         self.request: AlignmentRequest | None = None
         self._run: AlignmentRun | None = None
         self._connected = False  # the mount, when it was last heard of
+        self._gone = False  # the telescope went while it ran: what it said is of no telescope any more
         # What was solved is kept: another clock or pole needs no new solve of the same files.
         self._solved: dict[tuple[object, ...], list[SolvedFile]] = {}
         services.mount.changed.connect(self._hear_mount)
@@ -68,7 +70,7 @@ class RunningAlignment(QObject):
         # Not before `start`, which may say why it cannot.
         self.state = AlignmentState("opening", tr("Opening…"))
         self.controls, self.adjuster, self.request = run.controls, None, request
-        self.job = job
+        self.job, self._gone = job, False
         job.succeeded.connect(self._succeeded)
         job.failed.connect(lambda sentence: self._ended(sentence, "wrong"))
         job.cancelled.connect(lambda: self._ended(tr("Cancelled. These are the last results."), "muted"))
@@ -82,6 +84,7 @@ class RunningAlignment(QObject):
         self._run = run = AlignmentRun(self._services, request, self._solved, self)
         run.step.connect(self._step)
         run.kept.connect(self.kept)
+        run.seen.connect(self.seen)
         run.practising.connect(self._use_practice)
         return run
 
@@ -92,16 +95,16 @@ class RunningAlignment(QObject):
             self.controls.press(pressed)
         return heard
 
-    def turn_practice(self) -> str:
-        """Let the practice telescope make the turn that is asked for, and say what was turned."""
+    def turn_practice(self) -> str | None:
+        """Let the practice telescope make the turn that is asked for; None, or why it did not."""
         if self.adjuster is None:
-            return ""
+            return tr("Nothing to turn now.")
         try:
-            text = self.adjuster.turn(self.state)
+            turned = self.adjuster.turn(self.state)
         except KochabError as error:
-            text = str(error)
+            return str(error)
         self.press(PolarButton.TURNED)
-        return text
+        return None if turned else tr("Nothing to turn now.")
 
     def stop(self) -> None:
         """End it; a turning mount stops at once."""
@@ -114,9 +117,17 @@ class RunningAlignment(QObject):
         before, self._connected = self._connected, self._services.mount.known.phase not in ("off", "leaving")
         request = self.request
         if before and not self._connected and request is not None and request.with_mount:
+            self._gone = True
             if self.state.running:
                 self.stop()
+            else:
+                self._forget()
             self.telescope_gone.emit()
+
+    def _forget(self) -> None:
+        """A telescope that is gone has no error: the numbers of its alignments are in the history."""
+        before, self.state = self.state, AlignmentState("ended", tr("The telescope is disconnected."))
+        self.stepped.emit(before, self.state)
 
     def _step(self, step: Progress) -> None:
         before, self.state = self.state, absorb(self.state, step, time.monotonic())
@@ -131,13 +142,15 @@ class RunningAlignment(QObject):
         # There are none where a drift tells one knob alone.
         if history.entries:
             self.kept.emit(history)
-            done = tr("Done. The report is in the Tonight tab."), "good"
+            done = tr("Done. The report is in Tonight (…)."), "good"
             self.message.emit(*((tr("Not to be trusted: see why above."), "wrong") if self.state.spoilt else done))
 
     def _ended(self, sentence: str, role: str) -> None:
         self.state = replace(
             self.state, stage="ended", words=sentence, detail="", turn_instruction=None, instruction=None
         )
+        if self._gone:
+            self._forget()
         self.message.emit(sentence, role)
 
     def _finished(self, job: Job | MountTask) -> None:

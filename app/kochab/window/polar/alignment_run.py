@@ -47,6 +47,7 @@ class AlignmentRun(QObject):
     step = Signal(object)  # Progress
     kept = Signal(object)  # History
     practising = Signal(object)  # Practice
+    seen = Signal(object, object)  # Frame, Solution or None
 
     def __init__(
         self,
@@ -61,7 +62,7 @@ class AlignmentRun(QObject):
         self._mount = mount = services.mount
         signals, start = (self.step.emit, self.kept.emit, self.practising.emit), services.wiring.practice
         self._tools = AlignmentTools(
-            self.controls, *signals, start, lambda: mount.practice, services.cameras.open, solved
+            self.controls, *signals, start, lambda: mount.practice, services.cameras.open, solved, self.seen.emit
         )
 
     def start(self) -> Job | MountTask:
@@ -134,11 +135,11 @@ class PracticeAdjuster:
         self._arcmin = {knob: self._random.uniform(*ARCMIN_A_TURN) * self._random.choice((-1.0, 1.0)) for knob in Knob}
 
     def turn(self, state: AlignmentState) -> str:
-        """Make the turn that is asked for, and say what was turned."""
+        """Make the turn that is asked for, and say what was turned; empty where nothing is asked for."""
         if state.turn_instruction is not None:
             return self._turn_axis(state.turn_instruction)
         if state.instruction is None or state.instruction.knob is None:
-            return tr("Nothing to turn now.")
+            return ""
         return self._turn_bolt(state.instruction, state.instruction.knob)
 
     def _turn_axis(self, asked: TurnInstruction) -> str:

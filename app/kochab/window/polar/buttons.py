@@ -1,22 +1,28 @@
-"""The buttons of an alignment, in two rows: which can be pressed while it runs, and which while none does."""
+"""The four buttons and the menu of an alignment: which can be used while it runs, and which while none does."""
 
 from collections.abc import Callable
 from functools import partial
 
-from PySide6.QtWidgets import QHBoxLayout
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QHBoxLayout, QMenu, QPushButton
 
 from kochab.text.translation import tr
 from kochab.window.polar.alignment import RunningAlignment
 from kochab.window.polar.setup import SECOND_TIP
-from kochab.window.widgets import ProgressBar, button, row
+from kochab.window.widgets import ProgressBar, button, named, row
 from kochab.workflows.polar.update import PolarButton
+
+BAR_PX = 120
 
 
 class AlignmentButtons:
-    """``press`` takes those that the alignment waits for, ``do`` has what the others call, by their names."""
+    """``press`` takes those that the alignment waits for, ``do`` has what the others call, by their names.
+
+    ``start``, ``turn_for_me`` and ``done`` share a place: one of them is seen, the next thing to do. What is wanted
+    less often is in the menu.
+    """
 
     def __init__(self, press: Callable[[PolarButton], None], do: dict[str, Callable[[], None]], sounds: str) -> None:
-        self.start = button(tr("&Begin"), do["begin"], "main", tr("Measure, adjust, and measure again"))
         turned, again, enough, back, sweep = (
             partial(press, pressed)
             for pressed in (
@@ -27,45 +33,66 @@ class AlignmentButtons:
                 PolarButton.SECOND_SWEEP,
             )
         )
-        self.done = button(tr("&Done"), turned, tip=tr("I have made this turn (Space)"))
+        self.start = button(tr("&Begin"), do["begin"], "main", tr("Measure, adjust, and measure again"))
+        self.done = button(tr("&Done"), turned, "main", tr("I have made this turn (Space)"))
         self.turn_for_me = button(
-            tr("Turn it &for me"), do["turn"], tip=tr("Let the practice telescope make this turn")
+            tr("Turn it &for me"), do["turn"], "main", tr("Let the practice telescope make this turn")
         )
-        self.again = button(tr("&Measure again"), again, tip=tr("Stop adjusting and measure the axis now"))
-        self.use_frames = button(tr("Use &these frames"), enough, tip=tr("Continue with the frames taken so far"))
-        self.back = button(tr("Bac&k to start"), back, tip=tr("Back to where RA began: checks for slip"))
-        self.second = button(tr("Second s&weep"), sweep, tip=tr(SECOND_TIP))
-        self.at_bolts = button(tr("At the bo&lts"), do["bolts"], tip=tr("Full screen, readable from three metres (F7)"))
+        self.at_bolts = button(tr("Big digits F7"), do["bolts"], tip=tr("Full screen, readable from three metres (F7)"))
         tip = tr("Sound cues at the mount: {description}", description=sounds)
         self.sound = button(tr("So&unds"), do["sounds"], tip=tip)
         self.sound.setCheckable(True)
-        self.cancel = button(tr("Cancel"), do["stop"], tip=tr("End the alignment; a turning mount stops"))
+        self.phone = button(tr("Pho&ne"), do["phone"], tip=tr("The same numbers on a phone at the mount"))
+        self.menu = QMenu()
+        self.again = self._row(tr("&Measure again"), again, tr("Stop adjusting and measure the axis now"))
+        self.use_frames = self._row(tr("Use &these frames"), enough, tr("Continue with the frames taken so far"))
+        self.back = self._row(tr("Bac&k to start"), back, tr("Back to where RA began: checks for slip"))
+        self.second = self._row(tr("Second s&weep"), sweep, tr(SECOND_TIP))
+        self.cancel = self._row(tr("&End the alignment"), do["stop"], tr("A turning mount stops"))
+        self.menu.addSeparator()
+        self.set_up = self._row(tr("&Set up…"), do["set_up"], tr("Frames, axis, site, pole and goal"))
+        self.tonight = self._row(tr("Ton&ight…"), do["tonight"], tr("All that is known, and the report"))
+        self.more = named(QPushButton("…"), tr("More"), tr("More"))
+        self.more.setProperty("role", "more")
+        self.more.setMenu(self.menu)
         self.bar = ProgressBar(tr("Progress of the alignment"))
+        self.bar.setFixedWidth(BAR_PX)
 
-    def rows(self) -> tuple[QHBoxLayout, QHBoxLayout]:
-        """The two rows, to be laid out below each other."""
-        first = row(self.start, self.done, self.turn_for_me, self.cancel, (self.bar, 1), None)
-        return first, row(self.again, self.use_frames, self.back, self.second, self.at_bolts, self.sound, None)
+    def _row(self, text: str, called: Callable[[], None], tip: str) -> QAction:
+        action = self.menu.addAction(text)
+        action.setToolTip(tip)
+        action.triggered.connect(lambda _=False: called())
+        return action
+
+    def row(self) -> QHBoxLayout:
+        """All of them side by side."""
+        first = (self.start, self.done, self.turn_for_me)
+        return row(*first, self.at_bolts, self.sound, self.phone, self.more, self.bar, spacing=8)
 
     def enable(self, running: bool, drifts: bool) -> None:
-        """What can be pressed while one runs, and while none does; nobody turns the axis where it ``drifts``."""
-        for made in (self.use_frames, self.cancel, self.bar):
+        """What can be used while one runs, and while none does; nobody turns the axis where it ``drifts``."""
+        for made in (self.use_frames, self.cancel):
             made.setVisible(running)
-        for made in (self.done, self.second):
-            made.setVisible(running and not drifts)
+        self.bar.setVisible(running)
+        self.second.setVisible(running and not drifts)
         self.again.setVisible(False)
         self.back.setVisible(False)
         self.start.setVisible(not running)
+        self.done.setVisible(running and not drifts)
         self.turn_for_me.setVisible(False)
 
-    def show_state(self, alignment: RunningAlignment) -> None:
-        """What can be pressed at this step."""
+    def show_state(self, alignment: RunningAlignment, waiting: bool) -> None:
+        """What can be used at this step; ``waiting`` for the frame after a turn."""
         state = alignment.state
         self.bar.show_share(state.fraction)
-        if state.running:
-            adjusting = state.stage == "adjust"
-            self.again.setVisible(adjusting)  # one of the two: while adjusting they mean the same
-            self.use_frames.setVisible(not adjusting)
-            self.back.setVisible(state.creep_arcsec > 0.0 and not alignment.controls.pressed(PolarButton.BACK))
-            self.use_frames.setEnabled(state.stage != "opening")
-            self.turn_for_me.setEnabled(state.hand_needed)
+        if not state.running:
+            return
+        adjusting, practising = state.stage == "adjust", alignment.adjuster is not None
+        self.turn_for_me.setVisible(practising and not alignment.drifts)
+        self.done.setVisible(not practising and not alignment.drifts)
+        for made in (self.turn_for_me, self.done):
+            made.setEnabled(state.hand_needed and not waiting)
+        self.again.setVisible(adjusting)  # one of the two: while adjusting they mean the same
+        self.use_frames.setVisible(not adjusting)
+        self.use_frames.setEnabled(state.stage != "opening")
+        self.back.setVisible(state.creep_arcsec > 0.0 and not alignment.controls.pressed(PolarButton.BACK))

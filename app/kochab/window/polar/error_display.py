@@ -1,35 +1,36 @@
-"""The Align page: what to do, the polar error in numbers, and the axis drawn around its pole."""
+"""Beside the Polar room: the axis drawn around its pole, whether it is good enough, and what the uncertainty holds."""
 
 import math
+from collections.abc import Callable
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import QBoxLayout, QGridLayout, QSizePolicy, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from kochab.polar.error import (
     Imaging,
     Knob,
     PolarError,
     altitude_in_words,
+    angle_in_words,
     azimuth_in_words,
-    cure,
-    good_enough,
     knob_in_words,
+    limit_in_words,
     split_in_words,
 )
 from kochab.polar.pole import Pole, name_of
 from kochab.polar.report import RINGS_ARCSEC
 from kochab.text.angle_text import round_angle_text
 from kochab.text.translation import tr, tr_noop
-from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.polar.frame_fields import zone_box
+from kochab.window.polar.setup import SECOND_TIP
 from kochab.window.themes import Colours, theme_colours
-from kochab.window.widgets import Page, column, draw_text, label, row, show_text, styled_frame, value_label
+from kochab.window.widgets import Page, button, column, draw_text, label, row, show_text, styled_frame
 from kochab.workflows.session.alignment import AlignmentRequest, FrameSource
-from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
+from kochab.workflows.session.alignment_state import AlignmentState
 
 # Of the drawing's edge; the last is 90 degrees.
-REACHES_ARCSEC = (45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
+REACHES_ARCSEC = (22.0, 45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
 LEAST_RING_PX = 12.0  # smaller rings are left out
 LEAST_ELLIPSE_PX = 2.5
 
@@ -66,8 +67,10 @@ class AxisTarget(QWidget):
     @property
     def reach_arcsec(self) -> float:
         """The error at the edge; those drawn are well inside, with their ellipses."""
-        errors = [e for e in (self.state.error, *self.state.measured[-1:]) if e is not None]
-        most = max((e.total_arcsec + 1.5 * e.ellipse_arcsec()[0] for e in errors), default=280.0)
+        # While a bolt turns the ring follows the live error alone: the last measurement is an older place.
+        before = () if self.state.live else self.state.measured[-1:]
+        errors = [e for e in (self.state.error, *before) if e is not None]
+        most = max((e.total_arcsec + e.with_systematics.ellipse_arcsec()[0] for e in errors), default=280.0)
         return next((r for r in REACHES_ARCSEC if r > 1.1 * most), REACHES_ARCSEC[-1])
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -149,74 +152,6 @@ KNOBS = {
 }
 
 
-class Numbers(QWidget):
-    """The polar error in numbers, its age, warnings and reminders."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.total = value_label(tr("Total error"))
-        self.total.setProperty("role", "title")
-        self.split = label("", "muted", wrap=True)
-        self.split.setAccessibleDescription(tr("Parts of the uncertainty"))
-        self.knobs = {knob: (value_label(tr(title)), label("", "", wrap=True)) for knob, (_, title) in KNOBS.items()}
-        for value, _ in self.knobs.values():
-            value.setProperty("role", "value")
-        self.imaging: Imaging | None = None
-        self.enough = label("", "", wrap=True)
-        self.enough.setAccessibleDescription(tr("Good enough"))
-        self.age = label("", "muted", wrap=True)
-        self.more = label("", "", wrap=True)
-        self.findings = label("", "", wrap=True)
-        self.findings.setAccessibleDescription(tr("Warnings"))
-        self.reminder = label(tr(LOCKED), "muted", wrap=True)
-        self.spinner = Spinner()
-        self._lay_out()
-        self.show_state(AlignmentState(), 0.0)
-
-    def _lay_out(self) -> None:
-        box = styled_frame("card")
-        grid = QGridLayout(box)
-        grid.addWidget(self.total, 0, 0, 1, 2)
-        grid.addWidget(self.split, 1, 0, 1, 2)
-        for line, (knob, (value, way)) in enumerate(self.knobs.items(), 1):
-            grid.addWidget(label(tr(KNOBS[knob][0]), "muted"), 2 * line, 0)
-            grid.addWidget(value, 2 * line, 1)
-            grid.addWidget(way, 2 * line + 1, 0, 1, 2)
-        grid.setColumnStretch(1, 1)
-        age = row(self.spinner, (self.age, 1))
-        column(self.findings, box, self.enough, age, self.reminder, self.more, None, on=self, margins=(0, 0, 0, 0))
-
-    def show_state(self, state: AlignmentState, now_s: float) -> None:
-        """Show a state."""
-        error, old = state.error, state.old(now_s)
-        total = state.total_words
-        self.total.setText(total[0].upper() + total[1:] if total else NONE)
-        parts = (
-            ""
-            if error is None or state.known_error is None or not state.flexure_measured
-            else tr("Uncertainty: {parts}.", parts=split_in_words(error))
-        )
-        show_text(self.split, parts)
-        usable = state.bolt_error
-        show_text(self.enough, good_enough(usable, self.imaging) if usable and self.imaging else "")
-        for knob, (value, way) in self.knobs.items():
-            value.setText(knob_text(state, knob))
-            # A measurement that is not to be trusted gives no arrow.
-            mend = (
-                cure(error, knob)
-                if error is not None and state.tells(knob) and state.checked and not state.spoilt
-                else None
-            )
-            way.setText("" if mend is None else f"{mend.sign} {mend.way}")
-        if self.total.isEnabled() == old:  # each change costs a look at the style sheet
-            self.total.setEnabled(not old)
-        self.spinner.wheel.turn(state.waits(now_s))
-        self.age.setText(state.age_words(now_s))
-        self.reminder.setVisible(state.stage == "adjust")
-        show_text(self.more, more_text(state))
-        show_text(self.findings, "\n".join(f"⚠ {finding.text}" for finding in state.findings))
-
-
 def knob_text(state: AlignmentState, knob: Knob) -> str:
     """The error at a knob, or that a drift does not tell it yet."""
     if state.error is None:
@@ -257,27 +192,74 @@ POLES = {  # without a site of the person's: by the frames' or by the practice t
         tr_noop("Aligning to: Half-way pole of the practice site"),
     ),
 }
-BESIDE = 68  # letters wide, from which on numbers and drawing stand side by side
+MOSTLY = 0.9  # of the ±
 
 
-class AlignPage(Page):
-    """The instruction, the numbers, and the drawing beside them or, in a narrow view, below."""
+class Enough(QWidget):
+    """Whether the error is good enough for somebody's frames: a row if they guide, a row if not."""
 
     def __init__(self) -> None:
         super().__init__()
+        self.rows = tuple((label("", "muted", wrap=True), label("", "", wrap=True)) for _ in range(2))
+        self.ask = label(tr("Fill in “Your frames” in the set-up to see."), "muted", wrap=True)
+        self.setAccessibleName(tr("Good enough?"))
+        parts = [widget for pair in self.rows for widget in pair]
+        column(*parts, self.ask, on=self, spacing=2, margins=(0, 0, 0, 0))
+
+    def show_error(self, error: PolarError | None, imaging: Imaging | None) -> None:
+        """Show how the error stands against what such frames allow."""
+        self.ask.setVisible(imaging is None)
+        if imaging is None:
+            for pair in self.rows:
+                for part in pair:
+                    part.hide()
+            return
+        words = tr("{focal:.0f} mm, {exposure:.0f} s, guided", focal=imaging.focal_mm, exposure=imaging.exposure_s)
+        for (name, value), title, allowed in zip(
+            self.rows, (words, tr("unguided")), (imaging.guided_arcsec, imaging.unguided_arcsec), strict=True
+        ):
+            show_text(name, title)
+            limit = limit_in_words(allowed)
+            if error is None:
+                show_text(value, tr("allows {limit}", limit=limit), "")
+            elif error.total_arcsec <= allowed:
+                show_text(value, tr("allows {limit}: yes, already", limit=limit), "good")
+            else:
+                show_text(value, tr("allows {limit}: not yet", limit=limit), "strong")
+
+
+class AlignPage(Page):
+    """Beside the room: the axis around its pole, whether it is good enough, and what the ± holds."""
+
+    def __init__(self, measure_flexure: Callable[[], None]) -> None:
+        super().__init__()
         self.pole = label("", "muted", wrap=True)
-        self.words = label("", "heading", wrap=True)
-        self.words.setAccessibleDescription(tr("Instruction"))
-        self.detail = label("", "muted", wrap=True)
         self.zone = zone_box()
         self.asks_zone = QWidget()
-        row(label(tr("Clock of the files")), self.zone, None, on=self.asks_zone, margins=(0, 0, 0, 0))
-        self.numbers = Numbers()
+        column(label(tr("Clock of the files")), self.zone, on=self.asks_zone, margins=(0, 0, 0, 0))
         self.target = AxisTarget()
-        box = styled_frame("card")
-        column(self.pole, self.words, self.detail, self.asks_zone, on=box)
-        self.parts = row((self.numbers, 2), (self.target, 3))
-        column(box, on=self, margins=(4, 8, 4, 4)).addLayout(self.parts, 1)
+        self.enough = Enough()
+        self.imaging: Imaging | None = None
+        self.split = label("", "", wrap=True)
+        self.split.setAccessibleDescription(tr("What the ± holds"))
+        self.flexure = button(tr("Measure flexure (1 min)"), measure_flexure, tip=tr(SECOND_TIP))
+        column(
+            label(tr("Where the axis points"), "heading", wrap=True),
+            self.pole,
+            self.asks_zone,
+            (self.target, 1),
+            styled_frame("rule"),
+            label(tr("Good enough?"), "heading", wrap=True),
+            self.enough,
+            styled_frame("rule"),
+            label(tr("What the ± holds"), "heading", wrap=True),
+            self.split,
+            row(self.flexure, None),
+            None,
+            on=self,
+            spacing=8,
+            margins=(4, 8, 4, 4),
+        )
 
     def show_pole(self, request: AlignmentRequest, guess: str) -> None:
         """Name the pole that is aligned to, and say where the axis stood another night."""
@@ -289,18 +271,26 @@ class AlignPage(Page):
             text = tr("Aligning to: {pole}", pole=named[0].upper() + named[1:])
         self.pole.setText("\n".join(filter(None, (text, guess))))
 
-    def show_state(self, state: AlignmentState, now_s: float) -> None:
+    def show_state(self, state: AlignmentState) -> None:
         """Show a state."""
-        self.words.setText(state.words)
-        show_text(self.detail, state.detail)
-        self.numbers.show_state(state, now_s)
         self.target.show_state(state)
+        self.enough.show_error(state.bolt_error, self.imaging)
+        show_text(self.split, uncertainty_words(state))
 
     def ask_zone(self, on: bool, chosen: int) -> None:
         """Ask for the clock of the files, where another would give another axis."""
         self.asks_zone.setVisible(on)
         self.zone.setCurrentIndex(chosen)
 
-    def resizeEvent(self, event: object) -> None:
-        wide = self.width() > BESIDE * self.fontMetrics().averageCharWidth()
-        self.parts.setDirection(QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom)
+
+def uncertainty_words(state: AlignmentState) -> str:
+    """What the ± holds, in one line."""
+    error = state.known_error
+    if error is None:
+        return tr("Not measured yet.")
+    if state.flexure_measured:
+        return f"{split_in_words(error)}."
+    sigma = angle_in_words(error.with_systematics.sigma_total_arcsec)
+    if error.flexure_along_arcsec > MOSTLY * error.with_systematics.sigma_total_arcsec:
+        return tr("±{sigma}, nearly all assumed flexure.", sigma=sigma)
+    return tr("±{sigma}, assumed flexure included.", sigma=sigma)

@@ -18,7 +18,7 @@ from kochab.window.charts.chart import Chart
 from kochab.window.charts.series import ChartAxis, Series
 from kochab.window.dialogs import ask_save, save_task, tell
 from kochab.window.services import Services
-from kochab.window.widgets import Page, button, choice_box, column, label, row
+from kochab.window.widgets import Page, button, choice_box, column, label, row, show_text
 
 DPI, MARGIN_MM, FINE = 150, 15.0, 2.0  # FINE: pixels of a drawing for one of the page
 SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
@@ -96,13 +96,19 @@ class HistoryPage(Page):
         self.which.currentIndexChanged.connect(self._show)
         self.save = button(tr("Save &report…"), self._ask, tip=tr("Numbers and plots, HTML or PDF"))
         self.summary = label(NOTHING, "muted", wrap=True)
+        self.notes = label("", "", wrap=True)
+        self.notes.setAccessibleDescription(tr("All that is known now"))
         time, error = ChartAxis("time", "min"), ChartAxis("error", "arcsec", log=True)
         self.chart = Chart(tr("Polar error over time"), time, error, legend=True)
         self.lines = QPlainTextEdit(readOnly=True, tabChangesFocus=True)
         self.lines.setAccessibleName(tr("Log of the alignment"))
         top = row((self.which, 1), self.save)
-        column(top, self.summary, (self.chart, 2), (self.lines, 3), on=self, margins=(12, 12, 12, 12))
+        column(top, self.summary, self.notes, (self.chart, 2), (self.lines, 3), on=self, margins=(12, 12, 12, 12))
         self._show()
+
+    def note(self, text: str) -> None:
+        """Show all that is known of the alignment under way; the room says the most urgent of it."""
+        show_text(self.notes, text)
 
     @property
     def history(self) -> History | None:

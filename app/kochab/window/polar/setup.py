@@ -14,7 +14,7 @@ from kochab.gear.profiles import current_profile
 from kochab.gear.session import CameraSelection, MountSelection
 from kochab.parsing.angles import parse_positive, parse_site, site_text
 from kochab.polar.bolts import Base
-from kochab.polar.error import Imaging
+from kochab.polar.error import Imaging, angle_in_words
 from kochab.polar.pole import Pole, name_of
 from kochab.text.translation import tr, tr_noop
 from kochab.window.polar.alignment_run import NO_MOUNT
@@ -57,6 +57,21 @@ POLES = {
     Pole.REFRACTED: tr_noop("Refracted pole: best tracking at mid latitudes"),
     Pole.TRUE: tr_noop("True pole: without refraction"),
     Pole.HALF_WAY: tr_noop("Halfway between: best near latitude 20°"),
+}
+SENTENCES = {  # the set-up in one sentence
+    FrameSource.PRACTICE: tr_noop("Align the practice telescope to the {pole} within {goal}. {hand}"),
+    FrameSource.CAMERA: tr_noop("Align to the {pole} within {goal}, with the camera. {hand}"),
+    FrameSource.FILES: tr_noop("Measure the error against the {pole} from files. Drop them here."),
+}
+SHORT_POLES = {
+    Pole.REFRACTED: tr_noop("refracted pole"),
+    Pole.TRUE: tr_noop("true pole"),
+    Pole.HALF_WAY: tr_noop("half-way pole"),
+}
+HANDS = {
+    AxisTurnedBy.PERSON: tr_noop("You rotate RA by hand."),
+    AxisTurnedBy.MOUNT: tr_noop("The mount rotates RA."),
+    AxisTurnedBy.NOBODY: tr_noop("Nobody turns it: the drift is measured."),
 }
 PLANNED = 0.0  # the lowest value, which is shown as words
 NO_SITE = tr_noop("Set your site to see the target's altitude.")
@@ -263,6 +278,12 @@ class AlignmentSetupPanel(Page):
             profile=self._profile_name,
             mount_doubt=self._mount_doubt,
         )
+
+    @property
+    def sentence(self) -> str:
+        """What was chosen, in one sentence."""
+        pole, goal = tr(SHORT_POLES[self.aim.chosen_pole]), angle_in_words(self.aim.goal.value())
+        return tr(SENTENCES[self.frames.chosen], pole=pole, goal=goal, hand=tr(HANDS[self.axis.turned_by]))
 
     @property
     def guess(self) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QMainWindow
 
@@ -28,6 +29,7 @@ class Command:
     tip: str = ""
     switch: bool = False
     short: str = ""  # text on a button
+    everywhere: bool = False  # its keys work in every window of the program, as at the bolts
 
     @property
     def letter(self) -> str:
@@ -181,6 +183,7 @@ COMMANDS = (
         tr_noop("Red light only, for dark-adapted eyes"),
         switch=True,
         short=tr_noop("Night"),
+        everywhere=True,
     ),
     Command(
         "preferences",
@@ -261,6 +264,8 @@ def make_actions(window: QMainWindow) -> Actions:
         action = QAction(tr(command.text), window, checkable=command.switch, iconVisibleInMenu=False)
         action.setObjectName(command.name)
         action.setShortcuts([QKeySequence(k) for k in command.keys.split()])
+        if command.everywhere:
+            action.setShortcutContext(Qt.ShortcutContext.ApplicationShortcut)
         if command.short:
             action.setIconText(tr(command.short))
         keys = f" ({command.keys.split()[0]})" if command.keys else ""

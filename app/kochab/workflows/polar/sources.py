@@ -158,13 +158,17 @@ class CameraSightings:
     """Frames of an opened camera, solved as they come, near the last solution first.
 
     ``clock`` gives the time of frames that carry none, and the zone of times that have none; ``ahead_s`` is how far the
-    newest frame's own time is ahead of it then.
+    newest frame's own time is ahead of it then. ``seen`` hears of every frame, with its solution or None.
     """
 
     def __init__(
-        self, camera: CameraSource, options: SolveOptions | None = None, clock: Callable[[], datetime] | None = None
+        self,
+        camera: CameraSource,
+        options: SolveOptions | None = None,
+        clock: Callable[[], datetime] | None = None,
+        seen: Callable[[Frame, Solution | None], None] = lambda frame, solution: None,
     ) -> None:
-        self._camera = camera
+        self._camera, self._seen = camera, seen
         self._options = options or SolveOptions(timeout_s=10.0)
         self._clock = clock
         self._last: Solution | None = None
@@ -179,6 +183,7 @@ class CameraSightings:
             return None
         moment = self._time_of(frame)
         solved = yield from solve_open_frame(frame, self._near(frame))
+        self._seen(frame, None if isinstance(solved.result, NoSolution) else solved.result)
         if isinstance(solved.result, NoSolution):
             self._near_last = False  # an axis may have been turned further than that
             return solved.result

@@ -18,7 +18,7 @@ from kochab.core.errors import FrameError, KochabError, RefusedError, UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.mount import Ability
 from kochab.core.progress import Progress, Task
-from kochab.core.solution import NoSolution
+from kochab.core.solution import NoSolution, Solution
 from kochab.frames.hints import NO_ZONE
 from kochab.gear.adjusters import AdjusterAxis, Adjusters
 from kochab.gear.mounts.guard import Guard
@@ -144,6 +144,7 @@ class AlignmentTools:
     ``practice`` starts a practice night; ``practising`` hears of the one that is used. ``there``
     gives the one that is under way already, if any: it goes on when the alignment is over.
     ``open_camera`` opens a camera that other views may use too. ``solved`` keeps what files gave, for another try.
+    ``seen`` hears of every frame of a camera, with its solution or None.
     """
 
     controls: PolarControls
@@ -154,6 +155,7 @@ class AlignmentTools:
     there: Callable[[], Practice | None] = lambda: None
     open_camera: OpenCamera | None = None
     solved: "dict[tuple[object, ...], list[SolvedFile]]" = field(default_factory=dict)
+    seen: Callable[[Frame, Solution | None], None] = lambda frame, solution: None
 
 
 def _with_each_step(task: Task[T], change: Callable[[Progress], Progress]) -> Task[T]:
@@ -214,7 +216,7 @@ def align_camera(request: AlignmentRequest, tools: AlignmentTools, guard: Guard 
             turner = mount_turner(guard, camera)
         hint = request.hint if request.source is FrameSource.CAMERA else None
         options = SolveOptions(timeout_s=SOLVE_S, fov_deg=request.fov_deg, hint=hint)
-        source = CameraSightings(camera, options, clock)
+        source = CameraSightings(camera, options, clock, tools.seen)
         settings = MeasureSettings(site, request.pole)
 
         def doubted(step: Progress) -> Progress:

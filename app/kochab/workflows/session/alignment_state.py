@@ -7,6 +7,7 @@ from kochab.polar.drift import Drift
 from kochab.polar.error import Knob, PolarError, total_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.plan import creep_to_show_arcsec
+from kochab.polar.sighting import LocalAttitude
 from kochab.polar.tutor import Instruction, TutorStep
 from kochab.text.translation import number, tr, tr_noop
 from kochab.workflows.polar.update import PolarUpdate, TurnInstruction
@@ -27,6 +28,7 @@ class AlignmentState:
     on the clock of whoever absorbs; ``trail`` are the
     axes seen while adjusting, ``measured`` the errors of the measurements. ``drift`` is what ``error`` is of, where
     nobody turned the axis. ``creep_arcsec`` is what one more frame where the sweep began would show; 0: nothing.
+    ``attitude`` is of the newest frame while adjusting.
     """
 
     stage: str = "idle"
@@ -45,6 +47,7 @@ class AlignmentState:
     measured: tuple[PolarError, ...] = ()
     drift: Drift | None = None
     creep_arcsec: float = 0.0
+    attitude: LocalAttitude | None = None
 
     @property
     def running(self) -> bool:
@@ -114,9 +117,11 @@ class AlignmentState:
         return self.running and (not self.solved or now_s - self.error_at_s > OLD_S)
 
     def age_words(self, now_s: float) -> str:
-        """The age of the number, the same on every screen; empty where there is none or the alignment is over."""
-        if self.error is None or not self.running:
+        """The age of the number, the same on every screen; empty where there is none."""
+        if self.error is None:
             return ""
+        if not self.running:
+            return tr("Last result; not live.")
         text = tr("live {seconds} s ago") if self.live else tr("measured {seconds} s ago")
         if not self.solved:
             text = tr("OLD: newest frame not solved, last result {seconds} s ago")
@@ -199,7 +204,7 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
         if step.live is not None:
             seen = step.live.error
             trail = (*state.trail[-PAST:], (seen.azimuth_on_sky_arcsec, seen.altitude_arcsec))
-            return replace(state, trail=trail, error_at_s=now_s, findings=step.findings)
+            return replace(state, trail=trail, error_at_s=now_s, findings=step.findings, attitude=step.live.attitude)
         return state
     shown = step.drift or step.measurement
     if shown is None:
@@ -211,4 +216,4 @@ def _with_error(state: AlignmentState, step: PolarUpdate, now_s: float) -> Align
         measured = (*state.measured, error) if fresh else state.measured
         # What follows begins a trail of its own.
         return replace(state, error=error, measured=measured, error_at_s=now_s, live=False, trail=())
-    return replace(state, error=error, error_at_s=now_s, live=False)
+    return replace(state, error=error, error_at_s=now_s, live=False, attitude=None)

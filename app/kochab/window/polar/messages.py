@@ -1,0 +1,50 @@
+"""The one message of the Polar room: the most urgent of what is known. All of it stands in the Tonight page."""
+
+from dataclasses import dataclass
+
+from kochab.polar.measure import PolarFindingKind
+from kochab.text.translation import tr
+from kochab.window.polar.error_display import more_text
+from kochab.workflows.session.alignment_state import LOCKED, AlignmentState
+
+QUIET = (PolarFindingKind.DONE, PolarFindingKind.UNCHECKED, PolarFindingKind.FLEXURE_NOT_MEASURED)
+"""Said by the number's ± and by the tutor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A sentence and its role in the style sheet."""
+
+    text: str = ""
+    role: str = "muted"
+
+
+def most_urgent(state: AlignmentState, said: Message) -> Message:
+    """What to say now. ``said`` answers what a person did last; empty where nothing was done or its time is over."""
+    if said.text and said.role == "wrong":
+        return said
+    spoilt = next((finding.text for finding in state.findings if finding.spoils), "")
+    if state.running and spoilt:
+        return Message(spoilt, "wrong")
+    if said.text:
+        return said
+    if state.instruction is not None and state.instruction.note:
+        return Message(state.instruction.note, "wrong")
+    if state.running and not state.solved:
+        return Message(state.detail or tr("Wait for a new frame."), "old")
+    if state.stage != "adjust":
+        if state.turn_instruction is not None:
+            return Message(state.words, "strong")
+        return Message(f"{state.words} {state.detail}".strip())
+    loud = [finding.text for finding in state.findings if finding.kind not in QUIET]
+    if state.stop:
+        return Message(state.words, "good")
+    if loud:
+        return Message(loud[0], "wrong")
+    return Message(tr(LOCKED), "muted")
+
+
+def all_known(state: AlignmentState) -> str:
+    """Everything that is known now, a line each, for the Tonight page."""
+    findings = [f"⚠ {finding.text}" for finding in state.findings]
+    return "\n".join(line for line in (state.words, state.detail, *findings, more_text(state)) if line)

@@ -1,0 +1,129 @@
+"""The Polar room: one number that stays where it is, a card for each knob, one message, and the star to drag."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kochab.polar.error import Knob
+from kochab.polar.measure import PolarFinding, PolarFindingKind
+from kochab.polar.tutor import Instruction, TutorStep
+from kochab.window.polar.error_display import AxisTarget
+from kochab.window.polar.messages import Message, all_known, most_urgent
+from kochab.window.polar.room import KnobCard, NumberCard, standing_of
+from kochab.workflows.session.alignment_state import AlignmentState
+from tests.window.polar_cases import adjusting, error
+
+SLIPPED = PolarFinding(PolarFindingKind.SLIPPING, "RA moved by 29°. Lock it.")
+SPOILT = PolarFinding(PolarFindingKind.DISAGREE, "Something slipped.", spoils=True)
+
+
+def with_(*findings, **changed):
+    return replace(adjusting(300.0, 900.0), findings=findings, **changed)
+
+
+def test_one_message_the_most_urgent_and_all_of_it_in_tonight():
+    """Five voices spoke at once at 16 arcsec."""
+    stray = Instruction(TutorStep.TURN, "That moved azimuth. Turn.", Knob.ALTITUDE, 0.1, note="That moved azimuth.")
+    lost = {"solved": False, "detail": "too few stars"}
+    said = Message("Turned; taking a frame (4 s).")
+    order = [
+        (with_(SLIPPED, SPOILT, instruction=stray, **lost), Message("No mount.", "wrong"), "No mount."),
+        (with_(SLIPPED, SPOILT, instruction=stray, **lost), said, "Something slipped."),
+        (with_(SLIPPED, instruction=stray, **lost), said, "Turned; taking a frame (4 s)."),
+        (with_(SLIPPED, instruction=stray, **lost), Message(), "That moved azimuth."),
+        (with_(SLIPPED, **lost), Message(), "too few stars"),
+        (with_(SLIPPED), Message(), "RA moved by 29°. Lock it."),
+    ]
+    assert [most_urgent(state, told).text for state, told, _ in order] == [words for _, _, words in order]
+    assert "Both axes locked?" in most_urgent(with_(), Message()).text
+    assert all(words in all_known(with_(SLIPPED, SPOILT)) for words in ("Something slipped.", "RA moved by 29°."))
+
+
+def test_a_knob_is_now_next_or_done():
+    state = adjusting(300.0, 900.0)
+    turned = state.instruction.knob
+    other = Knob.ALTITUDE if turned is Knob.AZIMUTH else Knob.AZIMUTH
+    assert standing_of(state, turned, 30.0) == "now"
+    assert standing_of(state, other, 30.0) == "next"
+    small = replace(state, error=error(7.0, 900.0), instruction=replace(state.instruction, knob=Knob.AZIMUTH))
+    assert standing_of(small, Knob.ALTITUDE, 30.0) == "done"
+    assert standing_of(with_(SPOILT), turned, 30.0) == "", "no bolt is to be turned"
+    assert standing_of(AlignmentState("done", error=error(3.0, 4.0)), Knob.ALTITUDE, 30.0) == "done"
+
+
+def test_the_card_of_the_knob_says_the_turn_and_not_what_went_wrong_before(qtbot):
+    told = Instruction(
+        TutorStep.TURN,
+        "That moved azimuth, not altitude. Altitude bolt: a quarter turn clockwise, then wait.",
+        Knob.ALTITUDE,
+        0.25,
+        note="That moved azimuth, not altitude.",
+    )
+    card = KnobCard(Knob.ALTITUDE)
+    qtbot.addWidget(card)
+    card.show_state(with_(instruction=told), 30.0)
+    assert card.way.text() == "Altitude bolt: a quarter turn clockwise, then wait."
+    assert card.title.text() == "Altitude, now"
+    assert card.value.text() == "▼ 5.0′"
+
+
+def test_the_number_greys_when_it_is_old_and_says_for_how_long(qtbot):
+    card = NumberCard()
+    qtbot.addWidget(card)
+    state = replace(adjusting(300.0, 20.0), error_at_s=100.0)
+    card.show_state(state, 102.0)
+    assert (card.total.property("role"), card.age.text()) == ("number", "live 2 s ago")
+    card.show_state(state, 141.0)
+    assert (card.total.property("role"), card.age.text()) == ("number_old", "OLD: 41 s ago")
+    assert card.age.text() == state.age_words(141.0), "as the phone says it"
+
+
+@pytest.mark.parametrize("size", [(1024, 700), (1366, 768), (1600, 1000)])
+def test_the_number_never_moves_and_nothing_covers_anything(qtbot, polar, size):
+    commands, view = polar()
+    commands.window.resize(*size)
+    view.alignment.state, places = adjusting(-900.0, 100.0), []
+    long = PolarFinding(PolarFindingKind.SLIPPING, "RA moved by 29°. Lock its clutch; the result stands. " * 4)
+    for state in (adjusting(-900.0, 100.0), with_(long), with_(SPOILT, solved=False), adjusting(-54000.0, 20.0)):
+        view.alignment.state = state
+        view._show()
+        qtbot.wait(50)
+        room = view.room
+        assert room.isVisible()
+        places.append(room.number.total.mapTo(room, room.number.total.rect().topLeft()))
+        assert not room.over.geometry().intersects(room.bar.geometry())
+        assert room.rect().contains(room.bar.geometry())
+        assert room.number.total.sizeHint().width() <= room.number.total.width(), "in one line, whole"
+    assert len({(at.x(), at.y()) for at in places}) == 1
+
+
+def test_four_buttons_and_a_menu(polar):
+    _, view = polar()
+    for state in (AlignmentState(), adjusting(-900.0, 100.0)):
+        view.alignment.state = state
+        view._enable(state.running)
+        view._show()
+        made = [b for b in (*vars(view.buttons).values(),) if hasattr(b, "click") and b.isVisible()]
+        assert len(made) == 5, [b.text() for b in made]
+    view._enable(False)
+
+
+def test_the_ring_follows_the_error_from_half_a_degree_to_seconds(qtbot):
+    target = AxisTarget()
+    qtbot.addWidget(target)
+    reach = []
+    for total in (1800.0, 300.0, 60.0, 5.0):
+        target.show_state(replace(adjusting(total, 0.0), live=True, measured=(error(1800.0, 0.0),)))
+        reach.append(target.reach_arcsec / total)
+    assert np.all(np.array(reach[:3]) < 12.0)
+    assert target.reach_arcsec <= 45.0
+
+
+def test_numbers_and_picture_of_a_telescope_that_is_gone_are_not_left(polar):
+    _, view = polar()
+    view.alignment.state = AlignmentState("done", "12″", error=error(10.0, 5.0))
+    view.alignment._forget()
+    view._show()
+    assert view.room.number.total.text() == "–"
+    assert view.room.frame.picture is None
