@@ -212,6 +212,11 @@ def test_nothing_else_is_there(client, path) -> None:
     assert client.ask("GET", path)[0] == 404
 
 
+@pytest.mark.parametrize("path", ["http://[x/", "/api/jobs/1?" + "a=1&" * 50])
+def test_an_address_that_is_none_is_refused(client, path) -> None:
+    assert client.ask("GET", path)[0] == 400
+
+
 def test_another_name_for_this_host_is_refused(server) -> None:
     assert Client(server, "evil.example").ask("GET", f"/{KEY}/")[0] == 421
     assert Client(server, f"localhost:{server.address[1]}").ask("GET", f"/{KEY}/")[0] == 200

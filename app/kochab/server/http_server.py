@@ -128,8 +128,11 @@ class _Handler(BaseHTTPRequestHandler):
     def _handle(self, body: bytes) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
             return self._send(_said(HTTPStatus.MISDIRECTED_REQUEST))
-        split = urlsplit(self.path)
-        query = {name: values[0] for name, values in parse_qs(split.query, max_num_fields=20).items()}
+        try:
+            split = urlsplit(self.path)
+            query = {name: values[0] for name, values in parse_qs(split.query, max_num_fields=20).items()}
+        except ValueError:
+            return self._send(_said(HTTPStatus.BAD_REQUEST))
         form, file = parse_form(self.headers.get("Content-Type", ""), body)
         try:
             response = self.server.answer(Request(self.command, split.path, query, form, file))
