@@ -243,7 +243,7 @@ def whole(path: Path) -> bool:
         case ".zip":
             return zipfile.ZipFile(io.BytesIO(data)).testzip() is None
         case ".csv" | ".reg":  # stars, objects, stars and objects
-            count = 26 if "objects" in path.name else 501 if path.suffix == ".csv" else 527
+            count = 27 if "objects" in path.name else 501 if path.suffix == ".csv" else 528
             return data.count(b"\n") == count and data.endswith(b"\n")
         case ".pdf":
             return data.startswith(b"%PDF-") and data.endswith(b"%%EOF\n")
@@ -274,7 +274,9 @@ def faults(folder: Path, before: dict[str, bytes]) -> list[str]:
                 found.append(f"{name} is neither as it was nor whole: {type(error).__name__}: {error}")
             else:
                 if not good:
-                    found.append(f"{name} is neither as it was nor whole ({path.stat().st_size} bytes)")
+                    found.append(
+                        f"{name} is neither as it was nor whole ({path.stat().st_size} bytes, {len(path.read_bytes().splitlines())} lines)"
+                    )
     return found + _volume(folder)
 
 

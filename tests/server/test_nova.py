@@ -212,9 +212,8 @@ def test_nothing_else_is_there(client, path) -> None:
     assert client.ask("GET", path)[0] == 404
 
 
-@pytest.mark.parametrize("path", ["http://[x/", "/api/jobs/1?" + "a=1&" * 50])
-def test_an_address_that_is_none_is_refused(client, path) -> None:
-    assert client.ask("GET", path)[0] == 400
+def test_an_address_with_too_many_fields_is_refused(client) -> None:
+    assert client.ask("GET", "/api/jobs/1?" + "a=1&" * 50)[0] == 400
 
 
 def test_another_name_for_this_host_is_refused(server) -> None:

@@ -127,6 +127,8 @@ WITHOUT_WINDOW = (
     "kochab.identification.",
     "kochab.simulate.",
     "kochab.server.",
+    "kochab.workflows.astrometry_tables:",  # of other programs' command lines and web pages
+    "kochab.workflows.other_solvers:",
 )
 """Rooms whose errors reach the terminal, or a window only in the Laboratory and in practice."""
 WITHOUT_QT = {"kochab.window.display_check"}  # says on the terminal that there is no window
@@ -438,7 +440,15 @@ def unmarked(top: QWidget, names: set[str] = frozenset()) -> list[str]:
 
 
 NAMES_SHOWN = {
-    *("orion.fits", "sample.fits", "A sample", "To try", "Flame Nebula", "Orion"),  # of files, samples and the sky
+    *(
+        "orion.fits",
+        "sample.fits",
+        "A sample",
+        "To try",
+        "Flame Nebula",
+        "Orion's Belt",
+        "Orion",
+    ),  # of files, samples and the sky
     *IDENTIFIERS,
     *DETECTORS,
     *ESTIMATORS,  # as on the command line

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from kochab.core.errors import KochabError, UsageError
 from kochab.folders import config_folder, data_folder
+from kochab.parsing.text_input import read_text
 from kochab.server.hand_over import Place, connected, place, worker_command
 from kochab.server.http_server import LOOPBACK, HttpServer
 
@@ -108,7 +109,7 @@ def _key(new: bool) -> str:
     """The key of this user, the same every time, so that a program is set up once; only its owner may read it."""
     path = config_folder() / "nova-key"
     if not new and path.is_file():
-        key = path.read_text("ascii", "replace").strip()
+        key = read_text(path, "replace").strip()
         if re.fullmatch(r"[a-z0-9]{16,64}", key):
             return key
     key = secrets.token_hex(16)

@@ -31,6 +31,7 @@ from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.folders import data_folder
+from kochab.parsing.text_input import TextError, parse_json
 from kochab.server.http_server import Request, Response
 from kochab.text.translation import tr
 from kochab.workflows import astrometry_tables
@@ -110,8 +111,8 @@ class Nova:
 
     def _posted(self, what: str, request: Request) -> Json:
         try:
-            asked = json.loads(request.form.get("request-json", ""))
-        except (ValueError, RecursionError):
+            asked = parse_json(request.form.get("request-json", ""))
+        except TextError:
             asked = None
         if not isinstance(asked, dict):
             raise UsageError("no json")

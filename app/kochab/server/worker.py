@@ -12,7 +12,6 @@ who connects. It ends when idle, and when a command of another version comes.
 import gc
 import io
 import os
-import resource
 import select
 import signal
 import socket
@@ -33,7 +32,7 @@ OLD_S = 5.0
 """How long a child whose command has gone may take to cancel its work."""
 ANOTHER_ASKED = 75
 """A child's exit code when another version was asked for: the parent then ends."""
-PASSED = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+PASSED = {signal.SIGINT, signal.SIGTERM, *({signal.SIGHUP} if hasattr(signal, "SIGHUP") else ())}
 
 
 class Worker:
@@ -254,6 +253,8 @@ class _Told(io.FileIO):
 
 def _take_over(connection: socket.socket, request: _Request) -> None:
     """Make this process what the command's own would be."""
+    import resource
+
     for number, descriptor in enumerate(request.descriptors[:3]):
         os.dup2(descriptor, number)
         os.close(descriptor)

@@ -60,6 +60,12 @@ MEASURED = [
     {"driver": "am5", "line": "power cuts"} | dict.fromkeys(KINDS, 0),
     {"driver": "am5", "line": "home and park", "wrong": 0},
     {"driver": "am5", "line": "broken in a slew", "wrong": 0},
+    {"driver": "am5", "line": "ends", "wrong": 0},
+    *(
+        {"driver": "all", "line": line, "failed": 0}
+        for line in ("asked again after a silence", "cut between two programs")
+    ),
+    {"driver": "all", "line": "seen to stand", "failed": 0},
     {"driver": "am5", "line": "syncs by hand", "shift_deg": 20.0},
     {"driver": "none given", "line": "stop without a driver", "byte_s": 0.4},
     {"driver": "am5", "line": "conformance", "failed": 0},
@@ -77,6 +83,8 @@ SPOILT = [
     {"false": 1},
     {"wrong": 1},
     {"wrong": 1},
+    {"wrong": 1},
+    *({"failed": k} for k in (1, 1, 1)),
     {"shift_deg": 21.0},
     {"byte_s": 0.6},
     *({"failed": k} for k in (1, 1, 1, 1, 2)),
@@ -85,7 +93,7 @@ SPOILT = [
 
 def test_what_is_measured_in_a_checkout_misses_its_goal_where_one_driver_does() -> None:
     stop = {"line": "stop", "byte_ms": 3.0, "stands": True, "mute_s": 4.0}
-    assert [goal.met for goal in mount_stops.goals([stop])] == [True] * 3 + [None] * 17, "not measured is not met"
+    assert [goal.met for goal in mount_stops.goals([stop])] == [True] * 3 + [None] * 21, "not measured is not met"
     assert all(goal.met for goal in mount_stops.goals([stop, *MEASURED]))
     for k, worse in enumerate(SPOILT):
         rows = [row | worse if j == k else row for j, row in enumerate(MEASURED)]
@@ -117,7 +125,7 @@ def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     monkeypatch.setattr(mount_stops, "rows", lambda names: [row | {"driver": name} for name in names])
     monkeypatch.setattr(mount_stops, "elsewhere", lambda quick, report: MEASURED)
     result = mount.run(True, lambda line: None)
-    assert [goal.met for goal in result.goals] == [True] * 24
+    assert [goal.met for goal in result.goals] == [True] * 28
     assert "10 arcsec in at most 3 corrections" in result.goals[0].name
     assert BENCHES["mount"] == "kochab.lab.bench.mount:run"
     assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults", "stop"} | {
@@ -210,7 +218,7 @@ def test_a_stopped_and_a_mute_mount_are_rows_that_say_by_whom_they_were_written(
 
 def test_what_is_too_late_misses_its_goal() -> None:
     row = {"line": "stop", "byte_ms": 101.0, "stands": False, "mute_s": 5.1}
-    assert [goal.met for goal in mount_stops.goals([row])] == [False] * 3 + [None] * 17
+    assert [goal.met for goal in mount_stops.goals([row])] == [False] * 3 + [None] * 21
 
 
 def test_indi_s_drivers_are_those_that_are_tried_at_the_simulators() -> None:

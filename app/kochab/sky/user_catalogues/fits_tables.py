@@ -65,8 +65,10 @@ def map_tables(path: Path) -> FitsTables:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         found = list(_units(mapped))
     except KeyError as error:
-        why = f"its header lacks {error.args[0]}"
-        raise CatalogueError("{name} is not a FITS file of tables ({why}).", name=path.name, why=why) from error
+        card = error.args[0]
+        raise CatalogueError(
+            "{name} is not a FITS file of tables: it lacks {card}.", name=path.name, card=card
+        ) from error
     except (OSError, ValueError, TypeError, OverflowError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise CatalogueError("{name} is not a FITS file of tables ({why}).", name=path.name, why=why) from error

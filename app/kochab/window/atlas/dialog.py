@@ -15,9 +15,12 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
 from kochab.gear.actions import reasons_against
+from kochab.sky.catalogue import Catalogue
 from kochab.sky.finder import NotFound
 from kochab.sky.landmarks import constellation_at
 from kochab.sky.layer import Mark
+from kochab.sky.milky_way import MilkyWay
+from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body
 from kochab.text.angle_text import AngleStyle, angle_text, dec_text, ra_text, radec_plain
 from kochab.text.translation import number, tr, tr_noop
@@ -76,7 +79,7 @@ class Atlas(QDialog):
         services.session.solved.connect(self._solved)
         services.session.opened.connect(self._date)
         job = services.jobs.run(read_sky(), "sky")
-        job.succeeded.connect(lambda read: self.chart.fill(*read))
+        job.succeeded.connect(self._fill)
         job.failed.connect(self.description.setText)
         self._date()
         self._solved(frame := services.session.known.solution)
@@ -87,6 +90,9 @@ class Atlas(QDialog):
         self._frame()
         self._say()
         self.resize(980, 640)
+
+    def _fill(self, read: tuple[SkyTables, Catalogue, MilkyWay]) -> None:
+        self.chart.fill(*read)
 
     def _date(self) -> None:
         """Show the planets as they stood when the open frame was taken, or as they stand."""

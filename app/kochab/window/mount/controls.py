@@ -97,7 +97,8 @@ class TrackingChoice(ChoiceBox):
     wanted = Signal(TrackingRate)
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(letters=8)
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         named(self, tr("Tracking rate"))
         for rate, text in RATES.items():
             self.addItem(tr(text), rate)

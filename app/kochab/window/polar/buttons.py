@@ -38,7 +38,7 @@ class AlignmentButtons:
         self.turn_for_me = button(
             tr("Turn it &for me"), do["turn"], "main", tr("Let the practice telescope make this turn")
         )
-        self.at_bolts = button(tr("Big digits F7"), do["bolts"], tip=tr("Full screen, readable from three metres (F7)"))
+        self.at_bolts = button(tr("Big digits"), do["bolts"], tip=tr("Full screen, readable from three metres (F7)"))
         tip = tr("Sound cues at the mount: {description}", description=sounds)
         self.sound = button(tr("So&unds"), do["sounds"], tip=tip)
         self.sound.setCheckable(True)

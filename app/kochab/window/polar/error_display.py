@@ -242,7 +242,7 @@ class AlignPage(Page):
         self.imaging: Imaging | None = None
         self.split = label("", "", wrap=True)
         self.split.setAccessibleDescription(tr("What the ± holds"))
-        self.flexure = button(tr("Measure flexure (1 min)"), measure_flexure, tip=tr(SECOND_TIP))
+        self.flexure = button(tr("Measure flexure"), measure_flexure, tip=tr(SECOND_TIP))
         column(
             label(tr("Where the axis points"), "heading", wrap=True),
             self.pole,

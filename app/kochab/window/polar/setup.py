@@ -75,7 +75,7 @@ HANDS = {
 }
 PLANNED = 0.0  # the lowest value, which is shown as words
 NO_SITE = tr_noop("Set your site to see the target's altitude.")
-SECOND_TIP = tr_noop("Measures flexure, which a single sweep cannot tell from the axis error")
+SECOND_TIP = tr_noop("Measures flexure, which a single sweep cannot tell from the axis error; takes about a minute")
 NAME = "polar"  # in the settings
 
 

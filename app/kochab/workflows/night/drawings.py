@@ -182,7 +182,8 @@ def sharpness_map(shape: FieldOfSharpness, size: tuple[int, int]) -> str:
     at = f'x="{width / 2:.0f}" y="{height / 2 + 5:.0f}" text-anchor="middle"'
     middle = f'<text class="value" {at}>{shape.at(0, 0).text()}</text>'
     box = f'<rect class="box" x="0" y="0" width="{width:.0f}" height="{height:.0f}"/>'
+    label = tr("FWHM over the frame")
     return (
-        f'<svg class="map" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{tr("FWHM over the frame")}">'
+        f'<svg class="map" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{label}">'
         f"{''.join(cells)}{box}{''.join(words)}{middle}</svg>"
     )

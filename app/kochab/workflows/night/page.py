@@ -63,7 +63,8 @@ def night_page(night: Night, name: str) -> str:
     parts.append(f'<p class="advice">{escape(advice_of(night))}</p>')
     parts.append(f'<div class="tiles">{"".join(_tiles(night))}</div>')
     if drawn := timeline(night):
-        parts.append(f"<section><h2>{escape(tr('Through the night'))}</h2>{drawn}</section>")
+        heading = tr("Through the night")
+        parts.append(f"<section><h2>{escape(heading)}</h2>{drawn}</section>")
     if night.shape and night.fwhm:
         parts.append(_field(night))
     if night.tracking:
@@ -73,7 +74,8 @@ def night_page(night: Night, name: str) -> str:
             shown = "".join(_figure(night, k) for k in rows)
             parts.append(f'<section><h2>{escape(heading)}</h2><div class="frames">{shown}</div></section>')
     notes = "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(night))
-    parts.append(f"<section><h2>{escape(tr('How to read this'))}</h2>{notes}</section>")
+    heading = tr("How to read this")
+    parts.append(f"<section><h2>{escape(heading)}</h2>{notes}</section>")
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -197,7 +199,7 @@ def _notes(night: Night) -> list[str]:
         notes.append(tr("Drift is not measured: the frames do not say when they were taken."))
     if n := sum(frame.sky.altitude_deg < 0.0 for frame in night.frames if frame.sky):
         one = tr_n("{n} frame is below the horizon.", "{n} frames are below the horizon.", n)
-        notes.append(f"{one} {tr('Check site and clock.')}")
+        notes.append(one + " " + tr("Check site and clock."))
     if not any(frame.sky for frame in night.frames):
         notes.append(tr("Altitude, Moon and twilight need a site and times: add --site."))
     return notes
