@@ -537,9 +537,12 @@ def test_every_text_of_a_connected_mount_is_translated(qtbot, solved_abroad, dri
         names = NAMES_SHOWN | MOUNTS_SHOWN
         left = unmarked(window, names)
         assert not left, "\n".join(left)
-        for _ in range(2):
+
+        def fits() -> None:
             resize(qtbot, window, 1024, 700)
-        assert (window.width(), window.height()) == (1024, 700)
+            assert (window.width(), window.height()) == (1024, 700)
+
+        qtbot.waitUntil(fits)  # what was there before the mount answered may be wider
         assert cut(window) == []
         assert whole(window, mount.view.stop)
         if Ability.SYNC not in mount.opening.guard.lacks:
@@ -579,7 +582,8 @@ def test_a_longer_language_is_whole_on_1024_by_700(qtbot, solved_abroad, mode):
         resize(qtbot, window, 1024, 700)
     assert (window.width(), window.height()) == (1024, 700)
     room = window.pages.currentWidget()
-    for shown in (room.card, room.strip) if window.in_room else (card, card.ra, card.dec, panes.buttons):
+    first = (room.number if mode == "polar" else room.card, room.strip) if window.in_room else ()
+    for shown in first or (card, card.ra, card.dec, panes.buttons):
         assert whole(window, shown), shown
     left = cut(window)
     assert not left, "\n".join(left)

@@ -42,7 +42,7 @@ class OrderButtons:
         self.model = ExplainedButton(tr("Pointing model"), orders.use_model, tr(MODEL_TIP))
         self.spiral = ExplainedButton(tr("Spiral search"), orders.spiral, tr(SPIRAL_TIP))
         tip = tr("Click a star in the frame, then where to put it")
-        self.move_star = ExplainedButton(tr("Move star to…"), move_star.begin, tip)
+        self.move_star = ExplainedButton(tr("Move star…"), move_star.begin, tip)
         self.settles = {
             n: ExplainedButton(tr(text), partial(orders.settle, n), tr(tip)) for n, (text, tip) in SETTLES.items()
         }

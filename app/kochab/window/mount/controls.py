@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from PySide6.QtCore import QEvent, QObject, QStringListModel, Qt, QTimer, Signal
+from PySide6.QtCore import QEvent, QObject, QSize, QStringListModel, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent, QStandardItemModel
 from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, QWidget
 
@@ -97,14 +97,18 @@ class TrackingChoice(ChoiceBox):
     wanted = Signal(TrackingRate)
 
     def __init__(self) -> None:
-        super().__init__(letters=8)
-        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        super().__init__()
         named(self, tr("Tracking rate"))
         for rate, text in RATES.items():
             self.addItem(tr(text), rate)
         self.explanation = Explanation(self, tr("What the mount follows; King’s rate is sidereal with refraction"))
         self._shown: TrackingRate | None = None
         self.activated.connect(self._choose)
+
+    def minimumSizeHint(self) -> QSize:
+        """No wider than a rate: Qt counts the placeholder too, which is long in other languages."""
+        hint = super().minimumSizeHint()
+        return QSize(min(hint.width(), 18 * self.fontMetrics().averageCharWidth()), hint.height())
 
     def show_state(self, state: MountState, reasons: Mapping[str, str]) -> None:
         """Show the tracking rate; ``reasons`` say, by action, why a rate cannot be chosen."""

@@ -112,12 +112,12 @@ class MountView(View):
         for hidden in (self.unfold, self.bar, self.cancel_find, self.message, self.why, self.flip):
             hidden.setVisible(False)
         self.area, self.picture = scrolled(self._side()), PictureAge(self._services.session)
-        whole = column(self.unfold, (self.area, 1), self.picture, on=self, margins=(8, 8, 8, 8))
+        whole = column(self.unfold, (self.area, 1), self.picture, on=self, margins=(6, 8, 6, 8))
         whole.setAlignment(self.unfold, Qt.AlignmentFlag.AlignTop)
         strip, progress = styled_frame("card"), row((self.bar, 1), self.cancel_find)
         self.go.lay_out(self.buttons.sync)
         said = row((self.message, 1), self.flip)
-        column(self.go, said, self.why, progress, on=strip, spacing=4, margins=(14, 10, 14, 10))
+        column(self.go, said, self.why, progress, on=strip, spacing=4, margins=(10, 10, 10, 10))
         self.room = MountRoom(self._services, self.pointing, strip, self.aim)
 
     def _side(self) -> QWidget:
@@ -138,7 +138,7 @@ class MountView(View):
         self.settings = Fold(tr("Connection, limits, camera"), *set_once)
         inside, top = page(), row((self.name, 1), self.leave, self.fold)
         parts = (top, self.connection, self.doubted, self.compared, self.moving, self.settings, None)
-        column(*parts, on=inside, spacing=12, margins=(4, 4, 4, 4))
+        column(*parts, on=inside, spacing=12, margins=(2, 4, 2, 4))
         return inside
 
     def _connect(self) -> None:
