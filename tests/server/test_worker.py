@@ -84,7 +84,10 @@ class Listener:
             return
         self.socket.close()
         with connection:
-            self.heard = connection.recv(100_000)
+            # All of it: whoever closes with bytes unread resets the line, and the reply is lost.
+            with connection.makefile("rb") as request:
+                head = request.read(len(MAGIC) + 4)
+                self.heard = head + request.read(int.from_bytes(head[len(MAGIC) :], "big"))
             connection.send(reply)
 
     def close(self) -> bytes:

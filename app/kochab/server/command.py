@@ -97,7 +97,9 @@ def _serve_nova(host: str, port: int, new_key: bool) -> int:
             address = "http://{}:{}".format(*server.address)
             print(f"Address for programs, in place of https://nova.astrometry.net: {address}\nAPI key: {key}")
             print(f"Page to drop images on: {address}/{key}/\nCtrl-C ends it.", flush=True)
-            threading.Event().wait()
+            over = threading.Event()
+            while not over.wait(0.5):  # a signal that another thread takes does not wake a wait without an end
+                pass
         finally:
             server.stop()
     finally:
