@@ -85,6 +85,7 @@ class MountActions(QObject):
         super().__init__(control)
         self.auto_frame = True
         self.held = False  # nudges follow one another while a controller's direction is held: no frame between them
+        self._frameless = False  # the nudge that runs was held when it began: its end may come after it was let go
         self._control = control
         control.ended.connect(self._ended)
 
@@ -158,6 +159,7 @@ class MountActions(QObject):
     def nudge(self, direction: Direction, arcsec: float, rate_deg_s: float = 0.0) -> None:
         """Move a little, at a rate of the mount or, for 0, at the slowest suitable one."""
         name = "nudge dec" if direction.in_dec else "nudge"
+        self._frameless = self.held
         self._control.ask(name, lambda guard: nudge(guard, direction, arcsec, rate_deg_s=rate_deg_s))
 
     def move_star(self, star: tuple[float, float], here: tuple[float, float]) -> None:
@@ -209,7 +211,8 @@ class MountActions(QObject):
             return
         self._answered(word.name, word.result)
         moved = action(word.name).frame_after and not isinstance(word.result, FlipQuestion)
-        if moved and self.auto_frame and not self.held and self._control.telescope.camera is not None:
+        frameless = self.held or (self._frameless and word.name.startswith("nudge"))
+        if moved and self.auto_frame and not frameless and self._control.telescope.camera is not None:
             self.take_frame()
 
     def _answered(self, name: str, result: Any) -> None:
