@@ -388,7 +388,7 @@ def test_the_side_folds_away_on_a_small_window_and_comes_back(qtbot, opened):
         window.resize(1024, 700)
         QApplication.processEvents()
         view, dock = mount.view, commands.views.docks["mount"]
-        wide, before = view.room.width(), dock.width()
+        wide = view.room.width()
         view.fold.click()
         qtbot.waitUntil(lambda: view.room.width() > wide + 150, timeout=5_000)
         assert dock.width() <= 64
@@ -397,5 +397,5 @@ def test_the_side_folds_away_on_a_small_window_and_comes_back(qtbot, opened):
         assert view.go.centre.isVisible()
         assert (window.width(), window.height()) == (1024, 700)
         view.unfold.click()
-        qtbot.waitUntil(lambda: dock.width() > 0.9 * before, timeout=5_000)
+        qtbot.waitUntil(lambda: dock.width() > 200, timeout=5_000)
         assert view.pad.isVisible()
