@@ -390,8 +390,7 @@ def test_the_side_folds_away_on_a_small_window_and_comes_back(qtbot, opened):
         view, dock = mount.view, commands.views.docks["mount"]
         wide = view.room.width()
         view.fold.click()
-        qtbot.waitUntil(lambda: view.room.width() > wide + 150, timeout=5_000)
-        assert dock.width() <= 64
+        qtbot.waitUntil(lambda: dock.width() <= 64 and view.room.width() > wide + 150, timeout=5_000)
         assert view.stop.isVisible()
         assert view.pointing.isVisible()
         assert view.go.centre.isVisible()
