@@ -25,11 +25,11 @@ from kochab.sky.solar_system import Body
 from kochab.text.angle_text import AngleStyle, angle_text, dec_text, ra_text, radec_plain
 from kochab.text.translation import number, tr, tr_noop
 from kochab.window.atlas.chart import StarChart
+from kochab.window.atlas.chart_menu import offer_menu
 from kochab.window.atlas.mosaic import Mosaic
 from kochab.window.atlas.sky_reading import read_bodies, read_sky
-from kochab.window.frame.place_menu import links, place_menu
 from kochab.window.frame.search import sought, taken_for
-from kochab.window.image.object_card import facts, vector_of
+from kochab.window.image.object_card import facts
 from kochab.window.services import Services
 from kochab.window.widgets import button, column, copy_text, form, label, number_field, row, switch, text_field
 
@@ -163,18 +163,4 @@ class Atlas(QDialog):
         self._aim("centre", radec_plain(*radec_deg(self.chart.centre), AngleStyle.DECIMAL))
 
     def _offer(self, at: QPointF, where: QPoint) -> QMenu | None:
-        """What can be done with what is at a place of the chart."""
-        chart, tables = self.chart, self.chart.overlay.tables
-        if tables is None:
-            return None
-        mark = chart.mark_at(at)
-        vector = chart.sky_at(at) if mark is None else vector_of(tables, mark, chart.sheet)
-        against = reasons_against(self._services.mount.situation)
-        pages = {} if mark is None else links(tables, mark, vector, 0.5)
-        place, name = radec_deg(vector), "" if mark is None else mark.text
-        menu = place_menu(self, name, place, self._services.settings.angle_style, pages, against, self._aim)
-        middle = menu.addAction(tr("&Middle of the chart"))
-        middle.triggered.connect(partial(chart.look, vector))
-        menu.aboutToHide.connect(menu.deleteLater)
-        menu.popup(where)
-        return menu
+        return offer_menu(self.chart, self._services, self._aim, at, where)

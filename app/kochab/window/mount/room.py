@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from datetime import UTC, datetime
-from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, QPoint, QPointF, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QHideEvent, QKeyEvent, QShowEvent
@@ -11,7 +10,6 @@ from PySide6.QtWidgets import QMenu, QWidget
 from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors
 from kochab.core.frame import Site
-from kochab.gear.actions import reasons_against
 from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.catalogue import Catalogue
@@ -20,8 +18,8 @@ from kochab.sky.sky_tables import SkyTables
 from kochab.text.angle_text import AngleStyle, angle_text, radec_plain
 from kochab.text.translation import tr
 from kochab.window.atlas.chart import StarChart
+from kochab.window.atlas.chart_menu import offer_menu
 from kochab.window.atlas.sky_reading import read_bodies, read_sky
-from kochab.window.frame.place_menu import links, place_menu
 from kochab.window.image.object_card import vector_of
 from kochab.window.mount.sky_overlay import MountMarks
 from kochab.window.services import Services
@@ -198,20 +196,7 @@ class MountRoom(Page):
             self.picked.emit(mark.text)
 
     def _offer(self, at: QPointF, where: QPoint) -> QMenu | None:
-        """What can be done with what is at a place of the chart."""
-        chart, tables = self.chart, self.chart.overlay.tables
-        if tables is None:
-            return None
-        mark = chart.mark_at(at)
-        vector = chart.sky_at(at) if mark is None else vector_of(tables, mark, chart.sheet)
-        against = reasons_against(self._services.mount.situation)
-        pages = {} if mark is None else links(tables, mark, vector, 0.5)
-        style, name = self._services.settings.angle_style, "" if mark is None else mark.text
-        menu = place_menu(self, name, radec_deg(vector), style, pages, against, self._aim)
-        menu.addAction(tr("&Middle of the chart")).triggered.connect(partial(chart.look, vector))
-        menu.aboutToHide.connect(menu.deleteLater)
-        menu.popup(where)
-        return menu
+        return offer_menu(self.chart, self._services, self._aim, at, where)
 
     # -- where things lie --------------------------------------------------------------------------
 
