@@ -35,7 +35,7 @@ from kochab.parsing.text_input import TextError, parse_json
 from kochab.server.http_server import Request, Response
 from kochab.text.translation import tr
 from kochab.workflows import astrometry_tables
-from kochab.workflows.other_solvers import arcsec_px, parity, up_deg, within_scale
+from kochab.workflows.other_solvers import arcsec_px, parity, scale_between, up_deg, within_scale
 
 Json = dict[str, Any]
 SOLVING, SUCCESS, FAILURE = "solving", "success", "failure"
@@ -59,7 +59,6 @@ class Job:
     finished: datetime | None = None
     solution: Solution | None = None
     detections: Detections | None = None
-    frame: Frame | None = None
     reason: str = ""
     made: dict[str, bytes] = field(default_factory=dict)
 
@@ -206,18 +205,15 @@ def solve(job: Job) -> Solution | NoSolution:
     from kochab.solver import SolveOptions
     from kochab.solver.pipeline import examine_frame, solve_detections, within_radius
 
-    options = SolveOptions(timeout_s=TIMEOUT_S)
     if job.path is None:
         job.detections = star_list(job.settings)
         hint, scale, centre = bounds_of(job, job.detections.width)
         result = drive(solve_detections(job.detections, SolveOptions(timeout_s=TIMEOUT_S, hint=hint)))
     else:
-        job.frame = drive(reading(job.path, TIMEOUT_S))
-        hint, scale, centre = bounds_of(job, job.frame.width)
-        options = SolveOptions(timeout_s=TIMEOUT_S, hint=hint)
-        examined = drive(examine_frame(job.frame, options))
+        frame = drive(reading(job.path, TIMEOUT_S))  # not kept but read again when it is drawn: hundreds of megabytes
+        hint, scale, centre = bounds_of(job, frame.width)
+        examined = drive(examine_frame(frame, SolveOptions(timeout_s=TIMEOUT_S, hint=hint)))
         job.detections, result = examined.detections, examined.result
-        job.frame = None  # read again when it is drawn: hundreds of megabytes
     return within_radius(within_scale(result, scale), centre)
 
 
@@ -244,10 +240,7 @@ def bounds_of(
     if given.get("scale_type") == "ev" and (middle := _number(given, "scale_est", 1e-9, 1e9)) is not None:
         play = (_number(given, "scale_err", 0.0, 100.0) or 10.0) / 100.0
         low, high = middle * (1.0 - min(play, 0.999)), middle * (1.0 + play)
-    scale = None
-    if low is not None or high is not None:
-        ends = sorted(to_scale(v, width) for v in (low or (high or 0.0) / 1e3, high or (low or 0.0) * 1e3))
-        scale = (ends[0], ends[1])
+    scale = scale_between(low, high, to_scale, width)
     ra, dec = _number(given, "center_ra", -360.0, 720.0), _number(given, "center_dec", -90.0, 90.0)
     radius, centre = _number(given, "radius", 1e-6, 180.0), None
     if ra is not None and dec is not None:

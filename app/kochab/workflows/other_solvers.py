@@ -52,6 +52,26 @@ def arcsec_px(units: str) -> Callable[[float, int], float]:
     raise UsageError(f"{units[:40]} is none of the units degwidth, arcminwidth, arcsecperpix, focalmm.")
 
 
+def scale_between(
+    low: float | None, high: float | None, to_scale: Callable[[float, int], float], width: int
+) -> tuple[float, float] | None:
+    """Both ends of the pixel scale, arcsec/px, the smaller first; None without bounds.
+
+    Parameters
+    ----------
+    low, high : float or None
+        Bounds in the caller's units; one alone leaves three orders of magnitude to the other side.
+    to_scale : Callable
+        What turns them into arcsec/px, as :func:`arcsec_px` gives it.
+    width : int
+        Of the frame, px.
+    """
+    if low is None and high is None:
+        return None
+    one, other = sorted(to_scale(v, width) for v in (low or (high or 0.0) / 1e3, high or (low or 0.0) * 1e3))
+    return one, other
+
+
 def within_scale(result: Solution | NoSolution, scale: tuple[float, float] | None) -> Solution | NoSolution:
     """``result``, or no solution when its pixel scale, arcsec/px, is not within both ends; None bounds nothing."""
     from kochab.solver.pipeline import refused

@@ -26,7 +26,7 @@ from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
-from kochab.workflows.other_solvers import arcsec_px, parity, up_deg, within_scale
+from kochab.workflows.other_solvers import arcsec_px, parity, scale_between, up_deg, within_scale
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:
@@ -188,10 +188,7 @@ def _hint(order: SolveFieldRequest) -> tuple[Callable[[int], Hint | None], Bound
         raise UsageError("--scale-low is more than --scale-high.")
 
     def scale_of(width: int) -> tuple[float, float] | None:
-        if low is None and high is None:
-            return None
-        ends = sorted(to_scale(v, width) for v in (low or (high or 0.0) / 1e3, high or (low or 0.0) * 1e3))
-        return ends[0], ends[1]
+        return scale_between(low, high, to_scale, width)
 
     def hint(width: int) -> Hint | None:
         centre = None if place is None else (*place, radius or 180.0)
