@@ -142,3 +142,16 @@ def test_a_screen_reader_is_told_the_line(qtbot, palette):
     qtbot.keyClicks(box.field, "vega")
     assert box.field.accessibleDescription().startswith("Vega, ")
     box.reject()
+
+
+def test_what_is_found_after_it_was_closed_is_told_to_nobody(qtbot, palette):
+    box, commands = palette
+    qtbot.keyClicks(box.field, "no such thing")
+    box._wait.stop()
+    box._seek()
+    gone = []
+    box.destroyed.connect(lambda: gone.append(True))
+    box.reject()
+    qtbot.waitUntil(lambda: bool(gone))
+    assert commands.session.jobs.join()
+    qtbot.wait(50)  # a signal that is still queued would reach labels that are gone

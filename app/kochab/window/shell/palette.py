@@ -34,7 +34,6 @@ from kochab.text.angle_text import AngleStyle, radec_plain
 from kochab.text.translation import tr, tr_n, tr_noop
 from kochab.window.atlas.sky_reading import read_bodies
 from kochab.window.frame.picker import Picker
-from kochab.window.job import Job
 from kochab.window.services import Services
 from kochab.window.shell.palette_results import Result, Surroundings, command_results, meant_results, sky_results
 from kochab.window.themes import theme_colours
@@ -144,7 +143,6 @@ class Palette(QDialog):
         self._services, self._picker, self._actions = services, picker, actions
         self._aim, self._show_atlas, self._show_frame = aim, show_atlas, show_frame
         self._names: Completion | None = None
-        self._seeking: Job | None = None
         self.setWindowTitle(tr("Search"))
         self.setObjectName("palette")
         self._around = self._look_around()
@@ -240,7 +238,8 @@ class Palette(QDialog):
         text = self.field.text().strip()
         when = self._hint.taken_utc or datetime.now(UTC)
         task = find(text, when, self._hint.site or self._services.settings.site, kept_elements())
-        self._seeking = job = self._services.jobs.run(task, "search")
+        job = self._services.jobs.run(task, "search")
+        self.destroyed.connect(job.abandon)
         job.succeeded.connect(lambda found: self._has_found(text, found))
         job.failed.connect(self.message.setText)
 
