@@ -62,7 +62,7 @@ TEXTS: dict[tuple[Base, Knob], tuple[str, ...]] = {
 
 TEST_TURNS, LEAST_TEST_TURNS = (0.25, 0.125), 1.0 / 24.0
 SMALL_ERROR_ARCSEC = 900.0  # for such an error the smaller test is enough
-CAUTIOUS, CONFIDENT = 0.6, 0.9  # of the way: before a bolt is proved, and after
+CONFIDENT = 0.9  # of the way, once a bolt is proved
 WHOLE_WAY = 10.0
 NEAR = 3.0  # tolerances: from here on the whole rest is asked for
 NOT_WORTH_IT = 1.6  # tolerances left alone rather than turned back for

@@ -221,7 +221,7 @@ def search_cone(
             if volume is None:
                 continue
             searches += 1
-            pairs = partial(local_pairs, volume, area_sr=2.0 * math.pi * (1.0 - math.cos(cone.radius_rad)))
+            pairs = partial(local_pairs, volume, area_sr=cone.area_sr)
             there = replace(hint, centre_deg=place)
             found = yield from Patterns((volume,), depth.stages, pairs).identify(detections, there, year)
             if isinstance(found, NoSolution):
@@ -255,7 +255,7 @@ def _reach(radius_deg: float, detections: Detections, hint: Hint) -> float:
 def _wanted(cone: Cone, known: Narrow, depth: Depth) -> int:
     """The stars that the deepest level can have in a cone."""
     smallest = math.radians(depth.levels[0] * known.span_deg[0])
-    return int(MORE_STARS * PER_FIELD * 2.0 * math.pi * (1.0 - math.cos(cone.radius_rad)) / smallest**2) + 100
+    return int(MORE_STARS * PER_FIELD * cone.area_sr / smallest**2) + 100
 
 
 def _faintest_needed(stars: ConeStars, cone: Cone, known: Narrow, depth: Depth) -> float | None:

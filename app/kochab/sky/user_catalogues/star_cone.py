@@ -1,5 +1,6 @@
 """What every catalogue of the user's own gives: the stars of a cone, and how far it reaches."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -39,6 +40,11 @@ class Cone:
     def axis(self) -> Floats:
         """ICRS unit vector (3,)."""
         return unit_vectors(np.degrees(self.ra_rad), np.degrees(self.dec_rad))
+
+    @property
+    def area_sr(self) -> float:
+        """Steradians."""
+        return 2.0 * math.pi * (1.0 - math.cos(self.radius_rad))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
