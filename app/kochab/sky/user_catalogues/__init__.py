@@ -141,7 +141,7 @@ def located(text: str) -> Where:
         names = ", ".join(w.name for w in every)
         if names:
             raise CatalogueError("No catalogue {name} was found; there are {names}.", name=text, names=names)
-        raise CatalogueError("No catalogue {name} was found: give its folder.", name=text)
+        raise CatalogueError("No catalogue named {name} was found. Give its folder.", name=text)
     return named[0]
 
 

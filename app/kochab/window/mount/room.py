@@ -14,6 +14,7 @@ from kochab.gear.mount_events import MountSnapshot
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.layer import Mark
+from kochab.sky.milky_way import MilkyWay
 from kochab.sky.sky_tables import SkyTables
 from kochab.text.angle_text import AngleStyle, angle_text, radec_plain
 from kochab.text.translation import tr
@@ -75,7 +76,7 @@ class MountRoom(Page):
         job.succeeded.connect(self._fill)
         self._bodies_of: datetime | None = None
 
-    def _fill(self, read: tuple[SkyTables, Catalogue]) -> None:
+    def _fill(self, read: tuple[SkyTables, Catalogue, MilkyWay]) -> None:
         self.chart.fill(*read)
         self.read.emit(read[0])
 
