@@ -1,0 +1,224 @@
+"""``kochab telescope``: planetarium programs see where the camera or the mount points, and send it to a target."""
+
+import argparse
+import threading
+from collections.abc import Callable
+from contextlib import closing, suppress
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from kochab.cli.mount import SWITCHES
+from kochab.cli.options import CAMERA, MOUNT, SEARCH, add_options, capture_settings, options_of
+from kochab.cli.output import reporting_failures, tell, with_progress
+from kochab.core.errors import KochabError, RefusedError, UsageError
+
+if TYPE_CHECKING:
+    from kochab.gear.mount_events import MountEvent
+    from kochab.gear.mount_line import MakeTask
+    from kochab.workflows.telescope.offered import OfferedTelescope
+
+OFFER = "kochab.server.telescope.offer:Offer"  # named, not imported: no face knows another
+SOLVE_TIMEOUT_S = 10.0
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
+    """Add ``telescope`` to the command line."""
+    parser = subparsers.add_parser(
+        "telescope",
+        description="Offers a telescope to SkySafari, Stellarium, KStars and others until Ctrl-C: it points where the"
+        " newest solved frame says, or the mount. Their gotos set the target; with --yes they move the mount, within"
+        " its limits. On this computer only, unless --lan is given.",
+    )
+    parser.add_argument(
+        "--offer",
+        action="append",
+        default=[],
+        metavar="NAME[=PORT]",
+        help="only this protocol: lx200 (port 4030), stellarium (10001); may be repeated",
+    )
+    parser.add_argument("--lan", action="store_true", help="to the local network too, unencrypted")
+    parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
+    add_options(parser, *CAMERA, *MOUNT, "--profile", "--json", *SEARCH, "--detector")
+    parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
+    parser.add_argument("--equatorial", action="store_true", help="AZ-GTi, Celestron fork or unknown board on a wedge")
+    for name in ("allow-flip", "trust-mount", "no-site"):
+        parser.add_argument(f"--{name}", action="store_true", help=SWITCHES[name])
+    parser.add_argument("--yes", action="store_true", help="let these programs move and sync the mount")
+    parser.set_defaults(run=reporting_failures(run, 1), timeout=SOLVE_TIMEOUT_S, limits=None)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Offer it until a signal comes, or the mount or the camera is lost."""
+    from kochab.workflows.telescope.offered import OfferedTelescope
+
+    if args.folder is not None:
+        if args.source or args.address:
+            raise UsageError("Give either --folder or --source and --address.")
+        args.source, args.address = "folder", args.folder
+    if not args.source and not args.port and not args.driver:
+        raise UsageError("Give what points: --folder DIR or --source NAME for a camera, --port P for a mount.")
+    wanted = dict(_wanted(text) for text in args.offer)
+    say = partial(_say, as_json=args.json)
+    mount = _CliMount(args, say) if args.port or args.driver else None
+    telescope = OfferedTelescope(say, mount, args.yes)
+    if mount is not None:
+        mount.telescope = telescope
+    camera = _Camera(args, telescope) if args.source else None
+    module, _, name = OFFER.partition(":")
+    offer = getattr(import_module(module), name)(telescope, wanted, args.lan)
+    try:
+        tell({"event": "ready", "host": offer.host, "ports": offer.ports}, "\n".join(offer.lines), args.json)
+        if camera is not None:
+            camera.start()
+        return _until_over(mount, camera)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        offer.stop()
+        if camera is not None:
+            camera.stop()
+
+
+def _wanted(text: str) -> tuple[str, int | None]:
+    name, equals, port = text.partition("=")
+    if equals and not (port.isdecimal() and len(port) < 6 and int(port) <= 65535):
+        raise UsageError(f"--offer {text}: {port} is not a port from 0 to 65535.")
+    return name, int(port) if equals else None
+
+
+def _say(sentence: str, as_json: bool) -> None:
+    tell({"event": "said", "text": sentence}, sentence, as_json)
+
+
+def _until_over(mount: "_CliMount | None", camera: "_Camera | None") -> int:
+    """Serve the mount's line in this thread, as its owner, or wait for the camera's end."""
+    if mount is None:
+        assert camera is not None
+        while not camera.over.wait(0.5):
+            pass
+    else:
+        mount.serve(lambda: camera is not None and camera.over.is_set())
+    if camera is not None and camera.fault is not None:
+        raise camera.fault
+    return 0
+
+
+class _CliMount:
+    """The mount of the command line behind its guard, and what programs want of it."""
+
+    telescope: "OfferedTelescope"
+
+    def __init__(self, args: argparse.Namespace, say: Callable[[str], None]) -> None:
+        from kochab.gear.mount_events import MountSnapshot
+        from kochab.gear.mount_line import MountLine
+        from kochab.gear.mounts.motion_plan import Limits
+        from kochab.gear.session import EPOCH_NAMES, MountSelection, complete, guarded
+
+        epoch = None if args.epoch is None else EPOCH_NAMES[args.epoch]
+        given = MountSelection(args.port or "", args.driver or "", args.baud, epoch, equatorial=args.equatorial)
+        selection = with_progress("probing", complete(given))
+        limits = replace(
+            limits := args.limits or Limits(),
+            allow_without_site=args.no_site,
+            allow_flip=args.allow_flip or limits.allow_flip,
+            crosses_meridian=args.fork or limits.crosses_meridian,
+        )
+
+        def opened() -> Any:
+            guard = guarded(selection, args.site, limits=limits)
+            if args.trust_mount:
+                guard.clock_and_site.trust()
+            return guard
+
+        self._say = say
+        self.known = MountSnapshot("connecting", selection.port)
+        self._line: MountLine = MountLine(opened, self._hear)
+
+    def order(self, name: str, make: "MakeTask") -> None:
+        """Do this on the guard; RefusedError when something is under way."""
+        from kochab.gear.actions import MountSituation, reason_against_order
+
+        lacks = None if self.known.connected is None else self.known.connected.lacks
+        state = None if self.known.report is None else self.known.report.state
+        if why := reason_against_order(name, MountSituation(self.known.phase, lacks, state, self.known.user)):
+            raise RefusedError("{why}", why=why)
+        self.known.busy = name
+        self._line.order(name, make)
+
+    def stop(self) -> None:
+        """Stop it now."""
+        self._line.stop()
+
+    def serve(self, over: Callable[[], bool]) -> None:
+        """Own the line until ``over``; what moves is stopped at the end."""
+        with closing(self._line.run()) as steps:
+            for _ in steps:
+                if over():
+                    return
+
+    def _hear(self, event: "MountEvent") -> None:
+        from kochab.gear import mount_events as events
+
+        self.known.hear(event)
+        match event:
+            case events.PositionReport():
+                self.telescope.see_mount(event.icrs_deg, bool(event.state.slewing) or event.target_deg is not None)
+            case events.Connected():
+                self._say(f"{event.name}")
+            case events.OrderDone() if isinstance(event.result, str):
+                self._say(event.result)
+            case (
+                events.OrderFailed(stopped=False) | events.StopFailed() | events.LimitReached() | events.EpochDoubted()
+            ):
+                self._say(event.sentence)
+            case events.LineLost():
+                self._say(event.again or event.sentence)
+
+
+class _Camera:
+    """Solves a camera's frames in a thread of its own."""
+
+    def __init__(self, args: argparse.Namespace, telescope: "OfferedTelescope") -> None:
+        from kochab.gear.cameras import open_camera
+        from kochab.workflows.live.capture import Capture
+        from kochab.workflows.live.solve import ProfiledTracker, live_solve
+
+        settings = capture_settings(args)
+        capture = Capture(lambda: open_camera(args.source, args.address, settings), reconnect=True)
+        self._live = live_solve(capture, ProfiledTracker(args.profile or "", options_of(args, args.detector)))
+        self._telescope = telescope
+        self.over = threading.Event()
+        self._ending = threading.Event()
+        self.fault: KochabError | None = None
+        self._thread = threading.Thread(target=self._run, name="kochab-live", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End it."""
+        self._ending.set()
+        with suppress(RuntimeError):  # never started
+            self._thread.join(SOLVE_TIMEOUT_S)
+
+    def _run(self) -> None:
+        from kochab.workflows.live.solve import WARNING
+        from kochab.workflows.live.update import LiveUpdate
+
+        try:
+            with closing(self._live):
+                for step in self._live:
+                    if self._ending.is_set():
+                        break
+                    if isinstance(step, LiveUpdate):
+                        if step.track.solution is not None:
+                            self._telescope.see_solution(step.track.solution, step.shot.shutter_s)
+                    elif step.stage == WARNING:
+                        self._telescope.say(step.detail)
+        except KochabError as error:
+            self.fault = error
+        finally:
+            self.over.set()

@@ -1,0 +1,1 @@
+"""Kochab as a telescope, in the protocols that planetarium programs speak."""

@@ -1,0 +1,67 @@
+"""The telescope offered at its ports, in every protocol that is asked for."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pkgutil import resolve_name
+
+from kochab.core.errors import UsageError
+from kochab.server.http_server import LOOPBACK
+from kochab.server.phone_page import local_address
+from kochab.server.telescope.listening import Ports
+from kochab.workflows.telescope.offered import OfferedTelescope
+
+
+@dataclass(frozen=True, slots=True)
+class Protocol:
+    """One row: its name on the screen, what speaks it ("module:talk"), and its usual port."""
+
+    title: str
+    talk: str
+    port: int
+
+
+PROTOCOLS: Mapping[str, Protocol] = {
+    "lx200": Protocol("LX200", "kochab.server.telescope.lx200:talk", 4030),
+    "stellarium": Protocol("Stellarium", "kochab.server.telescope.stellarium:talk", 10001),
+}
+
+
+class Offer:
+    """Listens until :meth:`stop`; ``ports`` are those it has, by protocol.
+
+    Raises `UsageError` when there is no such protocol, and `PortError` when a port cannot be had.
+
+    Parameters
+    ----------
+    telescope : OfferedTelescope
+        What is offered.
+    wanted : Mapping[str, int or None]
+        Protocols, each with its port, None for the usual one; empty for all of them.
+    lan : bool
+        Whether the local network may come too, unencrypted.
+    """
+
+    def __init__(self, telescope: OfferedTelescope, wanted: Mapping[str, int | None], lan: bool = False) -> None:
+        for name in wanted:
+            if name not in PROTOCOLS:
+                raise UsageError("There is no protocol “{name}”: {all}.", name=name, all=", ".join(PROTOCOLS))
+        self.host = local_address() if lan else LOOPBACK[0]
+        self.ports: dict[str, int] = {}
+        self._listening = Ports(telescope, self.host)
+        try:
+            for name, port in (wanted or dict.fromkeys(PROTOCOLS)).items():
+                row = PROTOCOLS[name]
+                at = row.port if port is None else port
+                self.ports[name] = self._listening.listen(row.title, resolve_name(row.talk), at)
+        except BaseException:
+            self.stop()
+            raise
+
+    @property
+    def lines(self) -> list[str]:
+        """Where programs find it, a line a protocol."""
+        return [f"{PROTOCOLS[name].title}: {self.host}:{port}" for name, port in self.ports.items()]
+
+    def stop(self) -> None:
+        """Close every port."""
+        self._listening.stop()

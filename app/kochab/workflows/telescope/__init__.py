@@ -1,0 +1,1 @@
+"""Kochab as a telescope for other programs."""
