@@ -36,7 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         action="append",
         default=[],
         metavar="NAME[=PORT]",
-        help="only this protocol: lx200 (port 4030), stellarium (10001); may be repeated",
+        help="only this protocol: lx200 (port 4030), stellarium (10001), alpaca (11111); may be repeated",
     )
     parser.add_argument("--lan", action="store_true", help="to the local network too, unencrypted")
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     wanted = dict(_wanted(text) for text in args.offer)
     say = partial(_say, as_json=args.json)
     mount = _CliMount(args, say) if args.port or args.driver else None
-    telescope = OfferedTelescope(say, mount, args.yes)
+    telescope = OfferedTelescope(say, mount, args.yes, site=args.site)
     if mount is not None:
         mount.telescope = telescope
     camera = _Camera(args, telescope) if args.source else None

@@ -125,6 +125,9 @@ class _Handler(BaseHTTPRequestHandler):
         with self.server.large:
             return self._handle(self.rfile.read(size))
 
+    def do_PUT(self) -> None:
+        self.do_POST()
+
     def _handle(self, body: bytes) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
             return self._send(_said(HTTPStatus.MISDIRECTED_REQUEST))

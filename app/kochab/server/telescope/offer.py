@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pkgutil import resolve_name
+from typing import Protocol
 
 from kochab.core.errors import UsageError
 from kochab.server.http_server import LOOPBACK
@@ -12,18 +13,32 @@ from kochab.workflows.telescope.offered import OfferedTelescope
 
 
 @dataclass(frozen=True, slots=True)
-class Protocol:
-    """One row: its name on the screen, what speaks it ("module:talk"), and its usual port."""
+class Row:
+    """One row: its name on the screen, what speaks it ("module:name"), and its usual port.
+
+    Over TCP alone that is a conversation for :class:`Ports`; ``server`` is one that listens by itself.
+    """
 
     title: str
-    talk: str
+    speaks: str
+    port: int
+    server: bool = False
+
+
+PROTOCOLS: Mapping[str, Row] = {
+    "lx200": Row("LX200", "kochab.server.telescope.lx200:talk", 4030),
+    "stellarium": Row("Stellarium", "kochab.server.telescope.stellarium:talk", 10001),
+    "alpaca": Row("Alpaca", "kochab.server.telescope.alpaca:AlpacaTelescope", 11111, server=True),
+}
+
+
+class Server(Protocol):
+    """Listens from its making on."""
+
     port: int
 
-
-PROTOCOLS: Mapping[str, Protocol] = {
-    "lx200": Protocol("LX200", "kochab.server.telescope.lx200:talk", 4030),
-    "stellarium": Protocol("Stellarium", "kochab.server.telescope.stellarium:talk", 10001),
-}
+    def stop(self) -> None:
+        """Close its port."""
 
 
 class Offer:
@@ -48,11 +63,17 @@ class Offer:
         self.host = local_address() if lan else LOOPBACK[0]
         self.ports: dict[str, int] = {}
         self._listening = Ports(telescope, self.host)
+        self._servers: list[Server] = []
         try:
             for name, port in (wanted or dict.fromkeys(PROTOCOLS)).items():
                 row = PROTOCOLS[name]
                 at = row.port if port is None else port
-                self.ports[name] = self._listening.listen(row.title, resolve_name(row.talk), at)
+                speaks = resolve_name(row.speaks)
+                if row.server:
+                    self._servers.append(started := speaks(telescope, self.host, at))
+                    self.ports[name] = started.port
+                else:
+                    self.ports[name] = self._listening.listen(row.title, speaks, at)
         except BaseException:
             self.stop()
             raise
@@ -65,3 +86,5 @@ class Offer:
     def stop(self) -> None:
         """Close every port."""
         self._listening.stop()
+        while self._servers:
+            self._servers.pop().stop()

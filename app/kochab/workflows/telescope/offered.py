@@ -18,6 +18,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import KochabError, RefusedError
+from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
 from kochab.gear.journal import utc_now
@@ -69,6 +70,8 @@ class OfferedTelescope:
         Whether other programs may move and sync the mount.
     now : Callable[[], datetime]
         The time, UTC, that coordinates of date are of.
+    site : Site or None
+        Where it stands; None: not known.
     """
 
     def __init__(
@@ -77,8 +80,10 @@ class OfferedTelescope:
         mount: MountOrders | None = None,
         may_move: bool = False,
         now: Callable[[], datetime] = utc_now,
+        site: Site | None = None,
     ) -> None:
         self._tell, self.mount, self.may_move, self.now = tell, mount, may_move, now
+        self.site = site
         self.target: Target | None = None
         self.programs: dict[str, int] = {}
         """Who is connected, and over how many lines."""
