@@ -98,6 +98,14 @@ def test_a_correction_that_failed_is_another_look_and_teaches_nothing() -> None:
     assert end_of(c, "M 42", 0, 5) is None
 
 
+def test_after_a_goto_that_broke_off_the_whole_error_in_declination_is_sent() -> None:
+    """What was synced far away says nothing about the backlash here: it took 23' of a first correction away."""
+    c = course((80.0, -65.4), said=(85.0, -63.4))
+    c.command(True, False)  # a sync, and the goto behind it loses its reply
+    c.add(MountAndSky(TARGET, beside(-7000.0, 1400.0)), 0)
+    assert c.command(False, True)[-1] == pytest.approx(beside(7000.0, -1400.0))
+
+
 def test_guide_rates_are_learned_from_what_came_of_a_move() -> None:
     c = course(beside(-50.0, 0.0))
     east, _ = c.fine()

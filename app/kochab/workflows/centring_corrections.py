@@ -69,6 +69,8 @@ class Course:
         error = apart_deg(sight.sky, self.target) * 3600.0
         if self.errors_arcsec and made < len(self.errors_arcsec):
             self.errors_arcsec[-1] = error
+            if self._before is not None:  # a goto that broke off: where the last whole one ended is history
+                self._after_goto = None
             self._before = self._fine = None
             return error
         self.errors_arcsec.append(error)
