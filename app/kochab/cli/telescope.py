@@ -36,7 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         action="append",
         default=[],
         metavar="NAME[=PORT]",
-        help="only this protocol: lx200 (port 4030), stellarium (10001), alpaca (11111); may be repeated",
+        help="only this protocol: lx200 (port 4030), stellarium (10001), alpaca (11111), indi (7624); may be repeated",
     )
     parser.add_argument("--lan", action="store_true", help="to the local network too, unencrypted")
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")

@@ -22,6 +22,7 @@ from kochab.core.errors import KochabError
 from kochab.core.mount import Epoch, Pointing
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
 from kochab.server.http_server import HttpServer, Request, Response
+from kochab.server.telescope.listening import Ports
 from kochab.sky.horizon import NO_AIR, Horizon, sidereal_deg
 from kochab.text.translation import tr
 from kochab.workflows.telescope.offered import OfferedTelescope, Seen
@@ -88,6 +89,12 @@ class Fault(Exception):  # noqa: N818 (an answer of the protocol)
 
 class BadRequest(Exception):  # noqa: N818 (an answer of the protocol)
     """What makes no sense at all, which Alpaca answers with HTTP 400."""
+
+
+def listen(ports: Ports, port: int) -> int:
+    """Offer it at a port, 0 for any, and return that; PortError when it cannot be had."""
+    ports.others.append(device := AlpacaTelescope(ports.telescope, ports.host, port))
+    return device.port
 
 
 class AlpacaTelescope:

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from typing import Protocol
 
 from kochab.core.errors import PortError
 from kochab.text.translation import tr, tr_noop
@@ -66,12 +67,21 @@ async def verdict_of(future: "Future[str]") -> str:
         return tr("The mount does not answer.") if future.cancel() else await waiting
 
 
+class Server(Protocol):
+    """Listens from its making on."""
+
+    def stop(self) -> None:
+        """Close its port."""
+
+
 class Ports:
     """Listens from the first :meth:`listen` on, until :meth:`stop`."""
 
     def __init__(self, telescope: OfferedTelescope, host: str) -> None:
-        self._telescope, self._host = telescope, host
+        self.telescope, self.host = telescope, host
         self._lines = 0
+        self.others: list[Server] = []
+        """What listens by itself, and ends with these ports."""
         self._servers: list[asyncio.Server] = []
         self._over = asyncio.Event()
         self._runner = asyncio.Runner(loop_factory=asyncio.new_event_loop)
@@ -82,10 +92,10 @@ class Ports:
     def listen(self, name: str, talk: Talk, port: int) -> int:
         """Serve ``talk`` at a port, 0 for any, and return it; PortError when it cannot be had."""
         try:
-            listener = socket.create_server((self._host, port))
+            listener = socket.create_server((self.host, port))
         except OSError as error:
             raise PortError(
-                "Can't listen at {host}:{port}: {why}.", host=self._host, port=port, why=error.strerror or error
+                "Can't listen at {host}:{port}: {why}.", host=self.host, port=port, why=error.strerror or error
             ) from None
         number = int(listener.getsockname()[1])
         asyncio.run_coroutine_threadsafe(self._serve(name, talk, listener), self._loop).result()
@@ -93,6 +103,8 @@ class Ports:
 
     def stop(self) -> None:
         """Close every port and connection."""
+        while self.others:
+            self.others.pop().stop()
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._over.set)
             self._thread.join(2.0)
@@ -130,14 +142,14 @@ class Ports:
             Takes what it is sent.
         """
         host = (writer.get_extra_info("peername") or ("?",))[0]
-        line = Line(f"{name} ({host})", reader, writer, self._telescope)
+        line = Line(f"{name} ({host})", reader, writer, self.telescope)
         if self._lines >= MOST_CLIENTS:
             writer.transport.abort()
-            self._telescope.say(f"{line.who}: {tr(TOO_MANY, most=MOST_CLIENTS)}")
+            self.telescope.say(f"{line.who}: {tr(TOO_MANY, most=MOST_CLIENTS)}")
             return
         writer.transport.set_write_buffer_limits(high=LARGEST_READ)
         self._lines += 1
-        self._telescope.join(line.who)
+        self.telescope.join(line.who)
         why = ""
         try:
             await talk(line)
@@ -149,5 +161,5 @@ class Ports:
             pass  # a program that went away
         finally:
             self._lines -= 1
-            self._telescope.leave(line.who, why)
+            self.telescope.leave(line.who, why)
             writer.transport.abort()

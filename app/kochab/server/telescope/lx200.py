@@ -16,7 +16,7 @@ from kochab.core.errors import NoAnswerError
 from kochab.core.mount import Epoch, Pointing
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
 from kochab.gear.mounts.protocols import lx200
-from kochab.server.telescope.listening import Line, NotTheProtocol, verdict_of
+from kochab.server.telescope.listening import Line, NotTheProtocol, Ports, verdict_of
 from kochab.workflows.telescope.offered import OfferedTelescope, Seen
 
 PORT = 4030
@@ -148,6 +148,11 @@ class Handset:
             return "no target was set"
         place = from_mount_epoch(Pointing(self.ra_deg, self.dec_deg, Epoch.DATE), self.telescope.now())
         return await verdict_of(order(place, self.who))
+
+
+def listen(ports: Ports, port: int) -> int:
+    """Offer it at a port, 0 for any, and return that; PortError when it cannot be had."""
+    return ports.listen("LX200", talk, port)
 
 
 async def talk(line: Line) -> None:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pkgutil import resolve_name
-from typing import Protocol
 
 from kochab.core.errors import UsageError
 from kochab.server.http_server import LOOPBACK
@@ -14,31 +13,19 @@ from kochab.workflows.telescope.offered import OfferedTelescope
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row: its name on the screen, what speaks it ("module:name"), and its usual port.
-
-    Over TCP alone that is a conversation for :class:`Ports`; ``server`` is one that listens by itself.
-    """
+    """One protocol: its name on the screen, what listens for it ("module:name"), and its usual port."""
 
     title: str
-    speaks: str
+    listen: str
     port: int
-    server: bool = False
 
 
 PROTOCOLS: Mapping[str, Row] = {
-    "lx200": Row("LX200", "kochab.server.telescope.lx200:talk", 4030),
-    "stellarium": Row("Stellarium", "kochab.server.telescope.stellarium:talk", 10001),
-    "alpaca": Row("Alpaca", "kochab.server.telescope.alpaca:AlpacaTelescope", 11111, server=True),
+    "lx200": Row("LX200", "kochab.server.telescope.lx200:listen", 4030),
+    "stellarium": Row("Stellarium", "kochab.server.telescope.stellarium:listen", 10001),
+    "alpaca": Row("Alpaca", "kochab.server.telescope.alpaca:listen", 11111),
+    "indi": Row("INDI", "kochab.server.telescope.indi:listen", 7624),
 }
-
-
-class Server(Protocol):
-    """Listens from its making on."""
-
-    port: int
-
-    def stop(self) -> None:
-        """Close its port."""
 
 
 class Offer:
@@ -63,17 +50,11 @@ class Offer:
         self.host = local_address() if lan else LOOPBACK[0]
         self.ports: dict[str, int] = {}
         self._listening = Ports(telescope, self.host)
-        self._servers: list[Server] = []
         try:
             for name, port in (wanted or dict.fromkeys(PROTOCOLS)).items():
                 row = PROTOCOLS[name]
                 at = row.port if port is None else port
-                speaks = resolve_name(row.speaks)
-                if row.server:
-                    self._servers.append(started := speaks(telescope, self.host, at))
-                    self.ports[name] = started.port
-                else:
-                    self.ports[name] = self._listening.listen(row.title, speaks, at)
+                self.ports[name] = resolve_name(row.listen)(self._listening, at)
         except BaseException:
             self.stop()
             raise
@@ -86,5 +67,3 @@ class Offer:
     def stop(self) -> None:
         """Close every port."""
         self._listening.stop()
-        while self._servers:
-            self._servers.pop().stop()

@@ -10,7 +10,7 @@ import struct
 import time
 
 from kochab.core.attitude import Degrees
-from kochab.server.telescope.listening import Line, NotTheProtocol, verdict_of
+from kochab.server.telescope.listening import Line, NotTheProtocol, Ports, verdict_of
 
 PORT = 10001
 EVERY_S = 0.5
@@ -31,6 +31,11 @@ def goto_place(message: bytes) -> Degrees:
     if (size, kind) != (GOTO.size, 0) or abs(dec) > TURN // 4:
         raise NotTheProtocol
     return ra / TURN * 360.0, dec / TURN * 360.0
+
+
+def listen(ports: Ports, port: int) -> int:
+    """Offer it at a port, 0 for any, and return that; PortError when it cannot be had."""
+    return ports.listen("Stellarium", talk, port)
 
 
 async def talk(line: Line) -> None:
