@@ -1,5 +1,6 @@
 """What the installed commands do first: files to the window, and a stranger of the same name found out."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -35,6 +36,19 @@ def test_commands_and_options_go_to_the_command_line(opened, tmp_path):
     for arguments in (["solve", file], ["slove", file], [file, "--json"], [file, "nonsense"], ["--version"]):
         program.main(arguments)
         assert opened.pop() is None, arguments
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the system counts threads")
+def test_a_command_starts_no_threads_for_its_small_matrices(repository):
+    sample = repository / "resources" / "samples" / "pleiades.fits"
+    code = (
+        "import os, sys; from kochab.__main__ import main; code = main();"
+        "print(code, len(os.listdir('/proc/self/task')), file=sys.stderr)"
+    )
+    env = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    command = [sys.executable, "-c", code, "solve", "--no-worker", str(sample)]
+    done = subprocess.run(command, capture_output=True, text=True, env=env)
+    assert done.stderr.split() == ["0", "1"]
 
 
 def test_another_package_in_its_place_is_said_in_one_sentence(repository, tmp_path):

@@ -1,5 +1,7 @@
 """``kochab`` and ``python -m app``: the window, or the command that was named."""
 
+import gc
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -31,6 +33,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         if (code := hand_over(arguments)) is not None:
             return code
+    # Our matrices are small: threads of the linear algebra would cost a third of a short command, and gain nothing.
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if getattr(sys, "frozen", False):
         from kochab.frames.sandbox import support_frozen
 
@@ -51,7 +56,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _window(arguments, spoken)
         from kochab.cli.main import main as cli_main
 
-        return cli_main(arguments)
+        code = cli_main(arguments)
+        if argv is None:  # the process ends: nothing has to be found that could be freed
+            gc.freeze()
+        return code
     except KeyboardInterrupt:  # while still starting
         return 130
 

@@ -31,6 +31,15 @@ def work(item):
     return {"file": item.file, "solved": True}
 
 
+loaded_before = ""
+
+
+def what_is_loaded(item):
+    """What this process knows of what another has set here."""
+    yield Progress("looking")
+    return {"file": item.file, "solved": True, "loaded": loaded_before}
+
+
 def long_work(item):
     """Say which process this is, then stay busy for longer than any test."""
     Path(f"{item.file}.{os.getpid()}").touch()

@@ -96,6 +96,28 @@ def test_a_batch_that_is_killed_leaves_no_process_behind(repository, tmp_path) -
     until(lambda: not any(running(pid) for pid in workers))
 
 
+LOADED = """
+import sys
+from kochab.cli.batch import run_batch
+from tests.cli import batch_work
+from tests.cli.batch_work import Item, what_is_loaded
+
+if __name__ == "__main__":
+    batch_work.loaded_before = "by the parent"
+    run_batch(what_is_loaded, [Item("a"), Item("b")], True, 2)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="forked on Linux alone")
+def test_what_the_command_has_loaded_is_not_loaded_again_by_each_process(repository, tmp_path) -> None:
+    script = tmp_path / "loaded.py"
+    script.write_text(LOADED)
+    paths = os.pathsep.join([str(repository), *sys.path])
+    env = {**os.environ, "PYTHONPATH": paths, "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=env)
+    assert [json.loads(line)["loaded"] for line in done.stdout.splitlines()] == ["by the parent"] * 2, done.stderr
+
+
 def running(pid: int) -> bool:
     try:
         os.kill(pid, 0)

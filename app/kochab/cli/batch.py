@@ -1,5 +1,6 @@
 """Several files, one after another or in several processes, with what is written beside each."""
 
+import gc
 import logging
 import os
 import signal
@@ -15,12 +16,14 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from kochab.cli.output import card, with_progress
-from kochab.cli.process import fault, journal_path, say, signals_handled
+from kochab.cli.process import POLITE, fault, journal_path, say, signals_handled
 from kochab.core.errors import KochabError, printable
 from kochab.core.progress import Task, run
 from kochab.workflows.solution_json import Json, to_line
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
+    from multiprocessing.context import BaseContext
+
     from kochab.core.arrays import Floats
     from kochab.core.frame import Frame
     from kochab.core.solution import Solution
@@ -115,11 +118,10 @@ def _in_processes(
     work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int
 ) -> Generator[Json, None, None]:
     from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-    from multiprocessing import get_context
 
     root = logging.getLogger("kochab")
     journal = (root.level, journal_path()) if root.handlers else None
-    pool = ProcessPoolExecutor(min(workers, len(items)), get_context("spawn"), _begin, (journal,))
+    pool = ProcessPoolExecutor(min(workers, len(items)), _context(), _begin, (journal,))
     finished = False
     try:
         with signals_handled([signal.SIGINT], signal.SIG_IGN):  # processes leave Ctrl-C to us from their first moment
@@ -146,6 +148,20 @@ def _in_processes(
         pool.shutdown(wait=finished, cancel_futures=True)
 
 
+def _context() -> "BaseContext":
+    """Forked where nothing else runs in this process: what is loaded is not loaded again by each.
+
+    A fork copies no threads, and what they held stays held; so it is for Linux, where the system counts them.
+    """
+    from multiprocessing import get_context
+
+    alone = sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
+    if alone:
+        gc.collect()
+        gc.freeze()  # a collection in a child would copy what is loaded
+    return get_context("fork" if alone else "spawn")
+
+
 _records: "SimpleQueue[logging.LogRecord]" = SimpleQueue()
 """What a worker process has logged and not yet handed to its parent."""
 
@@ -161,10 +177,14 @@ def _begin(journal: tuple[int, str | None] | None) -> None:
 
     ``journal`` is the level and the file of the parent's log, None when it keeps none.
     """
+    for name in POLITE:  # our parent's, where we were forked
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
     if journal is not None:
         from logging.handlers import QueueHandler
 
         handler, root = QueueHandler(_records), logging.getLogger("kochab")
+        root.handlers.clear()
         handler.name = journal[1]
         root.addHandler(handler)
         root.setLevel(journal[0])

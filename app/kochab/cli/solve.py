@@ -95,8 +95,17 @@ def _solve(
     if elements:
         tables_of(elements)  # a file that cannot be read is told before anything is solved
     _refuse_overwriting(requests, args.overwrite)
+    if args.workers > 1 and len(requests) > 1:
+        _load()
     work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements, site=site)
     return run_batch(partial(work, layers=layers), requests, args.json, args.workers)
+
+
+def _load() -> None:
+    """Load what every frame needs, for processes that are forked from this one."""
+    from kochab.sky import open_catalogue
+
+    open_catalogue()
 
 
 def layers_of(text: str) -> "Layers":

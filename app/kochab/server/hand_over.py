@@ -25,6 +25,8 @@ CONNECT_S = 5.0
 """For the worker to take the request: it forks at once, however busy the commands before are."""
 SAME = ("HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH", "LD_PRELOAD")
 SAME_PREFIXES = ("KOCHAB_", "XDG_", "LC_", "PYTHON", "OMP_", "OPENBLAS_", "MKL_")
+OWN = ("OPENBLAS_NUM_THREADS",)
+"""What a process of ours sets for itself."""
 
 
 class Place(NamedTuple):
@@ -37,7 +39,9 @@ class Place(NamedTuple):
 def place() -> Place:
     """The socket for this installation and these variables."""
     package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    kept = sorted(f"{k}={v}" for k, v in os.environ.items() if k in SAME or k.startswith(SAME_PREFIXES))
+    kept = sorted(
+        f"{k}={v}" for k, v in os.environ.items() if k in SAME or (k.startswith(SAME_PREFIXES) and k not in OWN)
+    )
     world = os.fsencode("\n".join((package, sys.executable or "", *kept)))
     # What carries a version is not in the name: a newer Kochab finds the older one's worker, and ends it.
     return Place(os.path.join(folder(), f"{crc32(world):08x}.sock"), _version().encode() + b"\n" + world)
