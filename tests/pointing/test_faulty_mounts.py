@@ -4,7 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from kochab.core.frame import Site
 from kochab.pointing.disagreement import Seen, causes, fit, investigate
 from tests.pointing.faulty_mounts import FAULTS, FROM, FaultyMount, make, sightings, verdicts
 
@@ -55,3 +57,20 @@ def test_the_fitted_tilt_is_the_true_one(fault, term) -> None:
 def test_a_healthy_mount_is_not_accused() -> None:
     """Forty, with noise to two arcminutes: none, where 23 of 100 were once."""
     assert {cause for _, cause in verdicts("", 40, seed=3)} == {""}
+
+
+def test_an_equatorial_mount_turned_by_less_than_a_compass_errs_needs_its_axis_aligned() -> None:
+    """By a degree it is the polar axis, by four a compass; what stands in altitude and azimuth has no such axis."""
+    site = Site(50.0, 10.0)
+    for turn_deg, alt_azimuth, cause in (
+        (1.0, False, "polar axis"),
+        (4.0, False, "compass azimuth"),
+        (1.0, True, "compass azimuth"),
+    ):
+        vertical = [0.0, 0.0, 1.0] if alt_azimuth else [np.cos(np.radians(50.0)), 0.0, np.sin(np.radians(50.0))]
+        mount = FaultyMount(site, site, 0.3, alt_azimuth=alt_azimuth, tells=True)
+        mount.base = Rotation.from_rotvec(np.radians(turn_deg) * np.array(vertical))
+        found = investigate(sightings(mount, 4, np.random.default_rng(5)))
+        assert found.cause == cause, found
+        if cause == "polar axis":
+            assert "38" in found.sentence  # arcmin: the turn times the cosine of the latitude

@@ -41,6 +41,14 @@ NOISES = (0.4 / 60.0, 1.0 / 60.0, 2.0 / 60.0, 4.0 / 60.0, 10.0 / 60.0)
 RARE_DEG = 4.0 / 60.0  # noise of this size is half as likely as little: few mounts are so loose
 ANYWHERE = (60.0,)
 
+LEAST_COMPASS_DEG = 1.5  # an equatorial mount turned by less was polar aligned, only not well
+POLAR_AXIS = (
+    tr_noop("polar axis"),
+    tr_noop("Polar align the mount, then sync it."),
+    tr_noop("The polar axis is {axis} from the pole."),
+)
+"""Name, advice and evidence: an axis that leans anyhow, and one that leans because the mount is turned a little."""
+
 
 @dataclass(frozen=True, slots=True)
 class MountSighting:
@@ -114,7 +122,8 @@ class Cause:
     it. ``offset``, ``axis`` and ``cone`` are the priors of the terms, ``noise`` those of what is left; ``second`` is
     that of the second axis' offset where it is not the first one's.
     Where the terms are the cause itself, ``fitted``, they count as explained, and ``evidence`` has fields for them.
-    With fewer sightings than it ``needs`` it weighs, and is not named.
+    With fewer sightings than it ``needs`` it weighs, and is not named. ``small``: name, advice and evidence of a turn
+    about the vertical by less than a compass is wrong.
     """
 
     name: str
@@ -130,6 +139,7 @@ class Cause:
     alt_azimuth: bool = False
     fitted: bool = False
     needs: int = 1
+    small: tuple[str, str, str] | None = None
 
     def scales(self) -> Floats:
         """Standard deviations (C, 5) of the terms, every combination as likely."""
@@ -207,6 +217,9 @@ def weigh(seen: Seen, causes: Sequence[Cause]) -> list[Suspect]:
     found = []
     for c, x, (_, terms, left) in zip(causes, logs, fits, strict=True):
         tilt, cone = np.hypot(*terms[2:4]), abs(terms[4])
+        if c.small and seen.site and abs(terms[0]) < LEAST_COMPASS_DEG:
+            c = replace(c, name=c.small[0], advice=c.small[1], evidence=c.small[2])
+            tilt = abs(terms[0]) * cos(radians(seen.site.latitude_deg))
         evidence = tr(c.evidence).format(first=terms[0], second=terms[1], axis=_angle(3600.0 * tilt), cone=60.0 * cone)
         worst = 3600.0 * float(np.hypot(*left.T).max())
         evidence = tr("{shown} It leaves {angle} unexplained.", shown=evidence, angle=_angle(worst))
@@ -325,24 +338,7 @@ def causes(seen: Seen) -> Iterator[Cause]:
         tr_noop("Right ascension is off by 12 h, declination is right: the tube is on the other side of the pier."),
     )
     yield from homes(seen)
-    if seen.site is not None:
-        yield Cause(
-            tr_noop("compass azimuth"),
-            tr_noop("Turn the mount to true north, or align it on stars, or sync it on a solved frame."),
-            _off(0.0),
-            0.2,
-            tr_noop(
-                "The azimuth is off by {first:+.1f} deg everywhere and the altitude is right: the mount was turned to"
-                " the north of a compass, not to the true one."
-            ),
-            offset=COMPASS,
-            second=BUILT,
-            axis=BUILT,
-            cone=BUILT,
-            alt_azimuth=True,
-            fitted=True,
-            needs=2,
-        )
+    yield from compasses(seen)
     if len(seen.sightings) > 1:
         yield from alignments(seen)
 
@@ -504,12 +500,36 @@ def homes(seen: Seen) -> Iterator[Cause]:
         )
 
 
+def compasses(seen: Seen) -> Iterator[Cause]:
+    """The whole mount turned about the vertical, whatever its kind."""
+    if seen.site is None:
+        return
+    turned_base = Cause(
+        tr_noop("compass azimuth"),
+        tr_noop("Turn the mount to true north, or align it on stars, or sync it on a solved frame."),
+        _off(0.0),
+        0.2,
+        tr_noop(
+            "The azimuth is off by {first:+.1f} deg everywhere and the altitude is right: the mount was turned to"
+            " the north of a compass, not to the true one."
+        ),
+        offset=COMPASS,
+        second=BUILT,
+        axis=BUILT,
+        cone=BUILT,
+        alt_azimuth=True,
+        fitted=True,
+        needs=2,
+    )
+    alt_azimuth = _alt_azimuth(seen.last)
+    for share, small in ((alt_azimuth, None), (1.0 - alt_azimuth, POLAR_AXIS)):
+        if share:
+            yield replace(turned_base, weight=0.2 * share, small=small)
+
+
 def alignments(seen: Seen) -> Iterator[Cause]:
     """One offset everywhere, a first axis that leans, a tube not square to its axis; or all of that."""
-    last = seen.last
-    alt_azimuth = 0.0 if last.site is None or last.pier_side is not None else float(last.alt_azimuth or 0.2)
-    if last.alt_azimuth is False:
-        alt_azimuth = 0.0
+    alt_azimuth = _alt_azimuth(seen.last)
     offset = Cause(
         "not aligned",
         tr_noop("Sync it on a solved frame."),
@@ -536,13 +556,7 @@ def alignments(seen: Seen) -> Iterator[Cause]:
         return
     german = 1.0 - alt_azimuth
     yield replace(offset, weight=0.3 * german)
-    yield replace(
-        leaning,
-        name=tr_noop("polar axis"),
-        advice=tr_noop("Polar align the mount, then sync it."),
-        evidence=tr_noop("The polar axis is {axis} from the pole."),
-        weight=0.2 * german,
-    )
+    yield replace(leaning, name=POLAR_AXIS[0], advice=POLAR_AXIS[1], evidence=POLAR_AXIS[2], weight=0.2 * german)
     if set(seen.side) >= {-1.0, 1.0}:
         yield replace(
             leaning,
@@ -554,6 +568,13 @@ def alignments(seen: Seen) -> Iterator[Cause]:
             cone=CONES,
         )
         yield replace(leaning, name="", weight=0.02 * german, cone=CONES)  # healthy, but for a cone
+
+
+def _alt_azimuth(last: MountSighting) -> float:
+    """The probability that the mount stands in altitude and azimuth."""
+    if last.site is None or last.pier_side is not None or last.alt_azimuth is False:
+        return 0.0
+    return float(last.alt_azimuth or 0.2)
 
 
 def _off(ra_deg: float) -> Say:
