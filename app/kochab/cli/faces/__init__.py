@@ -13,6 +13,8 @@ FACES = {
     "astap_cli": "kochab.cli.faces.astap:run",
     "solve-field": "kochab.cli.faces.solve_field:run",
     "watney-solve": "kochab.cli.faces.watney:run",
+    "platesolve2": "kochab.cli.faces.platesolve:run_2",
+    "platesolve3": "kochab.cli.faces.platesolve:run_3",
 }
 """By the original's name, what takes its arguments and returns its exit code."""
 
@@ -20,6 +22,7 @@ FACES = {
 def named_face(program: str) -> str | None:
     """The face that a program's path names: ``astap_cli`` for ``/opt/bin/astap_cli`` and ``astap_cli.exe``."""
     name = os.path.basename(program).lower().removesuffix(".exe")
+    name = re.sub(r"^(platesolve[23])\.\d+$", r"\1", name)  # PlaneWave's have a version in their names
     return name if name in FACES else None
 
 

@@ -233,7 +233,9 @@ def _solved(order: AstapRequest, frame: Frame) -> Task[Solution | NoSolution]:
     return with_doubts(result, options)
 
 
-def within_field(result: Solution | NoSolution, scale: tuple[float, float] | None) -> Solution | NoSolution:
+def within_field(
+    result: Solution | NoSolution, scale: tuple[float, float] | None, given_by: str = "-fov"
+) -> Solution | NoSolution:
     """``result``, or no solution when its pixel scale is not about the one given (arcsec/px, from and to)."""
     if scale is None or not isinstance(result, Solution):
         return result
@@ -242,7 +244,7 @@ def within_field(result: Solution | NoSolution, scale: tuple[float, float] | Non
         return result
     from kochab.solver.pipeline import refused
 
-    scale_note = f" and {found:.4g} arcsec/px; -fov means {given:.4g}."
+    scale_note = f" and {found:.4g} arcsec/px; {given_by} means {given:.4g}."
     return refused(result, Reason.ANOTHER_FIELD, scale_note, scale_arcsec_px=found)
 
 
