@@ -71,10 +71,10 @@ def _sweep(change: Callable[[Sweep, Random], Sweep], frames: int | None = None) 
 
 def _lights(change: Callable[[Sweep, Random], Sweep], guided: bool) -> Callable[[Random], Sweep]:
     def drawn(rng: Random) -> Sweep:
-        while (
-            sweep := sky.tracked(sky.random_sweep(rng, 2), rng, rng.uniform(20.0, 90.0), guided)
-        ).lowest_deg() < 20.0:
-            pass
+        while True:
+            sweep = sky.tracked(sky.random_sweep(rng, 2), rng, rng.uniform(20.0, 90.0), guided)
+            if sweep.lowest_deg() > 20.0 and sweep.is_dark():
+                break
         return change(sweep, rng)
 
     return drawn

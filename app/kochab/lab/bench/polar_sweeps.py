@@ -20,6 +20,7 @@ from kochab.core.attitude import ARCSEC
 Random = np.random.Generator
 
 ARCMIN = np.pi / 180 / 60
+DARK_DEG = -12.0  # of the Sun: nautical twilight has ended
 
 
 @dataclass(frozen=True)
@@ -203,6 +204,10 @@ class Sweep:
         """How far a found axis (east, north, up) lies from the true one."""
         return float(np.arctan2(np.linalg.norm(np.cross(axis, self.axis)), axis @ self.axis)) / ARCSEC
 
+    def is_dark(self) -> bool:
+        """Whether the Sun is below the horizon by what an evening needs, from the first exposure to the last."""
+        return all(sun_altitude_deg(self.place, shot.when) < DARK_DEG for shot in self.exposures)
+
     def lowest_deg(self) -> float:
         """The lowest altitude of a boresight in the sweep."""
         return float(min(np.degrees(np.arcsin(shot.attitude[2, 2])) for shot in self.exposures))
@@ -255,7 +260,7 @@ def random_sweep(rng: Random, frames: int | None = None, turn_deg: float | None 
         times = [start + dt.timedelta(seconds=float(gap_s * k)) for k in range(frames_now)]
         shots = tuple(Exposure(mount, turn, dec, when, when) for turn, when in zip(turns, times, strict=True))
         sweep = Sweep(place, place, random_rig(rng), shots, noise_px=rng.uniform(0.1, 0.4))
-        if sweep.lowest_deg() > 25 and sun_altitude_deg(place, start) < -12:
+        if sweep.lowest_deg() > 25 and sun_altitude_deg(place, start) < DARK_DEG:
             return sweep
 
 
