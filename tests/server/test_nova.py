@@ -19,6 +19,7 @@ from astropy.coordinates import SkyCoord
 from astropy.io import fits
 from astropy.wcs import WCS
 
+import kochab
 from kochab.server import nova as nova_module
 from kochab.server.http_server import MOST_BYTES, HttpServer, parse_form
 from kochab.server.nova import Nova
@@ -95,6 +96,7 @@ def job(server):
 
 
 def test_a_submission_is_solved_and_its_answers_agree(client, job) -> None:
+    assert 0 < job < 2**31  # StellarSolver reads it into a C int
     assert client.get(f"/api/jobs/{job}") == {"status": "success"}
     found = client.get(f"/api/jobs/{job}/calibration/")
     assert SkyCoord(found["ra"], found["dec"], unit="deg").separation(ORION).deg < 0.01
@@ -116,6 +118,33 @@ def test_a_submission_is_solved_and_its_answers_agree(client, job) -> None:
     x, y = wcs.world_to_pixel(SkyCoord("05h35m17.3s", "-05d23m28s"))
     assert np.hypot(marked["M 42"]["pixelx"] - 1 - x, marked["M 42"]["pixely"] - 1 - y) < 3
     assert marked["M 42"]["radius"] > 10
+
+
+@pytest.mark.parametrize(
+    "names", [("X_IMAGE", "Y_IMAGE", "MAG_AUTO"), ("X", "Y", "FLUX"), ("X", "Y", "Z")], ids=lambda names: names[2]
+)
+def test_an_uploaded_table_is_a_list_of_stars(client, names) -> None:
+    """As StellarSolver uploads what it has detected itself: the columns of SExtractor."""
+    stars = kochab.detect(SAMPLES / "orion.png")
+    light = -2.5 * np.log10(stars.flux) if names[2] == "MAG_AUTO" else stars.flux
+    arrays = [stars.xy[:, 0] + 1, stars.xy[:, 1] + 1, light]
+    turn = slice(None, None, 1 if names[2] == "Z" else -1)  # sorted by the third where it says how
+    columns = [fits.Column(name, "1E", array=array[turn]) for name, array in zip(names, arrays, strict=True)]
+    file = io.BytesIO()
+    fits.BinTableHDU.from_columns(columns).writeto(file)
+    job = client.solved(("k.fits", file.getvalue()), image_width=stars.width, image_height=stars.height)
+    found = client.get(f"/api/jobs/{job}/calibration/")
+    assert SkyCoord(found["ra"], found["dec"], unit="deg").separation(ORION).deg < 0.01
+
+
+def test_a_job_has_a_log(client, job) -> None:
+    """StellarSolver takes it, and gives up where there is none."""
+    code, _, text = client.ask("GET", f"/joblog/{job}")
+    assert code == 200
+    assert b"Field center: (RA,Dec) = (84.0000" in text
+    failed = client.solved(("a.fits", b"SIMPLE  =" + bytes(5000)))
+    assert b"Did not solve" in client.ask("GET", f"/joblog/{failed}")[2]
+    assert client.ask("GET", "/joblog/12")[0] == 404
 
 
 @pytest.mark.parametrize("what", ["wcs_file", "new_fits_file", "rdls_file", "axy_file", "corr_file"])

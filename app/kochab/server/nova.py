@@ -2,8 +2,9 @@
 
 ``kochab serve --nova``; a program needs the address and the key changed, and nothing else. Facts: the API's page at
 nova.astrometry.net and the sources of its ``net/api.py``. The key stands for the account; whoever has none gets no
-session. The numbers of submissions and jobs are random, 52 bits long: they are what their answers are read with, as
-there. Nothing is fetched from elsewhere, kept for longer than this process, or public.
+session. The numbers of submissions and jobs are random: they are what their answers are read with, as there. KStars
+and other programs keep them in 32 bits with a sign, so there are 31, and a wrong one costs time. Nothing is fetched
+from elsewhere, kept for longer than this process, or public.
 """
 
 import json
@@ -11,6 +12,7 @@ import re
 import secrets
 import tempfile
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -26,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core.errors import KochabError, UsageError
+from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
@@ -42,6 +44,10 @@ SOLVING, SUCCESS, FAILURE = "solving", "success", "failure"
 TIMEOUT_S = 60.0
 MOST_JOBS, MOST_WAITING, MOST_KEPT_BYTES, MOST_SESSIONS = 200, 50, 4_000_000_000, 1000
 LARGEST_LIST = 100_000
+TABLES = (("X_IMAGE", "Y_IMAGE", "MAG_AUTO"), ("X", "Y", "FLUX"), ("X", "Y", ""))
+"""Columns of a table of stars: SExtractor's, which StellarSolver sends, and astrometry.net's."""
+WRONG_NUMBER_S = 0.1
+"""What a number that no job has costs, one after the other: to find one of 200 jobs so takes days."""
 ENDING = re.compile(r"(\.[A-Za-z0-9]{1,8}){0,1}(\.(?:fz|gz))?$")
 
 
@@ -72,7 +78,7 @@ class Nova:
         self._jobs: OrderedDict[int, Job] = OrderedDict()
         self._sessions: OrderedDict[str, None] = OrderedDict()
         self._waiting: Queue[Job | None] = Queue(MOST_WAITING)
-        self._lock, self._drawing = threading.Lock(), threading.Lock()
+        self._lock, self._drawing, self._guessed = threading.Lock(), threading.Lock(), threading.Lock()
         self._thread = threading.Thread(target=self._work, name="kochab-nova", daemon=True)
         self._thread.start()
 
@@ -87,7 +93,7 @@ class Nova:
         parts = request.path.strip("/").split("/")
         if parts[0] == "api":
             return self._api(request, parts[1:])
-        if len(parts) == 2 and parts[0] in FILES:
+        if len(parts) == 2 and parts[0] in (*FILES, "joblog"):
             return self._file(parts[0], parts[1])
         if len(parts) == 1 and compare_digest(parts[0].encode(), self._key.encode()):
             return Response(page(self._session()), "text/html; charset=utf-8")
@@ -134,7 +140,7 @@ class Nova:
         return session
 
     def _submitted(self, asked: Json, file: tuple[str, bytes] | None) -> Json:
-        number = secrets.randbelow(2**52 - 1) + 1  # what JSON's numbers hold exactly in every language
+        number = secrets.randbelow(2**31 - 1) + 1
         name, content = file or ("list of stars", b"")
         job = Job(number, name.replace("\\", "/").rpartition("/")[2][:200], asked, None, len(content))
         bounds_of(job, 1000)  # a wrong one is told now
@@ -162,11 +168,17 @@ class Nova:
                     job.path.unlink(missing_ok=True)
 
     def _job(self, number: str) -> Job | None:
-        return self._jobs.get(int(number)) if number.isdecimal() and len(number) < 20 else None
+        job = self._jobs.get(int(number)) if number.isdecimal() and len(number) < 20 else None
+        if job is None:
+            with self._guessed:
+                time.sleep(WRONG_NUMBER_S)
+        return job
 
     def _file(self, what: str, number: str) -> Response:
         job = self._job(number)
-        if job is None or job.solution is None:
+        if job is not None and what == "joblog" and job.finished is not None:
+            return Response(_log(job), "text/plain; charset=utf-8")
+        if job is None or job.solution is None or what == "joblog":
             return _missing()
         kind, ending, make = FILES[what]
         with self._drawing:  # one at a time: they take memory
@@ -205,12 +217,21 @@ def solve(job: Job) -> Solution | NoSolution:
     from kochab.solver import SolveOptions
     from kochab.solver.pipeline import examine_frame, solve_detections, within_radius
 
+    frame: Frame | None = None
     if job.path is None:
         job.detections = star_list(job.settings)
+    else:
+        try:  # not kept but read again when it is drawn: hundreds of megabytes
+            frame = drive(reading(job.path, TIMEOUT_S))
+        except FrameError:
+            job.detections = _table(job.path, job.settings)
+            if job.detections is None:
+                raise
+    if frame is None:
+        assert job.detections is not None
         hint, scale, centre = bounds_of(job, job.detections.width)
         result = drive(solve_detections(job.detections, SolveOptions(timeout_s=TIMEOUT_S, hint=hint)))
     else:
-        frame = drive(reading(job.path, TIMEOUT_S))  # not kept but read again when it is drawn: hundreds of megabytes
         hint, scale, centre = bounds_of(job, frame.width)
         examined = drive(examine_frame(frame, SolveOptions(timeout_s=TIMEOUT_S, hint=hint)))
         job.detections, result = examined.detections, examined.result
@@ -247,6 +268,16 @@ def bounds_of(
         centre = (ra % 360.0, dec, radius or 180.0)
     hint = Hint(scale_arcsec_px=scale, centre_deg=centre, source="command line")
     return hint if hint.helps else None, scale, centre if radius is not None else None
+
+
+def _table(path: Path, settings: Mapping[str, Any]) -> Detections | None:
+    """The stars of a table that was uploaded in place of an image; None where the file is none."""
+    size = (_number(settings, "image_width", 2, 1e6), _number(settings, "image_height", 2, 1e6))
+    given = None if size[0] is None or size[1] is None else (int(size[0]), int(size[1]))
+    for columns in TABLES:
+        with suppress(UsageError):
+            return astrometry_tables.read_list(str(path), columns, given, ascending=columns[2] == "MAG_AUTO")
+    return None
 
 
 def star_list(settings: Mapping[str, Any]) -> Detections:
@@ -339,6 +370,23 @@ ANSWERS: dict[str, Callable[[Job], Json]] = {
     "objects_in_field": lambda job: {"objects_in_field": _objects(job)},
     "annotations": lambda job: {"annotations": _annotations(job)},
 }
+
+
+def _log(job: Job) -> bytes:
+    """What a log of theirs ends with: the lines that ``solve-field`` prints, or why there is no solution."""
+    lines = [f"Field: {job.name}"]
+    if job.solution is None:
+        return "\n".join([*lines, "Did not solve (or no WCS file was written).", job.reason, ""]).encode()
+    found = _calibration(job)
+    return "\n".join(
+        [
+            *lines,
+            f"Field 1: solved with {len(job.solution.stars)} stars, pixel scale {found['pixscale']:.6g} arcsec/pix.",
+            f"Field center: (RA,Dec) = ({found['ra']:.6f}, {found['dec']:.6f}) deg.",
+            f"Field rotation angle: up is {found['orientation']:.6g} degrees E of N",
+            "",
+        ]
+    ).encode()
 
 
 # -- Files -------------------------------------------------------------------------------------

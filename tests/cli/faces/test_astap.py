@@ -71,8 +71,11 @@ def test_a_solved_frame_has_an_ini_and_a_wcs_that_agree(tmp_path, capsys, mirror
             ours = SkyCoord(*linear.all_pix2world(*place, 0), unit="deg")
             assert theirs.separation(ours).arcsec < limit_arcsec
     scale, turn = float(told["CDELT2"]), math.radians(float(told["CROTA2"]))
-    assert float(told["CD2_2"]) == pytest.approx(scale * math.cos(turn))
-    assert float(told["CD1_2"]) == pytest.approx(-scale * math.sin(turn))
+    assert float(told["CD2_2"]) == pytest.approx(scale * math.cos(turn), rel=1e-3)
+    # ``old_to_new_WCS`` as ASTAP's author gave it to CCDciel: the sign of CDELT1 turns the angle.
+    side = math.copysign(1.0, float(told["CDELT1"]))
+    assert float(told["CD1_2"]) == pytest.approx(scale * side * math.sin(turn), rel=1e-3)
+    assert float(told["CD2_1"]) == pytest.approx(-abs(float(told["CDELT1"])) * math.sin(turn), rel=1e-3)
     assert (tmp_path / "a_annotated.jpg").stat().st_size > 1000
 
 
@@ -343,3 +346,10 @@ def test_a_link_with_its_name_is_enough(tmp_path, name) -> None:
     done = subprocess.run([program, "-f", tmp_path / "none.fits"], capture_output=True, text=True, timeout=100)
     assert done.returncode == 16
     assert "PLTSOLVD=F" in (tmp_path / "none.ini").read_text()
+
+
+def test_an_ending_of_the_base_is_taken_off_as_astap_does(tmp_path, capsys) -> None:
+    """StellarSolver names the ``.ini`` itself; Debian's ``astap_cli -o foo.ini`` writes ``foo.ini`` and ``foo.log``."""
+    path = picture(tmp_path / "a.fits")
+    assert main(["-f", str(path), "-o", str(tmp_path / "b.ini"), "-wcs", "-log"]) == 0
+    assert {name.name for name in tmp_path.glob("b.*")} == {"b.ini", "b.log", "b.wcs"}

@@ -249,3 +249,12 @@ def test_files_have_the_columns_of_debians_and_the_answer_is_the_same(tmp_path, 
     theirs_px = np.stack(wcs.all_world2pix(corr["index_ra"], corr["index_dec"], 1, quiet=True), axis=1)
     ours_px = np.stack([corr["field_x"], corr["field_y"]], axis=1)
     assert np.median(np.hypot(*(theirs_px - ours_px).T)) < 3.0
+
+
+def test_the_list_is_kept_under_the_name_given(orion, tmp_path, capsys) -> None:
+    """StellarSolver asks for it, and counts its rows."""
+    assert solve_field("--no-plots", "--axy", "none", "--keep-xylist", tmp_path / "k.xyls", orion) == 0
+    with fits.open(tmp_path / "k.xyls") as file:
+        assert {"X", "Y", "FLUX", "BACKGROUND"} <= set(file[1].columns.names)
+        assert len(file[1].data) > 400
+    assert not (tmp_path / "orion.axy").exists()

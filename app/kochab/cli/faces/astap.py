@@ -67,8 +67,8 @@ class AstapRequest:
 
     @property
     def base(self) -> str:
-        """Where answers go, without an ending."""
-        return self.options.get("-o") or str(Path(self.file).with_suffix(""))
+        """Where answers go, without an ending: ASTAP takes one off the name it is given too."""
+        return str(Path(self.options.get("-o") or self.file).with_suffix(""))
 
     def number(self, name: str) -> float | None:
         """The value of an option, None when it was not given or is no number."""
@@ -322,7 +322,8 @@ def _update(file: str, frame: Frame, solution: Solution) -> list[str]:
 def _cards(solution: Solution) -> dict[str, str]:
     """The tangent plane at the middle of the frame, where ASTAP's readers expect it.
 
-    Its turn and scale (``CROTA``, ``CDELT``) are in AIPS' convention.
+    Its turn and scale (``CROTA``, ``CDELT``) are by ASTAP's own formula, which its author gave to CCDciel
+    (``new_to_old_WCS``): that of AIPS, but for a positive determinant turned the other way.
     """
     ra, dec = solution.ra_dec_deg
     width, height = solution.camera.width, solution.camera.height
@@ -336,8 +337,8 @@ def _cards(solution: Solution) -> dict[str, str]:
         "CRVAL2": dec,
         "CDELT1": side * math.hypot(a, c),
         "CDELT2": math.hypot(b, d),
-        "CROTA1": math.degrees(math.atan2(side * c, side * a)),
-        "CROTA2": math.degrees(math.atan2(-b, d)),
+        "CROTA1": math.degrees(math.atan2(side * b, d)),
+        "CROTA2": math.degrees(math.atan2(-c, side * a)),  # less a quarter turn: atan2(side * a, c) - 90 deg
         "CD1_1": a,
         "CD1_2": b,
         "CD2_1": c,

@@ -61,13 +61,15 @@ OUTPUTS = {
 REFUSED = {
     **{"kmz": "KMZ files", "scamp": "files for SCAMP", "scamp-ref": "files for SCAMP", "pnm": "PNM copies"},
     **{"scamp-config": "files for SCAMP", "verify": "verifying of a WCS file", "predistort": "given distortion"},
-    **{"keep-xylist": "unaugmented lists", "just-augment": "lists without solving", "tag": "columns of an index"},
+    **{"just-augment": "lists without solving", "tag": "columns of an index"},
     **{"dont-augment": "lists without solving", "tag-all": "columns of an index", "invert": "inverted images"},
     **{"fields": "lists of several fields", "extension": "choice of a FITS extension", "xscale": "oblong pixels"},
     **{"solved-in": "lists of solved fields", "skip-solved": "skipping of solved files"},
 }
+KEPT = "keep-xylist"
+"""The list of stars once more, where a name for it is given."""
 VALUED = {
-    *OUTPUTS,
+    *(*OUTPUTS, KEPT),
     *(set(REFUSED) - FLAGS),
     *("dir", "out", "scale-low", "scale-high", "scale-units", "ra", "dec", "radius", "objs", "cpulimit", "cancel"),
     *("width", "height", "x-column", "y-column", "sort-column"),
@@ -117,6 +119,8 @@ class SolveFieldRequest:
             kept = "continue" in self.options and os.path.exists(given)
             unwanted = given == "none" or (option == "axy" and ("temp-axy" in self.options or given == file))
             found[option] = "" if unwanted or kept else given
+        given = self.options.get(KEPT, "none").replace("%s", base)
+        found[KEPT] = "" if given in ("none", file) else given
         return found
 
 
@@ -165,7 +169,7 @@ def _refuse(order: SolveFieldRequest) -> None:
         if order.options.get(name, "none") != "none":
             raise UsageError(f"Kochab has no {what} (--{name}).")
     if len(order.files) > 1:
-        for name in ("out", *OUTPUTS):
+        for name in ("out", KEPT, *OUTPUTS):
             if (given := order.options.get(name, "none")) != "none" and "%s" not in given:
                 raise UsageError(f"--{name} {given} is one name for {len(order.files)} files: put %s into it.")
 
@@ -295,6 +299,7 @@ def _lists(
     keys = {"ANSOLVED": "solved", "ANMATCH": "match", "ANRDLS": "rdls", "ANWCS": "wcs", "ANCORR": "corr"}
     names = {key: os.path.basename(outputs[name]) for key, name in keys.items()}
     yield outputs["axy"], files.axy(detections, solution is not None, names) if outputs["axy"] else b""
+    yield outputs[KEPT], files.axy(detections, False, {}) if outputs[KEPT] else b""
     if solution is not None:
         yield outputs["rdls"], files.rdls(solution)
         yield outputs["index-xyls"], files.index_xyls(solution)
