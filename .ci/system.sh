@@ -27,7 +27,7 @@ libraries="libEGL.so.1=libegl1 libGL.so.1=libgl1 libOpenGL.so.0=libopengl0 libgl
 # File -> package, of what the tests drive.
 driven="/usr/bin/Xvfb=xvfb /usr/share/fonts/truetype/dejavu/DejaVuSans.ttf=fonts-dejavu-core
   /usr/bin/indiserver=indi-bin /usr/bin/indi_eqmod_telescope=indi-eqmod /usr/bin/indi_starbook_telescope=indi-starbook
-  /usr/bin/indi_lx200stargo=indi-avalon /usr/bin/indi_bresserexos2=indi-bresserexos2
+  /usr/bin/indi_gphoto_ccd=indi-gphoto /usr/bin/indi_lx200stargo=indi-avalon /usr/bin/indi_bresserexos2=indi-bresserexos2
   /usr/bin/faketime=faketime /usr/bin/localedef=locales /usr/share/i18n/locales/de_DE=locales /usr/bin/unshare=util-linux /usr/bin/pdftotext=poppler-utils
   /usr/bin/dbus-daemon=dbus-daemon /usr/libexec/at-spi-bus-launcher=at-spi2-core"
 

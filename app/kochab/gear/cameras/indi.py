@@ -164,7 +164,9 @@ class IndiCamera(ExposingCamera):
         """Raise when the camera is no longer connected, or has refused to expose."""
         self._device.check()
         if self._exposing is not None and self._device.state("CCD_EXPOSURE") == "Alert":
-            raise RefusedError("{name} refused to expose{message}.", name=self.name, message=self._device.message())
+            # gPhoto's driver says what it lacks, the size of the pixels, as no error.
+            why = self._device.message(any_kind=True)
+            raise RefusedError("{name} refused to expose{message}.", name=self.name, message=why)
 
     def _power_up(self) -> None:
         """Connect the camera to its driver and have its pictures sent here as FITS."""

@@ -6,6 +6,7 @@ for a limit, and is told when the line is lost.
 
 import asyncio
 import logging
+import re
 import socket
 from collections import defaultdict, deque
 from collections.abc import Callable, Coroutine
@@ -55,6 +56,7 @@ class IndiLink:
         self._lost: str | None = None
         self._made = False
         self.message = ""
+        self.said = ""
         """What the server last told as an error."""
         self._loop = asyncio.new_event_loop()
         self._client: Any = None
@@ -256,8 +258,11 @@ class IndiLink:
                 for name, data in event.items():
                     if data:
                         self._blob = bytes(data), str(event.sizeformat[name][1])
-            elif kind == "Message" and "[ERROR]" in str(event.message):
-                self.message = server_text(" ".join(str(event.message)[:WORDS].replace("[ERROR]", "").split()), WORDS)
+            elif kind == "Message":
+                words = re.sub(r"\[[A-Z]+\]", "", str(event.message)[:WORDS])
+                self.said = server_text(" ".join(words.split()), WORDS)
+                if "[ERROR]" in str(event.message):
+                    self.message = self.said
             self._news.notify_all()
 
 
@@ -351,7 +356,7 @@ class IndiDevice:
 
     def send(self, vector: str, members: dict[str, str]) -> float:
         """Ask the device to take new values; when that was, on `monotonic`."""
-        self.link.message = ""
+        self.link.message = self.link.said = ""
         sent_s = monotonic()
         self.link.send(self.name, vector, members)
         return sent_s
@@ -369,9 +374,10 @@ class IndiDevice:
                 "{name} does not accept this {what}{message}.", name=self.name, what=tr(what), message=self.message()
             )
 
-    def message(self) -> str:
-        """What the server last told as an error, in brackets."""
-        return f" ({self.link.message.rstrip('.')})" if self.link.message else ""
+    def message(self, any_kind: bool = False) -> str:
+        """What the server last told as an error, in brackets; of ``any_kind`` where it told no error."""
+        words = self.link.message or (self.link.said if any_kind else "")
+        return f" ({words.rstrip('.')})" if words else ""
 
 
 def _same(reported: str | None, meant: str) -> bool:
