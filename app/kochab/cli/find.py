@@ -3,12 +3,13 @@
 import argparse
 import math
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from kochab.cli.options import add_options
 from kochab.cli.output import radec, tell
 from kochab.core.errors import UsageError, printable
 from kochab.core.progress import run as finish
+from kochab.workflows.answers import found_json
 
 if TYPE_CHECKING:
     from kochab.sky.finder import Found, NotFound
@@ -47,30 +48,8 @@ def run(args: argparse.Namespace) -> int:
         texts = [" ".join(texts)]
     found = [finish(find(text, at, args.site, more)) for text in texts]
     for text, one in zip(texts, found, strict=True):
-        tell(as_json(text, one), as_text(text, one), args.json)
+        tell(found_json(text, one), as_text(text, one), args.json)
     return int(any(isinstance(one, NotFound) for one in found))
-
-
-def as_json(query: str, found: "Found | NotFound") -> dict[str, Any]:
-    """The stable form; ``name`` is null where nothing is called so."""
-    from kochab.sky.finder import NotFound
-
-    if isinstance(found, NotFound):
-        return {"query": query, "name": None, "suggestions": list(found.suggestions)}
-    return {
-        "query": query,
-        "name": found.name,
-        "kind": found.kind,
-        "ra_deg": found.ra_deg,
-        "dec_deg": found.dec_deg,
-        "magnitude": found.magnitude,
-        "band": found.band if math.isfinite(found.magnitude) else "",
-        "size_arcmin": found.size_arcmin and list(found.size_arcmin),
-        "position_angle_deg": found.position_angle_deg,
-        "constellation": found.constellation,
-        "sure": found.sure,
-        "alternatives": list(found.alternatives),
-    }
 
 
 def as_text(query: str, found: "Found | NotFound") -> str:

@@ -14,11 +14,12 @@ from kochab.cli.batch import refuse_wcs_over, run_batch, write_objects, write_pi
 from kochab.cli.options import BATCH, Place, add_options, bound_of, detector_settings_of, named, options_of, whole
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import Task
-from kochab.workflows.solution_json import Json, as_json, bodies_json
+from kochab.workflows.answers import LISTED, answer_of, detections_json
+from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Detections, Site
-    from kochab.sky.frame_bodies import BodyInFrame
+    from kochab.core.solution import NoSolution, Solution
     from kochab.sky.layer import Layers
     from kochab.sky.solar_system import Moving
     from kochab.solver import SolveOptions
@@ -26,8 +27,6 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
 TABLES = (".csv", ".reg", ".ssc")
 ALIASES = (".jpeg", ".tiff")  # of endings that are told
 WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
-LISTED = 200
-"""Of a frame's deep-sky objects the best known that its JSON has where --objects does not ask for all."""
 PIXELS = (2, 1_000_000, "size in pixels")
 
 
@@ -152,47 +151,30 @@ def solve_one(
     layers : Layers or None
         What ``--annotate`` draws; None for the usual.
     """
-    from kochab.core.solution import Solution
-    from kochab.sky import open_catalogue
-    from kochab.sky.frame_bodies import bodies_in_frame
     from kochab.sky.layer import MOST
-    from kochab.solver.pipeline import with_doubts, within_radius
-    from kochab.workflows.frame_objects import all_of, objects_json
-    from kochab.workflows.solve_frame import solve_file, solve_star_list
+    from kochab.workflows.solve_frame import SolvedFrame, solve_file, solve_star_list
 
+    more, most = tables_of(elements), LISTED if request.objects is None else MOST
+    found: SolvedFrame | Solution | NoSolution
     if request.list_size is not None:
         found = yield from solve_star_list(request.file, *request.list_size, options)
-        frame, header = None, None
     elif Path(request.file).is_dir():
         raise UsageError(_why_no_pictures(request.file))
     else:
-        solved = yield from solve_file(request.file, options)
-        found, frame, header = solved.result, solved.frame, solved.frame.hint
-    result = within_radius(found, bound)
-    outcome = as_json(request.file, with_doubts(result, options, header))
-    hint = header if options.hint is None or options.hint.time_utc is None else options.hint
-    if not isinstance(result, Solution):
-        return outcome
-    bodies: Sequence[BodyInFrame] = ()
-    taken = hint.taken_utc if hint else None
-    if frame is not None:
-        place, more = site or (hint and hint.site) or frame.hint.site, tables_of(elements)
-        exposure_s = (hint and hint.exposure_s) or frame.hint.exposure_s or 0.0
-        others = yield from bodies_in_frame(result, solved.detections, taken, place, open_catalogue(), more, exposure_s)
-        outcome |= bodies_json(others, dated=taken is not None)
-        outcome["warnings"] += [text for table in more if taken and (text := table.warning(taken, place))]
-        bodies = others.bodies
-    objects, left_out = all_of(result, bodies, LISTED if request.objects is None else MOST)
-    outcome |= {"objects": objects_json(objects), "objects_left_out": left_out}
-    failures = [] if request.wcs is None else write_wcs_to(request.wcs, result)
-    if frame is not None and (request.annotate or request.objects):
+        found = yield from solve_file(request.file, options)
+    answer = yield from answer_of(request.file, found, options, bound, more, site, most)
+    if answer.solution is None:
+        return answer.outcome
+    failures = [] if request.wcs is None else write_wcs_to(request.wcs, answer.solution)
+    if isinstance(found, SolvedFrame) and (request.annotate or request.objects):
+        frame, hint = found.frame, answer.hint
         dated = replace(frame, hint=replace(hint, site=site or hint.site or frame.hint.site)) if hint else frame
         if request.annotate:
-            found_px = solved.detections.xy
-            failures += write_picture(request.annotate, dated, result, tables_of(elements), layers, found_px)
+            found_px = found.detections.xy
+            failures += write_picture(request.annotate, dated, answer.solution, more, layers, found_px)
         if request.objects:
-            failures += write_objects(request.objects, dated, result, objects)
-    return {**outcome, "failures": failures} if failures else outcome
+            failures += write_objects(request.objects, dated, answer.solution, answer.objects)
+    return {**answer.outcome, "failures": failures} if failures else answer.outcome
 
 
 def _requests(args: argparse.Namespace) -> list[SolveRequest]:
@@ -341,28 +323,6 @@ def run_detect(args: argparse.Namespace) -> int:
     return 0
 
 
-def detections_json(detections: "Detections") -> dict[str, Any]:
-    """The stable JSON form of a list of stars."""
-    return {
-        "width": detections.width,
-        "height": detections.height,
-        "background": _number(detections.background),
-        "noise": _number(detections.noise),
-        "detections": len(detections),
-        "stars": [
-            {
-                "x": round(float(detections.xy[i, 0]), 4),
-                "y": round(float(detections.xy[i, 1]), 4),
-                **{name: _number(getattr(detections, name)[i]) for name in ("flux", "snr", "fwhm_px", "elongation")},
-                "angle_deg": _number(detections.angle_rad[i] * 57.29577951308232),
-                "saturated": bool(detections.saturated[i]),
-                "blended": bool(detections.blended[i]),
-            }
-            for i in range(len(detections))
-        ],
-    }
-
-
 def detections_text(detections: "Detections") -> str:
     """A table with a line of totals."""
     lines = [
@@ -377,8 +337,3 @@ def detections_text(detections: "Detections") -> str:
             f"{star['fwhm_px'] or 0:6.2f} {star['elongation'] or 0:5.2f} {star['angle_deg'] or 0:6.1f}{marks}"
         )
     return "\n".join(lines)
-
-
-def _number(value: Any) -> float | None:
-    number = float(value)
-    return round(number, 5) if abs(number) < float("inf") else None

@@ -9,20 +9,27 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from kochab.core.errors import KochabError, UsageError
 from kochab.folders import config_folder, data_folder
-from kochab.parsing.text_input import read_text
+from kochab.parsing.text_input import parse_json, read_text
 from kochab.server.hand_over import Place, connected, place, worker_command
-from kochab.server.http_server import LOOPBACK, HttpServer
+from kochab.server.http_server import LOOPBACK, Answer, HttpServer
+from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:
     from kochab.server.worker import Run
 
 IDLE_MIN = 30.0
-PORT = 8470
+PORT, API_PORT = 8470, 8471
+MOUNT_S = 30.0
+"""For a mount to say where it points."""
 END_S = 10.0
 """How long ``--stop`` waits for the worker to end."""
 SAMPLES = ("big-dipper.jpg", "milky-way.jpg", "orion.png", "pleiades.fits")
@@ -36,14 +43,22 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         description="A worker keeps what solving needs loaded. While one runs, solve, identify, detect, find, chart and"
         " kochab -f hand their work to it and answer as without it, sooner; --no-worker keeps a command from it."
         " It serves nobody but you, and ends when idle. Linux only. With --nova it serves the API of"
-        " nova.astrometry.net instead, and a page to drop images on.",
+        " nova.astrometry.net instead, and a page to drop images on; with --api one of its own.",
     )
     parser.add_argument(
         "--nova", action="store_true", help="serve nova.astrometry.net's API and a page, on this computer"
     )
-    parser.add_argument("--lan", action="store_true", help="with --nova: to the local network too, unencrypted")
-    parser.add_argument("--port", type=_port, default=PORT, metavar="N", help="of --nova (default: %(default)s)")
-    parser.add_argument("--new-key", action="store_true", help="with --nova: make a new key; the old one ends")
+    parser.add_argument(
+        "--api", action="store_true", help="serve a JSON API on this computer; /openapi.json there describes it"
+    )
+    parser.add_argument(
+        "--mount", metavar="PORT[,DRIVER]", help="with --api: the mount whose position it tells; it moves none"
+    )
+    parser.add_argument("--lan", action="store_true", help="with both: to the local network too, unencrypted")
+    parser.add_argument(
+        "--port", type=_port, metavar="N", help=f"of --nova (default: {PORT}) or --api (default: {API_PORT})"
+    )
+    parser.add_argument("--new-key", action="store_true", help="with both: make a new key; the old one ends")
     parser.add_argument("--background", action="store_true", help="start it, wait until it is ready, and return")
     parser.add_argument("--stop", action="store_true", help="end the worker that runs; its commands finish")
     parser.add_argument(
@@ -70,8 +85,11 @@ def _minutes(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Start, or with ``--stop`` end the worker; 1 when there is none to end."""
-    if args.nova:
-        return _serve_nova("" if args.lan else LOOPBACK[0], args.port, args.new_key)
+    if args.nova or args.api:
+        if args.nova and args.api:
+            raise UsageError("Start --nova and --api one each.")
+        serve = _serve_nova if args.nova else partial(_serve_api, mount=args.mount)
+        return serve("" if args.lan else LOOPBACK[0], args.port, args.new_key)
     if not sys.platform.startswith("linux"):
         raise UsageError("There is no worker for this system yet: commands do their work themselves.")
     where = place()
@@ -82,34 +100,72 @@ def run(args: argparse.Namespace) -> int:
     return _serve(where, args.main, args.idle)
 
 
-def _serve_nova(host: str, port: int, new_key: bool) -> int:
+def _serve_nova(host: str, port: int | None, new_key: bool) -> int:
     """Serve until a signal comes; ``host`` is empty for the address on the local network."""
-    import threading
-
     from kochab.server.nova import Nova
-    from kochab.server.phone_page import local_address
 
-    key = _key(new_key)
+    key = _key("nova-key", new_key)
     nova = Nova(key)
     try:
-        server = HttpServer(nova.answer, host or local_address(), port)
-        try:
-            address = "http://{}:{}".format(*server.address)
+        with _serving(nova.answer, host, port or PORT) as address:
             print(f"Address for programs, in place of https://nova.astrometry.net: {address}\nAPI key: {key}")
             print(f"Page to drop images on: {address}/{key}/\nCtrl-C ends it.", flush=True)
-            over = threading.Event()
-            while not over.wait(0.5):  # a signal that another thread takes does not wake a wait without an end
-                pass
-        finally:
-            server.stop()
+            _wait()
     finally:
         nova.close()
     return 0
 
 
-def _key(new: bool) -> str:
+def _serve_api(host: str, port: int | None, new_key: bool, mount: str | None = None) -> int:
+    """The same for the JSON API, which tells where ``mount`` points: PORT or PORT,DRIVER."""
+    from kochab.server.api import Api
+
+    token = _key("api-token", new_key)
+    api = Api(token, None if mount is None else partial(_position, *mount.rpartition(",")[::2]))
+    with _serving(api.answer, host, port or API_PORT) as address:
+        print(f"Address: {address}\nToken, as Authorization: Bearer TOKEN: {token}")
+        print(f"Description for clients: {address}/openapi.json\nCtrl-C ends it.", flush=True)
+        _wait()
+    return 0
+
+
+def _position(port: str, driver: str) -> Json:
+    """What ``kochab mount position --json`` prints, in a process of its own: the mount is let go of at once."""
+    if not port:  # no comma
+        port, driver = driver, ""
+    asked = [*worker_command()[:-1], "mount", "position", "--json", "--port", port]
+    try:
+        done = subprocess.run([*asked, *(["--driver", driver] if driver else [])], capture_output=True, timeout=MOUNT_S)
+        found = parse_json(done.stdout.decode("utf-8", "replace") or "{}")
+    except subprocess.TimeoutExpired:
+        return {"error": "The mount does not answer."}
+    except ValueError:
+        found = None
+    return found if isinstance(found, dict) and found else {"error": "The mount's position could not be read."}
+
+
+@contextmanager
+def _serving(answer: Answer, host: str, port: int) -> "Iterator[str]":
+    """The address that is served meanwhile."""
+    from kochab.server.phone_page import local_address
+
+    server = HttpServer(answer, host or local_address(), port)
+    try:
+        yield "http://{}:{}".format(*server.address)
+    finally:
+        server.stop()
+
+
+def _wait() -> None:
+    """Wait for a signal: one that another thread takes does not wake a wait without an end."""
+    over = threading.Event()
+    while not over.wait(0.5):
+        pass
+
+
+def _key(name: str, new: bool) -> str:
     """The key of this user, the same every time, so that a program is set up once; only its owner may read it."""
-    path = config_folder() / "nova-key"
+    path = config_folder() / name
     if not new and path.is_file():
         key = read_text(path, "replace").strip()
         if re.fullmatch(r"[a-z0-9]{16,64}", key):

@@ -7,7 +7,7 @@ Nothing is served from files by name: what is asked for goes to one function as 
 
 import re
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -33,23 +33,33 @@ HEADERS = {
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What was asked: method, path without its query, the query, and a form's fields; ``file`` is (name, content)."""
+    """What was asked: method, path without its query, the query, and a form's fields; ``file`` is (name, content).
+
+    ``body`` is what was sent, ``authorization`` the header of that name.
+    """
 
     method: str
     path: str
     query: Mapping[str, str] = field(default_factory=dict)
     form: Mapping[str, str] = field(default_factory=dict)
     file: tuple[str, bytes] | None = None
+    body: bytes = b""
+    authorization: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What is answered; ``name`` is what a browser saves it as."""
+    """What is answered; ``name`` is what a browser saves it as, ``lines`` go out one by one, in place of a body.
+
+    ``allow`` are the methods that the address has, where another one was asked for.
+    """
 
     body: bytes
     kind: str = "application/json"
     status: HTTPStatus = HTTPStatus.OK
     name: str = ""
+    lines: Iterator[bytes] | None = None
+    allow: str = ""
 
 
 Answer = Callable[[Request], Response]
@@ -128,6 +138,13 @@ class _Handler(BaseHTTPRequestHandler):
     def do_PUT(self) -> None:
         self.do_POST()
 
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """What is no request of ours, in words: another method, a line too long."""
+        if code == HTTPStatus.NOT_IMPLEMENTED:
+            status = HTTPStatus.METHOD_NOT_ALLOWED
+            return self._send(Response(f"{status.phrase}\n".encode(), "text/plain", status, allow="GET, POST"))
+        return self._send(_said(HTTPStatus(code)))
+
     def _handle(self, body: bytes) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
             return self._send(_said(HTTPStatus.MISDIRECTED_REQUEST))
@@ -138,7 +155,9 @@ class _Handler(BaseHTTPRequestHandler):
             return self._send(_said(HTTPStatus.BAD_REQUEST))
         form, file = parse_form(self.headers.get("Content-Type", ""), body)
         try:
-            response = self.server.answer(Request(self.command, split.path, query, form, file))
+            response = self.server.answer(
+                Request(self.command, split.path, query, form, file, body, self.headers.get("Authorization", ""))
+            )
         except Exception:  # a fault of ours is not a traceback of the caller's
             import logging
 
@@ -149,12 +168,16 @@ class _Handler(BaseHTTPRequestHandler):
     def _send(self, response: Response) -> None:
         self.close_connection = True
         self.send_response(response.status)
+        allowed = {"Allow": response.allow} if response.allow else {}
         named = {"Content-Disposition": f'attachment; filename="{response.name}"'} if response.name else {}
-        own = {"Content-Type": response.kind, "Content-Length": str(len(response.body)), "Connection": "close"}
-        for name, value in (HEADERS | own | named).items():
+        own = {"Content-Type": response.kind, "Connection": "close"}
+        if response.lines is None:
+            own["Content-Length"] = str(len(response.body))
+        for name, value in (HEADERS | own | named | allowed).items():
             self.send_header(name, value)
         self.end_headers()
-        self.wfile.write(response.body)
+        for part in (response.body,) if response.lines is None else response.lines:
+            self.wfile.write(part)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Requests are not printed."""
