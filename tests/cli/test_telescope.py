@@ -83,7 +83,7 @@ def test_a_goto_goes_through_the_guard_and_moves_a_practice_mount(start) -> None
 
 
 def test_frames_saved_to_a_folder_show_where_the_telescope_points(start, repository, tmp_path) -> None:
-    offered, ready = start("telescope", "--folder", str(tmp_path), "--offer", "lx200=0", "--json")
+    offered, ready = start("telescope", "--folder", str(tmp_path), "--offer", "lx200=0", "--json", "--target", "M 42")
     shutil.copy(repository / "resources" / "samples" / "pleiades.fits", tmp_path)
     meade = Program(ready["ports"]["lx200"])
     with meade.line:
@@ -91,6 +91,10 @@ def test_frames_saved_to_a_folder_show_where_the_telescope_points(start, reposit
         place = degrees_of(meade.ask(":GR#"), meade.ask(":GD#"))
     assert apart_deg(place, (56.75, 24.12)) < 3.0  # M 45 is in the sample
     assert offered.poll() is None
+    events = iter(lambda: json.loads(offered.stdout.readline()), None)
+    way = next(event for event in events if event["event"] == "push")
+    assert way["distance_deg"] == pytest.approx(apart_deg((56.75, 24.12), (83.82, -5.39)), abs=3.0)
+    assert way["text"].endswith(" south.")
 
 
 @pytest.mark.parametrize(

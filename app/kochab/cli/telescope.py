@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from kochab.cli.mount import SWITCHES
 from kochab.cli.options import CAMERA, MOUNT, SEARCH, add_options, capture_settings, options_of
 from kochab.cli.output import reporting_failures, tell, with_progress
-from kochab.core.errors import KochabError, RefusedError, UsageError
+from kochab.core.errors import KochabError, UsageError
 
 if TYPE_CHECKING:
     from kochab.gear.mount_events import MountEvent
@@ -40,6 +40,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     parser.add_argument("--lan", action="store_true", help="to the local network too, unencrypted")
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
+    parser.add_argument("--target", metavar="NAME", help="what to push the telescope to: after each solve, which way")
     add_options(parser, *CAMERA, *MOUNT, "--profile", "--json", *SEARCH, "--detector")
     parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
     parser.add_argument("--equatorial", action="store_true", help="AZ-GTi, Celestron fork or unknown board on a wedge")
@@ -63,6 +64,10 @@ def run(args: argparse.Namespace) -> int:
     say = partial(_say, as_json=args.json)
     mount = _CliMount(args, say) if args.port or args.driver else None
     telescope = OfferedTelescope(say, mount, args.yes, site=args.site)
+    if args.target is not None:
+        from kochab.workflows.goto_target import parse_target
+
+        telescope.target = parse_target(args.target, telescope.now())
     if mount is not None:
         mount.telescope = telescope
     camera = _Camera(args, telescope) if args.source else None
@@ -136,16 +141,16 @@ class _CliMount:
         self.known = MountSnapshot("connecting", selection.port)
         self._line: MountLine = MountLine(opened, self._hear)
 
-    def order(self, name: str, make: "MakeTask") -> None:
-        """Do this on the guard; RefusedError when something is under way."""
+    def order(self, name: str, make: "MakeTask", refuse: Callable[[str], None]) -> None:
+        """Do this on the guard, unless something is under way."""
         from kochab.gear.actions import MountSituation, reason_against_order
 
         lacks = None if self.known.connected is None else self.known.connected.lacks
         state = None if self.known.report is None else self.known.report.state
         if why := reason_against_order(name, MountSituation(self.known.phase, lacks, state, self.known.user)):
-            raise RefusedError("{why}", why=why)
+            return refuse(why)
         self.known.busy = name
-        self._line.order(name, make)
+        return self._line.order(name, make)
 
     def stop(self) -> None:
         """Stop it now."""
@@ -188,7 +193,7 @@ class _Camera:
         settings = capture_settings(args)
         capture = Capture(lambda: open_camera(args.source, args.address, settings), reconnect=True)
         self._live = live_solve(capture, ProfiledTracker(args.profile or "", options_of(args, args.detector)))
-        self._telescope = telescope
+        self._telescope, self._as_json, self._told = telescope, args.json, ""
         self.over = threading.Event()
         self._ending = threading.Event()
         self.fault: KochabError | None = None
@@ -216,9 +221,26 @@ class _Camera:
                     if isinstance(step, LiveUpdate):
                         if step.track.solution is not None:
                             self._telescope.see_solution(step.track.solution, step.shot.shutter_s)
+                            self._tell_way(step.done_s)
                     elif step.stage == WARNING:
                         self._telescope.say(step.detail)
         except KochabError as error:
             self.fault = error
         finally:
             self.over.set()
+
+    def _tell_way(self, now_s: float) -> None:
+        """Say which way to push, when that has changed."""
+        from kochab.workflows.telescope.push_to import push_to
+
+        way = push_to(self._telescope, now_s)
+        if way is None or way.words == self._told:
+            return
+        self._told = way.words
+        fields = {
+            "distance_deg": way.distance_deg,
+            "right_deg": way.right_deg,
+            "up_deg": way.up_deg,
+            "there": way.there,
+        }
+        tell({"event": "push", **fields, "with_site": way.with_site, "text": way.words}, way.words, self._as_json)

@@ -30,7 +30,7 @@ class Mount:
     def __init__(self):
         self.orders = []
 
-    def order(self, name, make):
+    def order(self, name, make, refuse):
         self.orders.append(name)
         verdict: Future = make.args[-1]
         verdict.set_result("")
@@ -146,7 +146,7 @@ def test_a_slew_that_waits_comes_back_when_it_is_over(device, client, offered) -
 
 def test_what_the_guard_refuses_is_a_sentence(client, offered, mount) -> None:
     client.Connected = True
-    mount.order = lambda name, make: make.args[-1].set_result("Below the horizon limit.")
+    mount.order = lambda name, make, refuse: make.args[-1].set_result("Below the horizon limit.")
     with pytest.raises(exceptions.InvalidOperationException, match="Below the horizon limit"):
         client.SlewToCoordinatesAsync(6.5, -12.25)
 

@@ -86,7 +86,7 @@ def test_indis_own_command_line_reads_and_steers_it(indi, telescope, mount) -> N
 
 
 def test_a_refusal_is_an_alert_with_its_sentence(port, telescope, mount) -> None:
-    mount.order = lambda name, make: make.args[-1].set_result("Below the horizon limit.")
+    mount.order = lambda name, make, refuse: make.args[-1].set_result("Below the horizon limit.")
     telescope.see_mount(PLACE)
     client = Program(port)
     with client.line:

@@ -21,7 +21,7 @@ class Pushed:
     def __init__(self):
         self.orders = []
 
-    def order(self, name, make):
+    def order(self, name, make, refuse):
         self.orders.append(name)
         verdict: Future = make.args[-1]
         verdict.set_result("")

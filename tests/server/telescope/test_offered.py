@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import PortError, RefusedError, UsageError
+from kochab.core.errors import PortError, UsageError
 from kochab.server.telescope.listening import MOST_CLIENTS, NotTheProtocol
 from kochab.server.telescope.lx200 import Commands
 from kochab.server.telescope.offer import Offer
@@ -149,9 +149,9 @@ class Refusing:
     def __init__(self):
         self.orders, self.stopped = [], 0
 
-    def order(self, name, make):
+    def order(self, name, make, refuse):
         self.orders.append(name)
-        raise RefusedError("The mount is busy: slewing. Wait, or stop it.")
+        refuse("The mount is busy: slewing. Wait, or stop it.")
 
     def stop(self):
         self.stopped += 1

@@ -41,8 +41,8 @@ NOT_ALLOWED = tr_noop("Target set: push the telescope there. Kochab may not move
 class MountOrders(Protocol):
     """The way to a connected mount's line."""
 
-    def order(self, name: str, make: MakeTask) -> None:
-        """Do this on the guard, by any thread's wish; RefusedError says why it cannot be now."""
+    def order(self, name: str, make: MakeTask, refuse: Callable[[str], None]) -> None:
+        """Do this on the guard, by any thread's wish; ``refuse`` takes the sentence when it cannot be now."""
 
     def stop(self) -> None:
         """Stop the mount now; never waits."""
@@ -171,16 +171,18 @@ class OfferedTelescope:
     def _order(self, name: str, make: Callable[["Future[str]", Guard], Task[str]], who: str) -> "Future[str]":
         verdict: Future[str] = Future()
         assert self.mount is not None
-        try:
-            self.mount.order(name, partial(make, verdict))
-        except RefusedError as error:
-            return self._refused(str(error), who)
+        self.mount.order(name, partial(make, verdict), partial(self._refuse, verdict, who))
         verdict.add_done_callback(partial(self._given_up, who))
         return verdict  # what came of it is told by the mount's line
 
     def _given_up(self, who: str, verdict: "Future[str]") -> None:
         if verdict.cancelled():
             self.say(tr("{who}: no answer from the mount in time; nothing moves.", who=who))
+
+    def _refuse(self, verdict: "Future[str]", who: str, why: str) -> None:
+        if verdict.set_running_or_notify_cancel():
+            verdict.set_result(why)
+            self.say(f"{who}: {why}")
 
     def _refused(self, why: str, who: str) -> "Future[str]":
         self.say(f"{who}: {why}")

@@ -1,0 +1,101 @@
+"""Push-to: which way and how far a person pushes the telescope to its target, from live solves.
+
+With a site the way is in azimuth and altitude, as a Dobsonian turns; without one it is along right ascension and
+declination, as an equatorial mount does. The solves tell where it points, so no encoder and no alignment is needed.
+"""
+
+import math
+from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, radians
+
+from kochab.core.attitude import Degrees, apart_deg, unit_vectors, wrapped
+from kochab.sky.horizon import Horizon
+from kochab.text.angle_text import age_text, angle_text
+from kochab.text.translation import tr, tr_noop
+from kochab.workflows.goto_target import Target
+from kochab.workflows.telescope.offered import OfferedTelescope
+
+THERE_DEG = 5.0 / 60.0
+OLD_S = 10.0
+"""A telescope that is pushed has gone on since a frame older than this."""
+BELOW = tr_noop("{name} is below the horizon.")
+
+
+@dataclass(frozen=True, slots=True)
+class PushTo:
+    """From where it points to the target, degrees.
+
+    ``right_deg`` is to turn it clockwise seen from above, or west without a site; ``up_deg`` higher, or north.
+    ``age_s`` is how old the solve is. Both angles are of the axes: azimuth is not multiplied by cos(altitude).
+    """
+
+    target: Target
+    distance_deg: float
+    right_deg: float
+    up_deg: float
+    on_sky_deg: Degrees
+    """The same two on the sky, for the arrow."""
+    with_site: bool
+    below: bool = False
+    age_s: float = 0.0
+
+    @property
+    def there(self) -> bool:
+        """Whether the target is in the eyepiece."""
+        return self.distance_deg <= THERE_DEG and not self.old
+
+    @property
+    def old(self) -> bool:
+        """Whether the telescope may have moved since."""
+        return self.age_s > OLD_S
+
+    @property
+    def arrow_deg(self) -> float:
+        """The arrow on a screen: 0 up, 90 to the right."""
+        return degrees(atan2(*self.on_sky_deg))
+
+    @property
+    def words(self) -> str:
+        """What to do, in one sentence."""
+        if self.below:
+            return tr(BELOW, name=self.target.name)
+        if self.there:
+            return tr("{name} is in the eyepiece.", name=self.target.name)
+        right, left = (tr("right"), tr("left")) if self.with_site else (tr("west"), tr("east"))
+        up, down = (tr("up"), tr("down")) if self.with_site else (tr("north"), tr("south"))
+        way = []
+        if abs(self.on_sky_deg[0]) > THERE_DEG / 2.0:
+            way.append(f"{angle_text(abs(self.right_deg))} {right if self.right_deg > 0 else left}")
+        if abs(self.on_sky_deg[1]) > THERE_DEG / 2.0:
+            way.append(f"{angle_text(abs(self.up_deg))} {up if self.up_deg > 0 else down}")
+        return tr("Push {way}.", way=", ".join(way))
+
+    @property
+    def age_words(self) -> str:
+        """How old the pointing is, where that matters; empty otherwise."""
+        return tr("Last solved {age} ago.", age=age_text(self.age_s)) if self.old else ""
+
+
+def push_to(telescope: OfferedTelescope, now_s: float) -> PushTo | None:
+    """The way to the telescope's target at ``now_s`` of :func:`time.monotonic`; None without a target or a pointing."""
+    target, seen = telescope.target, telescope.seen
+    if target is None or seen is None:
+        return None
+    there = (target.ra_deg, target.dec_deg)
+    distance, age_s = apart_deg(seen.icrs_deg, there), max(0.0, now_s - seen.at_s)
+    if telescope.site is None:
+        west = wrapped(seen.icrs_deg[0] - there[0])
+        north = there[1] - seen.icrs_deg[1]
+        sky = west * cos(radians(there[1])), north
+        return PushTo(target, distance, west, north, _scaled(sky, distance), False, age_s=age_s)
+    horizon = Horizon(telescope.site, telescope.now())
+    (altitude, azimuth), (wanted, towards) = (horizon.altaz_deg(unit_vectors(*p)) for p in (seen.icrs_deg, there))
+    right, up = wrapped(towards - azimuth), wanted - altitude
+    sky = right * cos(radians(wanted)), up
+    return PushTo(target, distance, right, up, _scaled(sky, distance), True, wanted < 0.0, age_s)
+
+
+def _scaled(sky_deg: Degrees, distance_deg: float) -> Degrees:
+    """The same direction, as long as the way on the sky is: over a wide turn the axes' angles add up to more."""
+    length = hypot(*sky_deg)
+    return (0.0, 0.0) if math.isclose(length, 0.0) else tuple(x / length * distance_deg for x in sky_deg)  # type: ignore[return-value]
