@@ -137,6 +137,22 @@ def test_an_uploaded_table_is_a_list_of_stars(client, names) -> None:
     assert SkyCoord(found["ra"], found["dec"], unit="deg").separation(ORION).deg < 0.01
 
 
+def test_a_program_with_a_key_of_its_own_may_be_let_in(tmp_path, monkeypatch) -> None:
+    """EXOTIC has one built in: its address is changed alone."""
+    for any_key, status in ((False, "error"), (True, "success")):
+        nova = Nova(KEY, any_key)
+        http_server = HttpServer(nova.answer)
+        try:
+            assert Client(http_server).post("/api/login", {"apikey": "vfsyxlmdxfryhprq"})["status"] == status
+        finally:
+            http_server.stop()
+            nova.close()
+    asked = [sys.executable, "-m", "kochab", "serve", "--nova", "--any-key", "--lan"]
+    done = subprocess.run(asked, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "not with --lan" in done.stderr
+
+
 def test_a_job_has_a_log(client, job) -> None:
     """StellarSolver takes it, and gives up where there is none."""
     code, _, text = client.ask("GET", f"/joblog/{job}")

@@ -58,6 +58,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument(
         "--port", type=_port, metavar="N", help=f"of --nova (default: {PORT}) or --api (default: {API_PORT})"
     )
+    parser.add_argument(
+        "--any-key", action="store_true", help="with --nova: take every key, of programs that have one built in"
+    )
     parser.add_argument("--new-key", action="store_true", help="with both: make a new key; the old one ends")
     parser.add_argument("--background", action="store_true", help="start it, wait until it is ready, and return")
     parser.add_argument("--stop", action="store_true", help="end the worker that runs; its commands finish")
@@ -88,7 +91,9 @@ def run(args: argparse.Namespace) -> int:
     if args.nova or args.api:
         if args.nova and args.api:
             raise UsageError("Start --nova and --api one each.")
-        serve = _serve_nova if args.nova else partial(_serve_api, mount=args.mount)
+        if args.any_key and args.lan:
+            raise UsageError("--any-key is for this computer alone, not with --lan.")
+        serve = partial(_serve_nova, any_key=args.any_key) if args.nova else partial(_serve_api, mount=args.mount)
         return serve("" if args.lan else LOOPBACK[0], args.port, args.new_key)
     if not sys.platform.startswith("linux"):
         raise UsageError("There is no worker for this system yet: commands do their work themselves.")
@@ -100,12 +105,22 @@ def run(args: argparse.Namespace) -> int:
     return _serve(where, args.main, args.idle)
 
 
-def _serve_nova(host: str, port: int | None, new_key: bool) -> int:
-    """Serve until a signal comes; ``host`` is empty for the address on the local network."""
+def _serve_nova(host: str, port: int | None, new_key: bool, any_key: bool = False) -> int:
+    """Serve until a signal comes.
+
+    Parameters
+    ----------
+    host : str
+        Empty for the address on the local network.
+    port : int or None
+        None for the usual.
+    new_key, any_key : bool
+        Whether a new key is made, and whether others are taken too.
+    """
     from kochab.server.nova import Nova
 
     key = _key("nova-key", new_key)
-    nova = Nova(key)
+    nova = Nova(key, any_key)
     try:
         with _serving(nova.answer, host, port or PORT) as address:
             print(f"Address for programs, in place of https://nova.astrometry.net: {address}\nAPI key: {key}")
@@ -117,7 +132,15 @@ def _serve_nova(host: str, port: int | None, new_key: bool) -> int:
 
 
 def _serve_api(host: str, port: int | None, new_key: bool, mount: str | None = None) -> int:
-    """The same for the JSON API, which tells where ``mount`` points: PORT or PORT,DRIVER."""
+    """The same for the JSON API.
+
+    Parameters
+    ----------
+    host, port, new_key
+        As there.
+    mount : str or None
+        PORT or PORT,DRIVER of the mount whose position it tells.
+    """
     from kochab.server.api import Api
 
     token = _key("api-token", new_key)

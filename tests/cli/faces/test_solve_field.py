@@ -12,6 +12,7 @@ from astropy.coordinates import SkyCoord
 from astropy.io import fits
 from astropy.wcs import WCS
 
+import kochab
 from kochab.cli.faces.solve_field import OUTPUTS
 from kochab.cli.main import main
 
@@ -258,3 +259,40 @@ def test_the_list_is_kept_under_the_name_given(orion, tmp_path, capsys) -> None:
         assert {"X", "Y", "FLUX", "BACKGROUND"} <= set(file[1].columns.names)
         assert len(file[1].data) > 400
     assert not (tmp_path / "orion.axy").exists()
+
+
+def test_a_list_of_stars_is_solved_as_siril_sends_it(orion, tmp_path, capsys, monkeypatch) -> None:
+    """``local_asnet_platesolve`` and ``save_list_as_FITS_table`` of Siril 1.4: what it sends, and what it reads then."""
+    stars = kochab.detect(orion)
+    arrays = {"X": stars.xy[:, 0] + 1.0, "Y": stars.xy[:, 1] + 1.0, "FLUX": stars.flux, "BACKGROUND": 0.0 * stars.flux}
+    table = fits.BinTableHDU.from_columns([fits.Column(name, "1E", array=a[::-1]) for name, a in arrays.items()])
+    table.header["IMAGEW"], table.header["IMAGEH"] = stars.width, stars.height
+    table.writeto(tmp_path / "orion.xyls")
+    monkeypatch.chdir(tmp_path)
+    assert solve_field("-h") == 0  # is it there?
+    capsys.readouterr()
+    nothing = ["-N", "none", "-R", "none", "-M", "none", "-B", "none", "-U", "none", "-S", "none"]
+    asked = ["-C", "stop", "--temp-axy", "-p", "-O", *nothing, "--crpix-center", "-l", "30", "-u", "arcsecperpix"]
+    asked += ["-L", "40.000", "-H", "60.000", "-s", "FLUX", "-t", "3"]
+    asked += ["--ra", "84.500000", "--dec", "-1.000000", "--radius", "10.0"]
+    assert solve_field(*asked, "orion.xyls") == 0
+    out = capsys.readouterr().out
+    assert any(line.startswith("Field center: (RA,Dec)") for line in out.splitlines())
+    assert {path.name for path in tmp_path.iterdir()} == {"orion.png", "orion.xyls", "orion.wcs"}
+    with fits.open("orion.wcs") as file:  # Siril reads it with cfitsio, as any FITS
+        header = file[0].header
+        del header["NAXIS"]
+        assert WCS(header).pixel_to_world_values(539.5, 359.5) == pytest.approx((84.0, -1.5), abs=0.01)
+    assert solve_field(*asked, "--radius", "0.5", "orion.xyls") == 0
+    assert any(line.startswith("Did not solve") for line in capsys.readouterr().out.splitlines())
+
+
+def test_a_file_that_is_solved_is_skipped_when_that_is_asked(orion, tmp_path, capsys) -> None:
+    """Scripts send it with ``--overwrite``: the ``.solved`` of before then counts."""
+    asked = ["--no-plots", "--overwrite", "--skip-solved", orion]
+    assert solve_field(*asked) == 0
+    (tmp_path / "orion.wcs").unlink()
+    capsys.readouterr()
+    assert solve_field(*asked) == 0
+    assert "orion.solved" in capsys.readouterr().out
+    assert not (tmp_path / "orion.wcs").exists()

@@ -64,7 +64,7 @@ REFUSED = {
     **{"just-augment": "lists without solving", "tag": "columns of an index"},
     **{"dont-augment": "lists without solving", "tag-all": "columns of an index", "invert": "inverted images"},
     **{"fields": "lists of several fields", "extension": "choice of a FITS extension", "xscale": "oblong pixels"},
-    **{"solved-in": "lists of solved fields", "skip-solved": "skipping of solved files"},
+    **{"solved-in": "lists of solved fields"},
 }
 KEPT = "keep-xylist"
 """The list of stars once more, where a name for it is given."""
@@ -210,6 +210,9 @@ def _one(order: SolveFieldRequest, file: str, hint: Callable[[int], Hint | None]
     from kochab.frames.outputs import refuse_input
 
     outputs = order.outputs(file)
+    if "skip-solved" in order.options and os.path.isfile(outputs["solved"]):
+        print(f"Field: {printable(file)}\nSkipped: it is solved, as {printable(outputs['solved'])} says.")
+        return DONE
     there = [path for path in outputs.values() if path and os.path.isfile(path)]
     if there and "overwrite" not in order.options:
         print(f"Output file exists: {printable(there[0])}.\nUse the --overwrite flag to overwrite existing files.")
