@@ -2,7 +2,9 @@
 
 import sys
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from kochab.lab.bench import serve
 from kochab.lab.bench.serve import Spent, compared, goals, rendered, spent
@@ -38,13 +40,37 @@ def test_commands_have_turns_and_others_run_once() -> None:
 
 def test_goals_are_measured_or_said_not_to_be() -> None:
     rows = [
-        {"frame": "1.5 MP", "command": "kochab cold", "wall_s": 1.0},
-        {"frame": "1.5 MP", "command": "kochab warm", "wall_s": 0.15},
+        {"frame": "1.5 MP", "command": "kochab cold", "wall_s": 1.0, "cpu_s": 0.5},
+        {"frame": "1.5 MP", "command": "kochab warm", "wall_s": 0.15, "cpu_s": 0.1},
+        {"frame": "1.5 MP", "command": "kochab before", "wall_s": 2.0, "cpu_s": 2.0},
         {"frame": "61 MP", "command": "kochab warm", "wall_s": 0.4},
-        {"frame": "b", "command": "--workers 1", "wall_s": 2.0, "frames_cpu_s": 9.0},
+        {"frame": "b", "command": "--workers 1", "busy": 0, "wall_s": 2.0, "frames_cpu_s": 9.0},
+        {"frame": "b", "command": "--workers 2", "busy": 0, "wall_s": 1.25, "frames_cpu_s": 8.0},
+        {"frame": "b, busy", "command": "--workers 1", "busy": 4, "wall_s": 6.0, "frames_cpu_s": 7.0},
+        {"frame": "b, busy", "command": "--workers 2", "busy": 4, "wall_s": 5.0, "frames_cpu_s": 7.0},
     ]
-    assert [(goal.value, goal.met) for goal in goals(rows)] == [(0.15, True), (0.4, False), (9.0, True)]
-    assert [goal.met for goal in goals(rows[:1])] == [None, None, None]
+    expected = [(0.25, True), (0.075, True), (0.15, True), (0.4, False), (9.0, True), (1.6, False), (1.2, True)]
+    assert [(goal.value, goal.met) for goal in goals(rows)] == expected
+    assert [goal.met for goal in goals(rows[:1])] == [None] * 7
+
+
+def test_a_batch_has_its_turns_and_leaves_no_loop_behind(tmp_path, monkeypatch) -> None:
+    asked, loops = [], []
+    monkeypatch.setattr(serve, "spent", lambda command: asked.append(command[-1]) or Spent(len(asked), 1.0, True))
+    popen = serve.subprocess.Popen
+    monkeypatch.setattr(serve.subprocess, "Popen", lambda command: loops.append(popen(command)) or loops[-1])
+    one, two = serve.batch([tmp_path / "a.fits"] * 4, 1)
+    assert asked == ["1", "2"] * serve.BATCH_TURNS
+    assert (one["wall_s"], two["wall_s"], one["frames_s"]) == (3, 4, 4 / 3)
+    assert [loop.returncode is not None for loop in loops] == [True]
+
+
+def test_a_picture_of_a_frame_keeps_its_stars(tmp_path) -> None:
+    file = rendered(tmp_path / "a.fits", 600, 400, 15.0)
+    shown = np.asarray(Image.open(serve._png(file)))
+    assert (shown.shape, shown.dtype) == ((400, 600), np.uint8)
+    assert 5 < np.median(shown) < 60
+    assert (shown == 255).sum() > 20
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the worker is for Linux")
