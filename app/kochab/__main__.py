@@ -12,8 +12,10 @@ from kochab.cli.warm import is_for_worker
 
 if TYPE_CHECKING:
     from kochab.server.phone_page import PhonePage
+    from kochab.server.telescope.offer import Offer
     from kochab.simulate.practice import PracticeNight
     from kochab.workflows.live.update import LiveUpdate
+    from kochab.workflows.telescope.offered import OfferedTelescope
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -95,7 +97,7 @@ def _window(paths: list[str], language: str = "") -> int:
     if trouble is not None:
         print(f"kochab: {trouble}", file=sys.stderr)
         return 2
-    wiring = Wiring(_practise, _to_record, _phone_page)
+    wiring = Wiring(_practise, _to_record, _phone_page, _offer_telescope)
     return run(paths, wiring, language)
 
 
@@ -109,6 +111,12 @@ def _phone_page() -> "PhonePage":
     from kochab.server.phone_page import PhonePage
 
     return PhonePage()
+
+
+def _offer_telescope(telescope: "OfferedTelescope", lan: bool) -> "Offer":
+    from kochab.server.telescope.offer import Offer
+
+    return Offer(telescope, {}, lan)
 
 
 def _practise(**wishes: Any) -> "PracticeNight":

@@ -22,6 +22,7 @@ from kochab.folders import data_folder
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 from kochab.text.translation import tr
 from kochab.workflows.session.alignment_state import AlignmentState
+from kochab.workflows.telescope.push_to import PushTo, phone_json
 
 TOKEN_BYTES = 16  # 128 bits: nobody in the network guesses the address
 REQUEST_S = 10.0
@@ -44,7 +45,8 @@ class PhonePage:
 
     def __init__(self, token: str | None = None, now: Callable[[], float] = time.monotonic) -> None:
         self._token = token or secrets.token_urlsafe(TOKEN_BYTES)
-        self._state, self._now = AlignmentState(), now
+        self._state: AlignmentState | PushTo = AlignmentState()
+        self._now = now
         self._server: _Server | None = None
 
     @property
@@ -78,7 +80,7 @@ class PhonePage:
         if server is not None:
             server.stop()
 
-    def show(self, state: AlignmentState) -> None:
+    def show(self, state: AlignmentState | PushTo) -> None:
         """Replace what phones see: what to do, and the error once both bolts are known."""
         self._state = state
 
@@ -90,19 +92,23 @@ class PhonePage:
             return None
         if parts[2] == "":
             page = (data_folder("resources") / "phone.html").read_text(encoding="utf-8")
-            for place, text in texts().items():
+            for place, text in texts(isinstance(self._state, PushTo)).items():
                 page = page.replace(f"{{{place}}}", escape(text))
             return "text/html; charset=utf-8", page.encode("utf-8")
         if parts[2] == "now.json":
-            return "application/json", json.dumps(state_json(self._state, self._now())).encode("utf-8")
+            return "application/json", json.dumps(self._fields(self._now())).encode("utf-8")
         return None
 
+    def _fields(self, now_s: float) -> dict[str, Any]:
+        state = self._state
+        return phone_json(state, now_s) if isinstance(state, PushTo) else state_json(state, now_s)
 
-def texts() -> dict[str, str]:
+
+def texts(push: bool = False) -> dict[str, str]:
     """The page's own texts in the person's language, by the places in it."""
     return {
         "language": tr("en", "the language's code, as a web page gives it"),
-        "title": tr("Polar alignment"),
+        "title": tr("Push-to") if push else tr("Polar alignment"),
         "unsolved": tr("No solution for the newest frame yet."),
         "unconnected": tr("No connection to Kochab."),
     }

@@ -94,7 +94,7 @@ def test_nothing_but_its_name_is_told_before_it_is_connected(client, offered) ->
         _ = client.RightAscension
     client.Connected = True
     assert client.Connected
-    assert offered.connected_text == "Alpaca"
+    assert offered.connected_text == "Connected: Alpaca."
     with pytest.raises(exceptions.ValueNotSetException):
         _ = client.RightAscension  # connected, and nothing was solved yet
     client.Connected = False

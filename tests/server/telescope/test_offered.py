@@ -18,7 +18,7 @@ from kochab.server.telescope.offer import Offer
 from kochab.server.telescope.stellarium import GOTO, goto_place, position_message
 from kochab.workflows.telescope import offered
 from kochab.workflows.telescope.offered import OfferedTelescope
-from tests.server.telescope.conftest import NIGHT, wait_for
+from tests.server.telescope.conftest import NIGHT, Program, wait_for
 from tests.workflows.live_sources import solution
 
 PLACES = [(83.822, -5.391), (0.001, 12.0), (359.9999, 89.2), (187.791, 57.033), (201.298, -69.5), (279.2347, 38.7837)]
@@ -248,3 +248,15 @@ def test_a_taken_port_and_an_unknown_protocol_are_one_sentence(telescope, offer)
     offer.stop()
     again = Offer(telescope, {"lx200": offer.ports["lx200"]})
     again.stop()
+
+
+def test_the_end_of_the_ports_is_quiet_though_programs_are_connected(telescope, caplog) -> None:
+    ports = Offer(telescope, {"lx200": 0, "stellarium": 0, "indi": 0})
+    programs = [Program(port) for port in ports.ports.values()]
+    assert wait_for(lambda: sum(telescope.programs.values()) == 3)
+    ports.stop()
+    for program in programs:
+        with program.line:
+            assert program.line.recv(10) == b""
+    assert not caplog.records
+    assert not telescope.programs

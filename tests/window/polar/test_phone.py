@@ -10,7 +10,7 @@ import pytest
 from kochab.server.phone_page import PhonePage
 from kochab.window.application import build
 from kochab.window.frame.session import WorkflowEngine
-from kochab.window.polar.phone import QrCode, serving
+from kochab.window.phone import QrCode, serving
 from kochab.window.themes import THEMES
 from kochab.workflows.session.wiring import Wiring
 from tests.window.polar_cases import adjusting

@@ -18,7 +18,8 @@ from kochab.window.polar.bolts_view import BoltsView
 from kochab.window.polar.error_display import more_text, signed_text, uncertainty_words
 from kochab.window.polar.messages import Message, all_known, most_urgent
 from kochab.window.polar.room import KnobCard, NumberCard
-from kochab.window.polar.sound_cues import Cue, Cues, SoundCues, speech_text
+from kochab.window.polar.sound_cues import SoundCues, speech_text
+from kochab.window.tones import Cue, Cues
 from kochab.workflows.polar.align import AdjustingEnd, adjust
 from kochab.workflows.polar.measure import HandTurner, Sweep, measure_axis
 from kochab.workflows.polar.update import PolarButton, PolarControls, PolarUpdate

@@ -159,6 +159,8 @@ class Ports:
             why = tr(SLOW)
         except OSError:
             pass  # a program that went away
+        except asyncio.CancelledError:
+            pass  # the end of the ports; streams would print it as a fault
         finally:
             self._lines -= 1
             self.telescope.leave(line.who, why)

@@ -22,13 +22,16 @@ from kochab.window.live import status_text
 from kochab.window.live.camera_panel import CameraPanel
 from kochab.window.live.frame_display import LiveDisplay
 from kochab.window.live.pointing_panel import PointingPanel
+from kochab.window.live.push_panel import PushPanel
 from kochab.window.live.sky_points import sky_points
 from kochab.window.live.status_text import StreamStatus, recorded_text
+from kochab.window.phone import PhonePanel
 from kochab.window.services import Services
 from kochab.window.view import View
 from kochab.window.widgets import Page, button, column, label, row, scrolled, show_text, switch, tab_pages
 from kochab.workflows.live.solve import ProfiledTracker
 from kochab.workflows.session.live_stream import Recording, Stream, StreamRequest
+from kochab.workflows.telescope.push_to import PushTo
 
 NO_RECORDER = tr_noop("Recording is not available in this window.")
 
@@ -101,6 +104,7 @@ class LiveView(View):
     def _build(self) -> None:
         self.camera = CameraPanel()
         self.pointing = PointingPanel()
+        self.push, self.phone = PushPanel(self._services), PhonePanel(self._services)
         self.record = RecordPanel(self._services.wiring.to_record is not None)
         self.title = label("", "heading", wrap=True)
         self.text = label(tr(READY), "muted", wrap=True)
@@ -109,7 +113,8 @@ class LiveView(View):
         self.start = button(tr("&Start"), self.begin, "main", tr("Open the camera and solve its frames"))
         self.stop = button(tr("Sto&p"), self.end, tip=tr("Close the camera; the last frame stays open"))
         camera, pointing = scrolled(self.camera), scrolled(self.pointing)
-        self.tabs = tab_pages(tr("Live"), (tr("Camera"), camera), (tr("Pointing"), pointing))
+        more = (tr("Push-to"), scrolled(self.push)), (tr("Phone"), scrolled(self.phone))
+        self.tabs = tab_pages(tr("Live"), (tr("Camera"), camera), (tr("Pointing"), pointing), *more)
         top = row((self.title, 1), self.start, self.stop)
         parts = (top, self.text, self.message, (self.tabs, 1), self.record)
         column(*parts, on=self, spacing=6, margins=(10, 8, 10, 8))
@@ -124,6 +129,7 @@ class LiveView(View):
         services.session.opening.connect(self._make_way)
         services.jobs.closing.connect(self._save)
         self.pointing.save_wanted.connect(self._ask_lens)
+        self.push.way.connect(self._show_way)
 
     def showEvent(self, event: QShowEvent) -> None:
         if self.stream is None:
@@ -183,6 +189,10 @@ class LiveView(View):
         # Until the camera is closed, see _finished.
         self.start.setEnabled(False)
 
+    def _show_way(self, way: PushTo | None) -> None:
+        if way is not None:
+            self.phone.show_state(way)
+
     def _set_camera(self, settings: CaptureSettings) -> None:
         if self.stream is not None:
             self.stream.capture.configure(settings)
@@ -222,6 +232,7 @@ class LiveView(View):
         self.record.show_state(stream.recording)
         update = stream.latest
         if update is not None:
+            self.push.see(update)
             self._show_status(status_text.stream_status(update, monotonic(), stream.seen_s))
             self.pointing.show_update(
                 update, stream.lens, stream.request.profile, self.display.drawn_hz, self.display.latency_ms

@@ -12,17 +12,18 @@ from kochab.gear.session import EXPOSURE_S
 from kochab.text.translation import number, tr, tr_noop
 from kochab.window.devices.mount_status import StopKey
 from kochab.window.dialogs import dropped_files
+from kochab.window.phone import PhonePanel
 from kochab.window.polar.alignment import RunningAlignment
 from kochab.window.polar.bolts_view import BoltsView
 from kochab.window.polar.buttons import AlignmentButtons
 from kochab.window.polar.error_display import AlignPage
 from kochab.window.polar.history import HistoryPage
 from kochab.window.polar.messages import Message, all_known, most_urgent
-from kochab.window.polar.phone import PhonePanel
 from kochab.window.polar.room import PolarRoom
 from kochab.window.polar.setup import AlignmentSetupPanel
-from kochab.window.polar.sound_cues import Cues, SoundCues
+from kochab.window.polar.sound_cues import SoundCues
 from kochab.window.services import Services
+from kochab.window.tones import Cues
 from kochab.window.view import View
 from kochab.window.widgets import button, column, row, scrolled, tab_pages
 from kochab.workflows.polar.update import PolarButton

@@ -10,12 +10,32 @@ from typing import Any, Protocol
 from kochab.gear.session import StartPractice
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.alignment_state import AlignmentState
+from kochab.workflows.telescope.offered import OfferedTelescope
+from kochab.workflows.telescope.push_to import PushTo
+
+
+class TelescopePorts(Protocol):
+    """The ports where planetarium programs find the telescope."""
+
+    @property
+    def lines(self) -> list[str]:
+        """Where programs find it, a line a protocol."""
+
+    def stop(self) -> None:
+        """Close every port."""
+
+
+OfferTelescope = Callable[[OfferedTelescope, bool], TelescopePorts]
+"""Listens, on the local network too when that is True; PortError when a port cannot be had."""
 
 ToRecord = Callable[[LiveUpdate], dict[str, Any]]
 
 
+PageState = AlignmentState | PushTo
+
+
 class PolarPage(Protocol):
-    """A page with the polar error that phones on the local network can open."""
+    """A page with the polar error, or the way to a target, that phones on the local network can open."""
 
     @property
     def url(self) -> str:
@@ -27,7 +47,7 @@ class PolarPage(Protocol):
     def stop(self) -> None:
         """Switch off."""
 
-    def show(self, state: AlignmentState) -> None:
+    def show(self, state: PageState) -> None:
         """Replace what phones see; its age is told when they ask."""
 
 
@@ -38,9 +58,10 @@ class Wiring:
     ``practice`` starts a practice night, with the keywords of ``kochab.simulate.practice.practise``; call it in a job.
 
     ``to_record`` is the line of a live frame in a recording. ``phone_page`` makes the page of the
-    polar error for phones.
+    polar error for phones. ``offer_telescope`` listens for planetarium programs; call it in a job.
     """
 
     practice: StartPractice | None = None
     to_record: ToRecord | None = None
     phone_page: Callable[[], PolarPage] | None = None
+    offer_telescope: OfferTelescope | None = None

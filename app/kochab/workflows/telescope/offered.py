@@ -219,7 +219,7 @@ class OfferedTelescope:
         """Who is connected, in words."""
         with self._lock:
             names = sorted(self.programs)
-        return ", ".join(names) if names else tr("No program connected.")
+        return tr("Connected: {names}.", names=", ".join(names)) if names else tr("No program connected.")
 
 
 def _answered(why: str) -> "Future[str]":

@@ -5,7 +5,7 @@ declination, as an equatorial mount does. The solves tell where it points, so no
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2, cos, degrees, hypot, radians
 
 from kochab.core.attitude import Degrees, apart_deg, unit_vectors, wrapped
@@ -38,6 +38,8 @@ class PushTo:
     with_site: bool
     below: bool = False
     age_s: float = 0.0
+    made_s: float = 0.0
+    """When this was so, on :func:`time.monotonic`."""
 
     @property
     def there(self) -> bool:
@@ -76,6 +78,25 @@ class PushTo:
         return tr("Last solved {age} ago.", age=age_text(self.age_s)) if self.old else ""
 
 
+def phone_json(way: PushTo, now_s: float) -> dict[str, object]:
+    """The same for the page on a phone, as old as it is when asked, ``now_s`` of :func:`time.monotonic`."""
+    way = replace(way, age_s=way.age_s + max(0.0, now_s - way.made_s))
+    right, up = way.on_sky_deg
+    marks = ("←", "→", "↓", "↑") if way.with_site else ("E", "W", "S", "N")
+    return {
+        "words": way.words,
+        "total": angle_text(way.distance_deg),
+        "sigma": way.target.name,
+        "azimuth": f"{marks[right > 0]} {angle_text(abs(way.right_deg))}",
+        "altitude": f"{marks[2 + (up > 0)]} {angle_text(abs(way.up_deg))}",
+        "solved": True,
+        "age": way.age_words,
+        "old": way.old,
+        "distance_deg": way.distance_deg,
+        "there": way.there,
+    }
+
+
 def push_to(telescope: OfferedTelescope, now_s: float) -> PushTo | None:
     """The way to the telescope's target at ``now_s`` of :func:`time.monotonic`; None without a target or a pointing."""
     target, seen = telescope.target, telescope.seen
@@ -87,12 +108,12 @@ def push_to(telescope: OfferedTelescope, now_s: float) -> PushTo | None:
         west = wrapped(seen.icrs_deg[0] - there[0])
         north = there[1] - seen.icrs_deg[1]
         sky = west * cos(radians(there[1])), north
-        return PushTo(target, distance, west, north, _scaled(sky, distance), False, age_s=age_s)
+        return PushTo(target, distance, west, north, _scaled(sky, distance), False, False, age_s, now_s)
     horizon = Horizon(telescope.site, telescope.now())
     (altitude, azimuth), (wanted, towards) = (horizon.altaz_deg(unit_vectors(*p)) for p in (seen.icrs_deg, there))
     right, up = wrapped(towards - azimuth), wanted - altitude
     sky = right * cos(radians(wanted)), up
-    return PushTo(target, distance, right, up, _scaled(sky, distance), True, wanted < 0.0, age_s)
+    return PushTo(target, distance, right, up, _scaled(sky, distance), True, wanted < 0.0, age_s, now_s)
 
 
 def _scaled(sky_deg: Degrees, distance_deg: float) -> Degrees:

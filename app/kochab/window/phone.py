@@ -1,4 +1,4 @@
-"""Serves the polar error to a phone on the local network; off by default."""
+"""Serves a page with what the view shows to a phone on the local network; off by default."""
 
 from collections.abc import Sequence
 
@@ -12,8 +12,7 @@ from kochab.window.dialogs import is_red
 from kochab.window.job import Job
 from kochab.window.services import Services
 from kochab.window.widgets import Page, button, column, copy_text, label, row, show_text, switch, value_label
-from kochab.workflows.session.alignment_state import AlignmentState
-from kochab.workflows.session.wiring import PolarPage
+from kochab.workflows.session.wiring import PageState, PolarPage
 
 WHAT = tr_noop(
     "Shows the same numbers on a phone at the mount, read only, over the local network. Nothing is"
@@ -93,7 +92,7 @@ class PhonePanel(Page):
         made.addWidget(self.code, 1, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop)
         made.addStretch(1)
 
-    def show_state(self, state: AlignmentState) -> None:
+    def show_state(self, state: PageState) -> None:
         """Update the page."""
         if self.page is not None:
             self.page.show(state)

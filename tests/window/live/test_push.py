@@ -1,0 +1,142 @@
+"""The Live view's Push-to tab: off by default, the way to a target, and programs told on screen."""
+
+import json
+import threading
+import time
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+
+from kochab.core.attitude import apart_deg
+from kochab.core.mount import MountState
+from kochab.gear.mount_events import Connected, PositionReport
+from kochab.server.phone_page import PhonePage
+from kochab.server.telescope.offer import Offer
+from kochab.window.application import build
+from kochab.window.frame.session import WorkflowEngine
+from kochab.window.tones import Cue
+from kochab.workflows.goto_target import target_at
+from kochab.workflows.session.wiring import Wiring
+from tests.server.telescope.conftest import Program
+from tests.window.polar.test_phone import ask, switch_on
+from tests.window.test_night import assert_red
+from tests.workflows.live_sources import solution
+
+LIMIT_MS = 15_000
+ports = {}
+
+
+def offered(telescope, lan):
+    made = Offer(telescope, {"lx200": 0}, lan)
+    ports.update(made.ports)
+    return made
+
+
+@pytest.fixture
+def view(qtbot, settings):
+    window, commands = build(WorkflowEngine(), settings, [], Wiring(phone_page=PhonePage, offer_telescope=offered))
+    qtbot.addWidget(window)
+    window.show()
+    commands.views.show("live")
+    view = commands.views.docks["live"].view
+    view.phone._host = "127.0.0.1"
+    view.commands = commands
+    yield view
+    window.close()
+    assert commands.session.jobs.join()
+
+
+def seen(view, number, *place):
+    """The newest solved frame of the stream."""
+    shot = SimpleNamespace(number=number, shutter_s=time.monotonic())
+    view.push.see(SimpleNamespace(shot=shot, track=SimpleNamespace(solution=solution(*place))))
+
+
+def test_it_is_off_until_switched_on_and_tells_who_is_there(qtbot, view) -> None:
+    push = view.push
+    assert not push.offer.isChecked()
+    assert not push.move_mount.isChecked()
+    assert not push.lan.isChecked()
+    push.offer.setChecked(True)
+    qtbot.waitUntil(lambda: "127.0.0.1" in push.state.text(), timeout=LIMIT_MS)
+    assert push.programs.text() == "No program connected."
+    seen(view, 1, 83.0, -4.0)
+    meade = Program(ports["lx200"])
+    with meade.line:
+        qtbot.waitUntil(lambda: push.programs.text() == "Connected: LX200 (127.0.0.1).", timeout=LIMIT_MS)
+        assert meade.ask(":GR#").startswith(b"05:33:")
+        assert meade.ask(":Sr05:40:00#", 1) + meade.ask(":Sd-02*00:00#", 1) + meade.ask(":MS#", 1) == b"110"
+        qtbot.waitUntil(lambda: push.words.text().startswith("Push "), timeout=LIMIT_MS)
+    qtbot.waitUntil(lambda: push.programs.text() == "No program connected.", timeout=LIMIT_MS)
+    push.offer.setChecked(False)
+    assert push.state.text() == "Off."
+    assert push.programs.text() == ""
+    with pytest.raises(ConnectionRefusedError):
+        Program(ports["lx200"])
+
+
+def test_the_way_is_shown_and_played_until_it_is_there(qtbot, view, monkeypatch) -> None:
+    push, played = view.push, []
+    monkeypatch.setattr(push.cues, "play", played.append)
+    assert "Set a target" in push.words.text()
+    push.target.setText("83.0 -4.0")
+    push.set.click()
+    qtbot.waitUntil(lambda: "Start the camera" in push.words.text(), timeout=LIMIT_MS)
+    for number, dec in enumerate((6.0, 1.0, 4.0, -4.0), 1):
+        seen(view, number, 83.0, dec)
+        if dec > -4.0:
+            assert push.words.text().endswith(" south.")
+            assert push.arrow.way.distance_deg == pytest.approx(dec + 4.0)
+    assert played == [Cue.NEARER, Cue.FURTHER, Cue.STOP]
+    assert "in the eyepiece" in push.words.text()
+
+
+def test_the_phone_shows_the_same(qtbot, view) -> None:
+    url = switch_on(qtbot, view)
+    view.push._aim(target_at(83.0, -4.0))
+    seen(view, 1, 83.0, 6.0)
+    told = json.loads(ask(url, more="now.json")[1])
+    assert told["words"] == view.push.words.text()
+    assert told["total"] == view.push.distance.text()
+    assert told["altitude"] == "S 10.00°"
+    assert told["old"] is False
+    assert b"<title>Kochab: Push-to</title>" in ask(url)[1]
+    view.phone.switch.setChecked(False)
+    qtbot.waitUntil(lambda: not view.phone.page.url, timeout=LIMIT_MS)
+
+
+def test_orders_of_programs_reach_the_mount_only_when_they_may(qtbot, view, monkeypatch) -> None:
+    push, mount, orders = view.push, view.commands.services.mount, []
+    monkeypatch.setattr(
+        type(mount), "order", lambda self, name, make: orders.append((name, threading.current_thread()))
+    )
+    mount.known.hear(Connected("Test", {}, None, None))
+    mount.known.hear(PositionReport((10.0, 20.0), MountState(slewing=False)))
+    mount.changed.emit()
+    assert push.telescope.seen.icrs_deg == (10.0, 20.0)
+    threading.Thread(target=partial(push.telescope.goto, (1.0, 2.0), "X")).start()
+    qtbot.waitUntil(lambda: "X set a target" in push.message.text(), timeout=LIMIT_MS)
+    assert not orders
+    push.move_mount.setChecked(True)
+    threading.Thread(target=partial(push.telescope.goto, (1.0, 2.0), "X")).start()
+    qtbot.waitUntil(lambda: bool(orders), timeout=LIMIT_MS)
+    assert orders == [("goto", threading.main_thread())]  # whoever asked in whichever thread
+    assert apart_deg((1.0, 2.0), (push.telescope.target.ra_deg, push.telescope.target.dec_deg)) < 1e-9
+    monkeypatch.undo()
+    refused = push.telescope.goto((1.0, 2.0), "X")  # by the window itself: there is no line
+    qtbot.waitUntil(refused.done, timeout=LIMIT_MS)
+    assert refused.result()
+    mount.known.phase = "off"
+
+
+def test_it_is_red_at_night(qtbot, view) -> None:
+    view.commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: view.commands.appearance.settled)
+    view.tabs.setCurrentIndex(2)
+    view.push._aim(target_at(83.0, -4.0))
+    for dec in (6.0, -4.0):
+        seen(view, int(dec), 83.0, dec)
+        qtbot.wait(50)
+        assert_red(view.commands.window)
+    view.commands.appearance.use_theme("dark")
