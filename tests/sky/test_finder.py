@@ -110,11 +110,16 @@ def test_a_bare_number_is_taken_for_a_minor_planet_only_with_a_word():
     assert (found.name, found.sure) == ("4 Vesta", False)
 
 
+def test_the_zenith_asks_for_a_site_and_a_pole_is_no_star():
+    assert "set the site" in run(find("zenith", NIGHT)).sentence
+    assert run(find("North Pole", NIGHT)).dec_deg == 90.0
+
+
 def test_two_things_of_one_name_are_both_told():
     found = run(find("Abell 21", NIGHT))
     assert found.kind == "PN"
-    assert found.alternatives == ("Abell 21 (GalCl)",)
-    with pytest.raises(UsageError, match=r"Abell 21 can be .*\(PN\), Abell 21 \(GalCl\)"):
+    assert found.alternatives == ("Abell 21 (Cluster of galaxies)",)
+    with pytest.raises(UsageError, match=r"Abell 21 can be .*\(Planetary nebula\), Abell 21 \(Cluster of galaxies\)"):
         named_target("Abell 21", NIGHT)
 
 

@@ -55,14 +55,15 @@ def run(args: argparse.Namespace) -> int:
 def as_text(query: str, found: "Found | NotFound") -> str:
     """For a person: what it is, where, how bright and how large."""
     from kochab.sky.finder import NotFound
+    from kochab.sky.kinds import kind_in_words
 
     if isinstance(found, NotFound):
         return printable(found.sentence)
-    facts = [found.kind, radec(found.ra_deg, found.dec_deg), found.constellation]
+    facts = [kind_in_words(found.kind), radec(found.ra_deg, found.dec_deg), found.constellation]
     if math.isfinite(found.magnitude):
         facts.append(f"{found.band or 'mag'} {found.magnitude:.1f}")
     if found.size_arcmin:
         facts.append(" x ".join(f"{side:.3g}" for side in dict.fromkeys(found.size_arcmin)) + " arcmin")
     others = f"\n  or {', '.join(found.alternatives)}" if found.alternatives else ""
     taken = "" if found.sure else f"{query} taken for "
-    return f"{taken}{found.name}: {', '.join(facts)}{others}"
+    return f"{taken}{found.name}: {', '.join(filter(None, facts))}{others}"

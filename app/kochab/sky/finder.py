@@ -27,6 +27,7 @@ from kochab.core.progress import Task
 from kochab.parsing.places import parse_place
 from kochab.sky.apparent import JD_UNIX, from_apparent, julian_date_tt, julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue, shipped_folder
+from kochab.sky.kinds import kind_in_words
 from kochab.sky.landmarks import constellation_at, constellation_names
 from kochab.sky.names import GENITIVES, GREEK, SkyObjects, StarNames, read_objects
 from kochab.sky.solar_system import Body, Moving
@@ -81,6 +82,8 @@ class NotFound:
         if self.suggestions:
             like = ", ".join(self.suggestions)
             return tr("Nothing is called {name}. Did you mean {like}?", name=self.query, like=like)
+        if spelled(self.query) == "zenith":
+            return tr("The zenith is another at each place: set the site.")
         return tr("Nothing in the catalogue is called {name}.", name=self.query)
 
 
@@ -287,7 +290,7 @@ class Finder:
         here = self.entry(first)
         found = (self.entry(entry) for entry in entries)
         away = (one for one in found if float(one.vector @ here.vector) < math.cos(math.radians(0.5)))
-        return tuple(dict.fromkeys(f"{one.name} ({one.kind})" for one in away))
+        return tuple(dict.fromkeys(f"{one.name} ({kind_in_words(one.kind)})" for one in away))
 
     def _star(self, text: str) -> int | None:
         """The row of the bright list; of ``alf Ori``, ``th1 Ori``, ``61 Cygni`` as well."""

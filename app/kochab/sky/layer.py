@@ -15,37 +15,11 @@ from kochab.core.attitude import unit
 from kochab.core.solution import Solution
 from kochab.sky.object_index import holding
 from kochab.sky.sky_tables import EPOCH, SkyTables
-from kochab.text.translation import tr, tr_noop
+from kochab.text.translation import tr
 
 if TYPE_CHECKING:
     from kochab.sky.solar_system import Body
 
-FAMILIES = {"G": "galaxy", "GPair": "galaxy", "GTrpl": "galaxy", "GGroup": "galaxy", "GalCl": "galaxy", "star": "star"}
-FAMILIES |= {"OCl": "cluster", "GCl": "cluster", "*Ass": "cluster", "DrkN": "dark"}
-FAMILIES |= dict.fromkeys(
-    ("sun", "moon", "planet", "dwarf planet", "moon of a planet", "asteroid", "comet", "satellite"), "ecliptic"
-)
-"""What a kind of object is drawn as; all others are nebulae."""
-KINDS = {
-    "G": tr_noop("Galaxy"),
-    "GPair": tr_noop("Pair of galaxies"),
-    "GTrpl": tr_noop("Triplet of galaxies"),
-    "GGroup": tr_noop("Group of galaxies"),
-    "GalCl": tr_noop("Cluster of galaxies"),
-    "OCl": tr_noop("Open cluster"),
-    "GCl": tr_noop("Globular cluster"),
-    "*Ass": tr_noop("Association of stars"),
-    "Cl+N": tr_noop("Cluster with nebula"),
-    "DrkN": tr_noop("Dark nebula"),
-    "RfN": tr_noop("Reflection nebula"),
-    "EmN": tr_noop("Emission nebula"),
-    "HII": tr_noop("Emission nebula"),
-    "Neb": tr_noop("Nebula"),
-    "PN": tr_noop("Planetary nebula"),
-    "SNR": tr_noop("Supernova remnant"),
-    "star": tr_noop("Star"),
-}
-"""Kinds of objects as a person says them."""
 BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else
 BODIES = -20.0  # the rank down to which all are bodies
 MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known

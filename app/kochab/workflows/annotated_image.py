@@ -26,10 +26,10 @@ from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, p
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.sky.frame_bodies import body_marks
 from kochab.sky.horizon import horizon_of
+from kochab.sky.kinds import FAMILIES
 from kochab.sky.layer import (
     DOT_PX,
     DOTTED,
-    FAMILIES,
     LAYER_OF,
     LINES,
     MARKS,

@@ -11,7 +11,8 @@ from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames.export import csv_text, ds9_regions
 from kochab.sky.frame_bodies import BodyInFrame, body_marks
-from kochab.sky.layer import DOT_PX, FAMILIES, MOST, inside
+from kochab.sky.kinds import FAMILIES
+from kochab.sky.layer import DOT_PX, MOST, inside
 from kochab.sky.names import MAG_SOURCES, SkyObjects
 from kochab.sky.object_index import holding, object_index
 from kochab.sky.solar_system import Body, Moving

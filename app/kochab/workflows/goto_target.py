@@ -43,13 +43,14 @@ def named_target(name: str, time_utc: datetime) -> Target:
     """
     from kochab.sky.apparent import julian_years
     from kochab.sky.finder import NotFound, finder
+    from kochab.sky.kinds import kind_in_words
 
     index, name = finder(), name.strip()
     found = index.still(name, julian_years(time_utc))
     if found is None:
         raise UsageError("{sentence}", sentence=NotFound(name, tuple(index.like(name))).sentence)
     if found.alternatives:
-        choices = ", ".join([f"{found.name} ({found.kind})", *found.alternatives])
+        choices = ", ".join([f"{found.name} ({kind_in_words(found.kind)})", *found.alternatives])
         raise UsageError("{name} can be {choices}: enter one of them.", name=name, choices=choices)
     return Target(name, found.ra_deg, found.dec_deg)
 

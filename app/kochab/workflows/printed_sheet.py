@@ -22,8 +22,8 @@ from kochab.frames.atomic_file import write_atomically
 from kochab.frames.pdf import A4, LETTER, Page, read_font
 from kochab.sky.catalogue import open_catalogue
 from kochab.sky.finder import Found
+from kochab.sky.kinds import kind_in_words
 from kochab.sky.landmarks import name_of_field
-from kochab.sky.layer import KINDS
 from kochab.text.angle_text import AngleStyle, radec_text
 from kochab.text.translation import number, tr, tr_noop
 from kochab.workflows.annotated_image import (
@@ -86,7 +86,11 @@ def finder_chart(found: Found, paper: str = "a4", field_deg: float | None = None
     _marks(page, drawn, corner, scale, dict(zip(INKS.values(), (PRINTED.get(k, "#444444") for k in INKS), strict=True)))
     page.unclip()
     _frame(page, corner, width, height)
-    facts = [_kind(found.kind), radec_text(found.ra_deg, found.dec_deg, AngleStyle.SEXAGESIMAL), found.constellation]
+    facts = [
+        kind_in_words(found.kind),
+        radec_text(found.ra_deg, found.dec_deg, AngleStyle.SEXAGESIMAL),
+        found.constellation,
+    ]
     if math.isfinite(found.magnitude):
         facts.append(f"{found.band or 'V'} {found.magnitude:.1f}")
     if found.size_arcmin:
@@ -147,11 +151,6 @@ def write_sheet(frame: Frame, solution: Solution, path: str | os.PathLike[str], 
         A name of `PAPERS`.
     """
     write_atomically(path, annotated_sheet(frame, solution, paper))
-
-
-def _kind(kind: str) -> str:
-    """What an object is, as a person says it."""
-    return tr(KINDS[kind]) if kind in KINDS else kind
 
 
 def _page(paper: str, title: str, wide: bool = False) -> Page:

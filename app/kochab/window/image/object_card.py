@@ -11,8 +11,9 @@ from PySide6.QtWidgets import QWidget
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.solution import Solution
+from kochab.sky.kinds import kind_in_words
 from kochab.sky.landmarks import constellation_at
-from kochab.sky.layer import KINDS, Mark
+from kochab.sky.layer import Mark
 from kochab.sky.sky_tables import SkyTables, Variable
 from kochab.sky.solar_system import AU_KM, BodyKind
 from kochab.text.angle_text import AngleStyle, arcsec_text, radec_text
@@ -69,10 +70,7 @@ def facts(
         The person's, now; None: their site is not known.
     """
     vector = vector_of(tables, mark, solution)
-    rows = {
-        "": tr(mark.kind).capitalize() if mark.body else tr(KINDS.get(mark.kind, "")),
-        tr("In"): constellation_at(vector),
-    }
+    rows = {"": kind_in_words(mark.kind), tr("In"): constellation_at(vector)}
     rows[tr("RA, Dec")] = radec_text(*radec_deg(vector), style)
     if mark.kind == "star":
         rows["V"] = number(tables.stars.mag[mark.row], ".2f")

@@ -13,10 +13,10 @@ from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
 from kochab.frames.export import compass
 from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces
+from kochab.sky.kinds import FAMILIES
 from kochab.sky.layer import (
     DOT_PX,
     DOTTED,
-    FAMILIES,
     LAYER_OF,
     LINES,
     OUTLINE,

@@ -13,7 +13,7 @@ from kochab.parsing.places import parse_place
 from kochab.sky.completion import Completion
 from kochab.sky.finder import Found, spelled
 from kochab.sky.horizon import Horizon
-from kochab.sky.layer import KINDS
+from kochab.sky.kinds import kind_in_words
 from kochab.sky.solar_system import Body
 from kochab.text.angle_text import angle_text
 from kochab.text.translation import number, tr, tr_noop
@@ -81,7 +81,7 @@ class Surroundings:
         size = angle_text(max(found.size_arcmin) / 60.0) if found.size_arcmin else ""
         band = tr("mag") if found.band in ("", "?") else found.band
         mag = f"{band} {number(found.magnitude, '.1f')}" if math.isfinite(found.magnitude) else ""
-        kind = tr(KINDS.get(found.kind, "")) or ("" if "*" in found.kind else tr(found.kind).capitalize())
+        kind = kind_in_words(found.kind)
         detail = " · ".join(filter(None, (common, also, kind, mag, size)))
         side = self.side(found.vector) if xy is None else ""
         return Result(group or (FRAME if xy else SKY), title, detail, side, found.vector, xy)
