@@ -125,3 +125,14 @@ def test_a_frame_of_unknown_exposure_is_taken_for_a_moment(field, monkeypatch, e
     frame = Frame(np.zeros((800, 1000), np.uint8), hint=Hint(time_utc=WHEN, site=PLACE, exposure_s=exposure_s))
     assert run(body_marks(frame, field[0])) == ()
     assert asked[0][-1] == (exposure_s or 0.0)
+
+
+@pytest.mark.parametrize(("detected", "stars"), [(300, 100), (50, 50), (40, 0), (0, 3), (5, 5)])
+def test_the_same_places_are_found_as_by_all_pairs(detected, stars) -> None:
+    rng = np.random.default_rng(detected)
+    # many share an x: a grid, as of a hot column
+    xy = rng.integers(0, 12, (detected, 2)) + rng.choice([0.0, 0.25], (detected, 1))
+    px = xy[rng.permutation(detected)[:stars]] if detected >= stars else rng.uniform(0, 9, (stars, 2))
+    expected = np.nonzero((np.abs(xy[:, None] - px[None]) <= frame_bodies.SAME_PX).all(axis=2))
+    found = frame_bodies._matched(xy, px)
+    assert sorted(zip(*found, strict=True)) == sorted(zip(*expected, strict=True))
