@@ -3,9 +3,13 @@
 from dataclasses import replace
 from datetime import UTC, datetime
 
+import erfa
+import numpy as np
 import pytest
 
+from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
+from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.workflows.goto_target import goto_target, named_target, settled, target_at, with_retries
 from tests.workflows.mount_nights import bench, good, target_of
@@ -33,6 +37,22 @@ def test_names(name, ra, dec) -> None:
 def test_proper_motion_is_applied() -> None:
     then, now = (named_target("HIP 87937", datetime(y, 1, 1, tzinfo=UTC)) for y in (2000, 2026))
     assert (now.dec_deg - then.dec_deg) * 3600.0 == pytest.approx(26 * 10.33, rel=0.01)  # Barnard's
+
+
+def test_planets_are_where_erfa_has_them_and_the_moon_where_one_stands() -> None:
+    jd = 2440587.5, NIGHT.timestamp() / 86400.0
+    for number, name in ((2, "Venus"), (5, "Jupiter"), (6, "saturn")):
+        from_earth = erfa.plan94(*jd, number)["p"] - erfa.epv00(*jd)[0]["p"]
+        ra, dec = np.degrees(erfa.c2s(from_earth))
+        found = named_target(name, NIGHT)
+        assert apart_deg((found.ra_deg, found.dec_deg), (ra, dec)) < 0.03  # light takes half an hour, a planet 1'
+    moon = [named_target("Moon", NIGHT, site) for site in (None, Site(50.0, 8.0))]
+    assert 0.1 < apart_deg(*((one.ra_deg, one.dec_deg) for one in moon)) < 1.1  # the parallax
+
+
+def test_nothing_moves_towards_a_guess() -> None:
+    with pytest.raises(UsageError, match="Did you mean 433 Eros"):
+        named_target("433", NIGHT)
 
 
 def test_what_nothing_is_called_and_what_is_no_place() -> None:

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if args.target is not None:
         from kochab.workflows.goto_target import parse_target
 
-        telescope.target = parse_target(args.target, telescope.now())
+        telescope.target = parse_target(args.target, telescope.now(), args.site)
     if mount is not None:
         mount.telescope = telescope
     camera = _Camera(args, telescope) if args.source else None

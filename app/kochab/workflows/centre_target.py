@@ -169,7 +169,7 @@ def centre_typed(mount: Guard, solve_now: SolveNow, text: str, tolerance_arcsec:
         Largest distance at which it is centred.
     """
     yield Progress("centre", None, text)
-    target = parse_target(text, mount.clock())
+    target = parse_target(text, mount.clock(), mount.site)
     return (yield from centre_target(mount, solve_now, target, tolerance_arcsec))
 
 

@@ -9,8 +9,9 @@ from typing import TypeVar
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageError
+from kochab.core.frame import Site
 from kochab.core.mount import Pointing
-from kochab.core.progress import Progress, Task
+from kochab.core.progress import Progress, Task, run
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_policy import due_side
 from kochab.parsing.places import parse_place
@@ -36,22 +37,27 @@ class Target:
     dec_deg: float
 
 
-def named_target(name: str, time_utc: datetime) -> Target:
-    """A star or an object by its name, see :mod:`kochab.sky.finder`; proper motion is applied up to ``time_utc``.
+def named_target(name: str, time_utc: datetime, site: Site | None = None) -> Target:
+    """A star, an object or a body of the Solar System by its name, where it is at ``time_utc`` seen from ``site``.
 
-    Raises UsageError when nothing is called so, and when several things are: nothing moves towards a guess.
+    See :mod:`kochab.sky.finder`. A satellite is none: it is elsewhere before a slew ends. Raises UsageError when nothing
+    is called so, and when it is a guess or several things are: nothing moves towards those.
     """
-    from kochab.sky.apparent import julian_years
-    from kochab.sky.finder import NotFound, finder
+    from kochab.sky.elements import kept_elements
+    from kochab.sky.finder import NotFound, find
     from kochab.sky.kinds import kind_in_words
+    from kochab.sky.small_bodies import SmallBodies
 
-    index, name = finder(), name.strip()
-    found = index.still(name, julian_years(time_utc))
-    if found is None:
-        raise UsageError("{sentence}", sentence=NotFound(name, tuple(index.like(name))).sentence)
+    name = name.strip()
+    kept = [table for table in kept_elements() if isinstance(table, SmallBodies)]
+    found = run(find(name, time_utc, site, kept))
+    if isinstance(found, NotFound):
+        raise UsageError("{sentence}", sentence=found.sentence)
     if found.alternatives:
         choices = ", ".join([f"{found.name} ({kind_in_words(found.kind)})", *found.alternatives])
         raise UsageError("{name} can be {choices}: enter one of them.", name=name, choices=choices)
+    if not found.sure:
+        raise UsageError("{sentence}", sentence=NotFound(name, (found.name,)).sentence)
     return Target(name, found.ra_deg, found.dec_deg)
 
 
@@ -65,8 +71,8 @@ def target_at(ra_deg: float, dec_deg: float) -> Target:
 NOTHING = tr_noop("Enter a target: a name such as M 42, Vega or HIP 32349, or “5h35m17s -5d23m”.")
 
 
-def parse_target(text: str, time_utc: datetime) -> Target:
-    """A target from ``M 42``, ``Vega``, ``83.82 -5.39``, ``5h35m17s, -5d23m28s``.
+def parse_target(text: str, time_utc: datetime, site: Site | None = None) -> Target:
+    """A target from ``M 42``, ``Jupiter``, ``83.82 -5.39``, ``5h35m17s, -5d23m28s``.
 
     A name is looked up in the catalogue, which takes a moment the first time: not for the
     window's thread. UsageError says what is wrong.
@@ -80,13 +86,13 @@ def parse_target(text: str, time_utc: datetime) -> Target:
     # Digits alone are no name, but those before letters are: 47 Tuc.
     if not re.search(r"[^\W\d_]{2}", clean) and not re.match(r"[^\W\d_]", clean):
         raise UsageError("“{text}” is not a known name or position. {nothing}", text=clean, nothing=tr(NOTHING))
-    return named_target(clean, time_utc)
+    return named_target(clean, time_utc, site)
 
 
-def resolved(text: str, time_utc: datetime) -> Task[Target]:
+def resolved(text: str, time_utc: datetime, site: Site | None) -> Task[Target]:
     """The same as a task, for who may not wait for the catalogue."""
     yield Progress("names")
-    return parse_target(text, time_utc)
+    return parse_target(text, time_utc, site)
 
 
 def names_to_offer() -> Task[list[str]]:
@@ -109,7 +115,7 @@ class FlipQuestion:
 def goto_typed(mount: Guard, text: str, flip: bool = False) -> Task[str | FlipQuestion]:
     """Slew to a name or coordinates as a person typed them, by a ``flip`` only when asked for; what the mount says."""
     yield Progress("goto", None, text)
-    target = parse_target(text, mount.clock())
+    target = parse_target(text, mount.clock(), mount.site)
     there = mount.to_mount(target.ra_deg, target.dec_deg)
     if not flip and mount.policy.asks_flip(mount.position(), state := mount.state(), there):
         return FlipQuestion(

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def add_target(parser: argparse.ArgumentParser) -> None:
     """Add ``NAME``, ``--ra-deg`` and ``--dec-deg``."""
-    parser.add_argument("name", nargs="*", metavar="NAME", help="star, Messier, NGC or HIP")
+    parser.add_argument("name", nargs="*", metavar="NAME", help="a star, an object or a planet")
     parser.add_argument("--ra-deg", type=float, metavar="D", help="ICRS (J2000)")
     parser.add_argument("--dec-deg", type=float, metavar="D", help="ICRS (J2000)")
 
@@ -37,7 +37,7 @@ def target(args: argparse.Namespace) -> "Target":
     if args.name:
         if args.ra_deg is not None or args.dec_deg is not None:
             raise UsageError("Give either a name or --ra-deg and --dec-deg.")
-        return named_target(" ".join(args.name), datetime.now(UTC))
+        return named_target(" ".join(args.name), datetime.now(UTC), args.site)
     if args.ra_deg is None or args.dec_deg is None:
         raise UsageError("Give a target: --ra-deg D --dec-deg D, or a name.")
     place = target_at(args.ra_deg, args.dec_deg)

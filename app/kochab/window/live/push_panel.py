@@ -208,7 +208,9 @@ class PushPanel(Page):
     # -- What a person does ------------------------------------------------------------------------
 
     def _ask_target(self) -> None:
-        job = self._services.jobs.run(resolved(self.target.text(), self.telescope.now()), "push-to")
+        job = self._services.jobs.run(
+            resolved(self.target.text(), self.telescope.now(), self.telescope.site), "push-to"
+        )
         job.succeeded.connect(self._aim)
         job.failed.connect(self._say)
 

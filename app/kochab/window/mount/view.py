@@ -238,7 +238,7 @@ class MountView(View):
         if not text:
             self._found(text, None)
             return
-        job = self._services.jobs.run(resolved(text, self._now), "target")
+        job = self._services.jobs.run(resolved(text, self._now, self._site), "target")
         job.succeeded.connect(partial(self._found, text))
         job.failed.connect(partial(self._not_found, text))
 
