@@ -40,8 +40,8 @@ class Target:
 def named_target(name: str, time_utc: datetime, site: Site | None = None) -> Target:
     """A star, an object or a body of the Solar System by its name, where it is at ``time_utc`` seen from ``site``.
 
-    See :mod:`kochab.sky.finder`. A satellite is none: it is elsewhere before a slew ends. Raises UsageError when nothing
-    is called so, and when it is a guess or several things are: nothing moves towards those.
+    See :mod:`kochab.sky.finder`. A satellite is none: it is elsewhere before a slew ends. Raises UsageError when
+    nothing is called so, and when it is a guess or several things are: nothing moves towards those.
     """
     from kochab.sky.elements import kept_elements
     from kochab.sky.finder import NotFound, find
