@@ -255,9 +255,9 @@ def test_a_parked_mount_is_not_made_to_track() -> None:
 # -- arrival --------------------------------------------------------------------------------------
 
 
-def slewing_to(target, *reports):
+def slewing_to(target, *reports, start=(-40.0, 40.0), **limits):
     """A slew whose mount reports (slewing, hour angle, Dec) one after the other, then the last again."""
-    guard, mount = guarded()
+    guard, mount = guarded(*start, **limits)
     slew = guard.slew(*at(*target))
     next(slew)
     left = list(reports)
@@ -290,6 +290,25 @@ def test_a_mount_that_stands_elsewhere_has_not_arrived(monkeypatch) -> None:
     with pytest.raises(RefusedError, match=r"stopped \d\.\d deg from its target"):
         run(slew)
     assert mount.did[-1] == ("stop",)
+
+
+def test_a_mount_that_stops_at_its_home_on_the_way_needs_a_sync(monkeypatch) -> None:
+    """A short cut behind a slow server: no answer was missed, and its motors could have gone there by themselves."""
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    reports = (True, -42.0, 41.0), (True, 0.0, 89.5), (False, 0.0, 89.5)
+    guard, _, slew, _ = slewing_to((-45.0, 42.0), *reports, allow_flip=True)
+    with pytest.raises(RefusedError, match=r"at its home or park position instead .* Sync first"):
+        run(slew)
+    with pytest.raises(RefusedError, match="Sync first"):
+        guard.goto(*at(-45.0, 42.0))
+
+
+def test_a_mount_that_never_left_its_home_is_not_called_restarted(monkeypatch) -> None:
+    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    guard, _, slew, _ = slewing_to((-45.0, 42.0), (False, 0.0, 89.5), start=(0.0, 89.5), allow_flip=True)
+    with pytest.raises(RefusedError, match="from its target"):
+        run(slew)
+    assert not guard.policy.restarted
 
 
 def test_a_slew_that_begins_late_is_waited_for(monkeypatch) -> None:

@@ -124,6 +124,16 @@ def test_a_mount_that_stands_before_it_is_parked_has_not_parked() -> None:
     assert mount.did == [("park",), ("stop",)]
 
 
+def test_a_restarted_mount_that_stands_before_it_is_at_home_says_so(monkeypatch) -> None:
+    """Its power failed before, and most likely again."""
+    guard, mount = guarded()
+    mount.now = replace(mount.now, at_home=False)
+    mount.go_home = lambda: mount._do("home")
+    guard.supervisor.restarted("Mount was restarted.")
+    with pytest.raises(RefusedError, match=r"stopped before it was at home\. Mount was restarted\."):
+        run(guard.rest("home"))
+
+
 def test_a_mount_that_reports_no_home_is_there_when_it_stands_still() -> None:
     guard, mount = guarded()
     mount.now = replace(mount.now, at_home=None)

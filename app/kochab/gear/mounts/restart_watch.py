@@ -36,6 +36,9 @@ BETWEEN = tr_noop(
 )
 
 
+SHORT = tr_noop("Mount stopped at its home or park position instead of where it was sent. Was it switched off and on?")
+
+
 TURNED = tr_noop(
     "The mount says that it is at the pole as before, but its RA axis is not where Kochab saw it last, and Kochab did"
     " not turn it: it may have been switched off and on since."
@@ -262,6 +265,18 @@ class RestartWatch:
             self.found(tr(doubt).format(moved_deg))
         elif doubt == SILENT and (jumped or (off_its_way and unordered)):  # a StarBook wakes up in the west
             self.found(tr(ELSEWHERE).format(moved_deg))
+
+    def stopped_short(self, start_deg: Degrees) -> None:
+        """A slew from ``start_deg`` (of date) ended elsewhere by itself, and nobody pressed Stop.
+
+        A cut so short that no answer was missed, told so seldom that the motors could have gone home meanwhile, shows
+        in nothing else. A mount that never left its home is not meant.
+        """
+        look = self._seen
+        if look is None or apart_deg(start_deg, look.place_deg) <= UNORDERED_DEG:
+            return
+        if look.beside_pole or look.at_rest or self.state.at_home or self.state.parked:
+            self.found(tr(SHORT))
 
     def found(self, sentence: str) -> None:
         """It was, or may have been, restarted: no slew before a sync."""

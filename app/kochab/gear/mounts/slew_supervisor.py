@@ -31,6 +31,8 @@ FASTEST_DEG_S = 20.0  # no mount slews faster
 THERE_DEG = 0.5  # this near the target no position counts as a jump
 LOOK_S = 1.5  # how old the position of a moving mount may be before state() asks for it
 POLL_S = 0.2  # between two looks at a slew
+NOT_PARKED = tr_noop("The mount stopped before it was parked.")
+NOT_HOME = tr_noop("The mount stopped before it was at home.")
 MUTE = tr_noop("The mount does not answer. IF IT GOES WHERE IT MUST NOT, CUT ITS POWER.")
 MUTED = tr_noop("The mount fell silent on its way and answers no more: it may have lost its power.")
 SLEPT_S = 10.0  # a wait that overran by this much means that the computer slept
@@ -241,7 +243,7 @@ class SlewSupervisor:
             Of the pier on which it is to arrive; None: either.
         """
         first = left = None
-        idle = 0
+        idle, restarts = 0, self.watch.restarts
         looks = self._looks("slew", limit_s, stops)
         while True:
             detail = "" if left is None else tr("{left:.1f} deg to go", left=left)
@@ -266,6 +268,9 @@ class SlewSupervisor:
                     pier=tr(state.pier_side or ""),
                 )
             if idle >= IDLE:
+                if self._motion is not None:
+                    self.watch.stopped_short(self._motion.plan.start_deg)
+                self._require_no_restart(restarts)
                 why = f": {tr(state.fault)}" if state.fault else ""
                 raise RefusedError("The mount stopped {left:.1f} deg from its target{why}.", left=left, why=why)
 
@@ -296,9 +301,10 @@ class SlewSupervisor:
             if idle >= IDLE and there is None:  # not reported: standing still has to do
                 return
             if idle >= IDLE:
-                if action == "park":
-                    raise RefusedError("The mount stopped before it was parked.")
-                raise RefusedError("The mount stopped before it was at home.")
+                early = tr(NOT_PARKED) if action == "park" else tr(NOT_HOME)
+                # Once its power is known to have failed, that is likeliest what ended this motion as well.
+                why = f" {self._policy.slew_block_reason}" if self._policy.restarted else ""
+                raise RefusedError("{early}{why}", early=early, why=why)
 
     def after_silence(self, error: NoAnswerError, restarts: int) -> NoAnswerError:
         """Why a motion ended in ``error``, asked once its Stop has gone out: a mount that is back tells of its restart.
