@@ -1,5 +1,7 @@
 """What stands in a dock beside the image: the protocol of a view."""
 
+from pathlib import Path
+
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
@@ -13,7 +15,7 @@ class View(Page):
     ``frame_wanted`` asks for the open frame in place of the room, or for the room again.
 
     Its row in :data:`kochab.window.shell.views.VIEWS` names it. The window asks the view that has the mount's buttons
-    to aim it and to begin a practice; another has nothing to do then.
+    to aim it and to begin a practice, and the Polar view to measure frames; another has nothing to do then.
     """
 
     frame_wanted = Signal(bool)
@@ -25,3 +27,6 @@ class View(Page):
 
     def practise(self) -> None:
         """Start a simulated telescope."""
+
+    def measure(self, paths: list[Path]) -> None:
+        """Measure the polar axis from these frames."""

@@ -146,6 +146,14 @@ class FrameFields(QObject):
         self.source.setCurrentIndex(self.source.findData(FrameSource.FILES))
         self.files.add(paths)
 
+    def use_files(self, paths: list[Path]) -> None:
+        """Measure from these files alone; those that were there can be had back."""
+        before, after = (self.files.paths(0), self.files.paths(1)), (tuple(paths), ())
+        self.source.setCurrentIndex(self.source.findData(FrameSource.FILES))
+        self.files.fill(after)
+        if before[0] or before[1]:
+            self._services.undo.made(tr("change the frames to measure"), self.files.fill, before, after)
+
     def _clear_files(self) -> None:
         before = self.files.paths(0), self.files.paths(1)
         self.files.clear()

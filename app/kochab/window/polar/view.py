@@ -317,6 +317,12 @@ class PolarView(View):
         self.setup.frames.take_files(paths)
         self.tabs.setCurrentIndex(SET_UP)
 
+    def measure(self, paths: list[Path]) -> None:
+        """Measure these frames alone, unless an alignment is under way."""
+        if self.alignment.job is None:
+            self.setup.frames.use_files(paths)
+            self.begin()
+
     def showEvent(self, event: QShowEvent) -> None:
         self.setup.refresh()
         super().showEvent(event)

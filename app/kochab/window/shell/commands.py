@@ -27,6 +27,7 @@ from kochab.window.services import Services
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.actions import COMMANDS, Actions, Command, connect_actions
 from kochab.window.shell.appearance import Appearance
+from kochab.window.shell.dropped_pair import DroppedPair
 from kochab.window.shell.help_book import Help
 from kochab.window.shell.layout import Layout
 from kochab.window.shell.main_window import MainWindow
@@ -163,6 +164,7 @@ class Commands(QObject):
         window.log.visibilityChanged.connect(lambda _: actions["log"].setChecked(not window.log.isHidden()))
         window.log.fault.connect(window.say)
         window.files_dropped.connect(parts.files.open_all)
+        window.files_dropped.connect(DroppedPair(parts.files.batch, parts.views.measure).take)
         window.welcome.open_wanted.connect(parts.files.choose)
         window.welcome.file_wanted.connect(parts.files.open)
         able = parts.services.wiring.practice is not None

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import NamedTuple
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
@@ -191,6 +192,12 @@ class Views(QObject):
         self.show("mount")
         if (view := self._made.get("mount")) is not None:
             view.practise()
+
+    def measure(self, paths: list[Path]) -> None:
+        """Have the Polar view measure the axis from these frames."""
+        self.show("polar")
+        if (view := self._made.get("polar")) is not None:
+            view.measure(paths)
 
     def toggle(self, name: str) -> None:
         """Bring a view to the front, or close it when it is there already."""
