@@ -22,6 +22,7 @@ from kochab.attitude.least_squares import (
 from kochab.core.arrays import Floats, Indices
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
+from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Matches
 
 
@@ -194,7 +195,7 @@ def refine(
         camera,
         attitude.matrix,
         matches,
-        _median(sigma) / sigma,
+        median(sigma) / sigma,
         everyone,
         camera,
         np.ones(count),
@@ -396,18 +397,11 @@ def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation
     return np.asarray(np.maximum(1.0, (freedom * ratio + RESIDUALS_COUNT) / (freedom + RESIDUALS_COUNT)))
 
 
-def _median(values: Floats) -> float:
-    """The median of a few numbers, ten times as quick as NumPy's for them."""
-    ordered = np.sort(values, axis=None)
-    half = len(ordered) // 2
-    return float(ordered[half] + ordered[~half]) / 2.0
-
-
 def _spread(scaled: Floats, parameters: int) -> float:
     """Sigma of one coordinate from residuals (M, 2), by their median; at least the floor."""
     # The fitted parameters have shrunk the residuals: fewer are free than there are.
     freedom = max(scaled.size - parameters, 1) / scaled.size
-    return max(1.4826 * _median(np.abs(scaled)) / math.sqrt(freedom), FLOOR_PX)
+    return max(mad_sigma(scaled, 0.0) / math.sqrt(freedom), FLOOR_PX)
 
 
 def _level(length2: Floats, right: Floats, outlier_fraction: float, parameters: int) -> float:

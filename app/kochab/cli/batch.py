@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from functools import partial
-from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Protocol, TypeVar
@@ -195,6 +194,8 @@ def _begin(journal: tuple[int, str | None] | None) -> None:
 
 
 def _end_with_parent() -> None:
+    from multiprocessing import parent_process  # 1 ms, for a batch alone
+
     parent = parent_process()
     if parent is not None:
         parent.join()

@@ -4,7 +4,6 @@ import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from html import escape
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -268,6 +267,8 @@ SolveNow = Callable[[], Task[Solution | NoSolution]]
 
 def _html(title: str, rows: Sequence[Sequence[str]], header: bool = False) -> str:
     """A table; the first row or else the first column is its header."""
+    from html import escape  # 5 ms, and what is printed needs none
+
     out = []
     for k, row in enumerate(rows):
         tags = ["th" if (k == 0 if header else j == 0) else "td" for j in range(len(row))]
@@ -277,4 +278,6 @@ def _html(title: str, rows: Sequence[Sequence[str]], header: bool = False) -> st
 
 
 def _notes(warnings: Sequence[str]) -> str:
+    from html import escape
+
     return "".join(f"<p>{escape(text)}</p>" for text in warnings)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Bools, Floats, Table
 from kochab.core.frame import Detections, Frame
+from kochab.core.robust import median
 from kochab.detection.background import Halving, Mesh, Smoother, halving, measure_mesh
 from kochab.detection.peaks import PreparedFrame, apart, close_pairs, find_peaks, standing_out
 from kochab.detection.star_fit import (
@@ -234,8 +235,8 @@ def _detections(frame: Frame, mesh: Mesh, stars: MeasuredStars, covariance: Floa
         angle,
         stars.saturated,
         blended,
-        float(np.median(mesh.level)),
-        float(np.median(mesh.noise)),
+        median(mesh.level),
+        median(mesh.noise),
     )
 
 
@@ -244,7 +245,7 @@ def nothing(frame: Frame, mesh: Mesh | None = None) -> Detections:
     empty = Detections.from_list(np.empty((0, 2)), frame.width, frame.height)
     if mesh is None:
         return empty
-    return replace(empty, background=float(np.median(mesh.level)), noise=float(np.median(mesh.noise)))
+    return replace(empty, background=median(mesh.level), noise=median(mesh.noise))
 
 
 def _shrunk(pixels: Array) -> NDArray[np.float32]:
@@ -273,7 +274,7 @@ def _clearer(coarse: Detections, fine: Detections) -> bool:
         return True
     # White noise of a sum of 4 x 4 pixels is 4 times a pixel's.
     gain = coarse.noise / (COARSE * fine.noise)
-    return bool(np.median(coarse.snr[:top]) * gain > np.median(fine.snr[:20]))
+    return bool(median(coarse.snr[:top]) * gain > median(fine.snr[:20]))
 
 
 def _enlarged(coarse: Detections, frame: Frame) -> Detections:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Floats
+from kochab.core.robust import median
 
 # -- Halving and smoothing: the pass that touches every pixel of the frame ---------------------
 # Pixels are summed 2 x 2 (of a Bayer mosaic only the two greens) and smoothed by a 3 x 3 binomial
@@ -238,7 +239,7 @@ def measure_mesh(pixels: Array, how: Halving) -> Mesh:
     level, spread = cells.quartiles(samples)
     steps = np.concatenate([np.abs(np.diff(level, axis=k)).ravel() for k in (0, 1)])
     # Where the level rises by more than the noise from tile to tile, as under vignetting or moonlight.
-    if steps.size and np.percentile(steps, 90) > float(np.median(spread)):
+    if steps.size and np.percentile(steps, 90) > median(spread):
         level, spread = cells.quartiles(samples, _median3(level))  # a slope would count as noise
     quantum = 1.0 if pixels.dtype.kind in "iub" else 0.0  # between the values that pixels can have
     return cells.mesh(x, y, level / how.gain, spread / how.noise_gain, quantum)
@@ -284,7 +285,7 @@ class _Cells:
                 n = int(np.isfinite(tiles[k]).sum())
                 found[:, r, k] = tiles[k, [n // 4, n // 2, (3 * n) // 4]]
         known = np.isfinite(found).all(axis=0)
-        found[:, ~known] = np.median(found[1, known]) if known.any() else 0.0
+        found[:, ~known] = median(found[1, known]) if known.any() else 0.0
         low, middle, high = found
         # Quantised dark frames may have low == median; only then is the upper quartile used.
         return middle, np.where(middle > low, middle - low, high - middle) / QUARTILE
@@ -337,7 +338,7 @@ def _sampled_rows(pixels: Array, smoother: Smoother, tops: NDArray[np.intp]) -> 
 
 def _with_floor(noise: Floats, quantum: float) -> Floats:
     """No tile is much quieter than the frame, nor than rounding makes it; filled ones are usual."""
-    usual = float(np.median(noise[noise > 0])) if (noise > 0).any() else 0.0
+    usual = median(noise[noise > 0]) if (noise > 0).any() else 0.0
     least = max(0.3 * usual, 0.25 * quantum, 1e-30)
     return np.maximum(np.where(noise > 0, noise, max(usual, least) if quantum == 0 else 0.0), least)
 
@@ -362,4 +363,4 @@ def _any_level(pixels: Array) -> float:
         return 0.0
     some = pixels[:: max(1, pixels.shape[0] // 64), :: max(1, pixels.shape[1] // 64)]
     some = some[np.abs(some) < BROKEN]
-    return float(np.median(some)) if some.size else 0.0
+    return median(some) if some.size else 0.0

@@ -12,6 +12,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
+from kochab.core.robust import mad_sigma, median
 
 NO_STARS = 99.0
 """What ASTAP tells as the median where there is no star."""
@@ -139,8 +140,8 @@ def _measured(pixels: Floats, x: int, y: int) -> HalfFluxStar | None:
         return None
     box = pixels[y - reach : y + reach + 1, x - reach : x + reach + 1].astype(np.float64)
     ring = box[_RING]
-    sky = float(np.median(ring))
-    noise = max(1.4826 * float(np.median(np.abs(ring - sky))), 1.0)
+    sky = median(ring)
+    noise = max(mad_sigma(ring, sky), 1.0)
     found = _centred(box - sky, noise)
     if found is None:
         return None

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Floats32, Table
+from kochab.core.robust import median
 from kochab.detection.peaks import PreparedFrame, Stamps, cut
 
 
@@ -350,7 +351,7 @@ def _usual_moments(view: PreparedFrame, xy: Floats, half: int) -> tuple[Floats |
     area = np.sqrt(np.maximum(shapes.xx * shapes.yy - shapes.xy**2, 1e-6))
     usual = np.percentile(area[good], 40, method="lower")  # between two of unlike size there is none
     near = good & (area > usual / 1.6) & (area < usual * 1.6)
-    xx, yy, xy_ = (float(np.median(m[near])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    xx, yy, xy_ = (median(m[near]) for m in (shapes.xx, shapes.yy, shapes.xy))
     # Medians of shapes that agree in nothing may be no shape: one longer and thinner than any that is measured.
     if not xy_**2 < NARROWEST**2 * xx * yy:
         return None, float(good.mean())

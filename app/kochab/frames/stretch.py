@@ -10,11 +10,11 @@ import numpy as np
 
 from kochab.core.arrays import Array, Bytes, Floats
 from kochab.core.frame import Frame
+from kochab.core.robust import mad_sigma, median
 
 SKY_LEVEL = 0.2  # brightness the median is shown at, 0 to 1
 SHADOW_SIGMAS = 2.8  # so many deviations below the median is black
 _SAMPLE = 250_000
-_MAD_TO_SIGMA = 1.4826
 _BINS = 16384
 
 
@@ -39,16 +39,16 @@ def stretch_parameters(array: Array) -> Stretch:
     if not len(sample):
         return Stretch(0.0, 1.0)
     low, high = float(sample.min()), float(sample.max())
-    median = float(np.median(sample))
-    sigma = _MAD_TO_SIGMA * float(np.median(np.abs(sample - median)))
+    level = median(sample)
+    sigma = mad_sigma(sample, level)
     if array.dtype.kind in "iu":
         sigma = max(sigma, 0.3)  # a flat sky of whole numbers is still uncertain by rounding
-    black = max(low, median - SHADOW_SIGMAS * sigma)
+    black = max(low, level - SHADOW_SIGMAS * sigma)
     # A frame of nothing but sky would otherwise stretch its own noise to full white.
-    white = max(high, median + 20.0 * sigma)
+    white = max(high, level + 20.0 * sigma)
     if not white > black:
         return Stretch(black, black + 1.0)
-    sky = (median - black) / (white - black)
+    sky = (level - black) / (white - black)
     if sky <= 0.0:
         return Stretch(black, white)
     mid = float(midtones(np.array(sky), SKY_LEVEL))

@@ -10,6 +10,7 @@ from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Task
+from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Solution
 from kochab.sky.apparent import julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue
@@ -210,9 +211,8 @@ def _unknown(
     zero = mags + 2.5 * np.log10(np.maximum(detections.flux[row], 1e-12))
     if len(zero) < FEWEST:
         return ()
-    zero_point = float(np.median(zero))
-    # the median absolute deviation of a normal distribution is sigma / 1.4826
-    scatter = float(1.4826 * np.median(np.abs(zero - zero_point)))
+    zero_point = median(zero)
+    scatter = mad_sigma(zero, zero_point)
     found = []
     clean = np.flatnonzero(free & ~detections.blended & (detections.flux > 0.0))
     for k in clean[np.argsort(-detections.flux[clean], kind="stable")[:BRIGHTEST]].tolist():

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Detections, Frame
+from kochab.core.robust import mad_sigma, median
 
 SIDE_PX = 1200
 """Frames are binned to about this many pixels a side before shapes are looked at."""
@@ -85,13 +86,13 @@ def binned(frame: Frame) -> Bins:
 def measure_light(frame: Frame, bins: Bins) -> FrameLevels:
     """Levels of the frame, whose bins are given."""
     small = bins.image
-    median, noise = _level(small)
+    level, noise = _level(small)
     top = float(np.quantile(small, 0.999))
     clip = clipping_level(frame)
     # a ninth of the pixels is enough, and an odd step meets all colours of a mosaic
     saturated = float(np.mean(frame.pixels[::3, ::3] >= clip))
-    contrast = (top - median) / noise if noise > 0 else 0.0
-    share = median / clip if clip > 0 else 0.0
+    contrast = (top - level) / noise if noise > 0 else 0.0
+    share = level / clip if clip > 0 else 0.0
     return FrameLevels(float(np.clip(share, 0, 1)), saturated, contrast, *_glare(small, clip))
 
 
@@ -191,12 +192,12 @@ def measure_trails(bins: Bins) -> Trails:
 
     small, step = bins.image, bins.step
     small = small - ndimage.uniform_filter(small, max(31, min(small.shape) // 12))
-    median, noise = _level(small)
+    level, noise = _level(small)
     if noise <= 0:
         return Trails()
     # Where trails fill the frame they are the noise: then the brightest pixels must serve.
-    limit = min(median + 5.0 * noise, float(np.quantile(small, 0.985)))
-    limit = max(limit, median + 2.0 * noise)
+    limit = min(level + 5.0 * noise, float(np.quantile(small, 0.985)))
+    limit = max(limit, level + 2.0 * noise)
     labels, count = ndimage.label(small > limit, np.ones((3, 3)))
     major, minor, angle, area = _moments(labels, count)
     fair = (area >= 6) & (area < 0.03 * small.size)
@@ -240,11 +241,11 @@ def _hfd(frame: Frame, xy: Floats, reach: int) -> float:
 def _level(image: Floats) -> tuple[float, float]:
     """Median and noise; the noise of a quantised dark frame is at least its least step."""
     sample = image[::2, ::2]
-    median = float(np.median(sample))
-    noise = 1.4826 * float(np.median(np.abs(sample - median)))
+    level = median(sample)
+    noise = mad_sigma(sample, level)
     if noise == 0.0:
         noise = 0.2 * float(np.std(sample))
-    return median, noise
+    return level, noise
 
 
 def _glare(small: Floats, clip: float) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections
 from kochab.core.pairing import close_pairs, mutual_nearest
+from kochab.core.robust import median
 from kochab.core.solution import Identification, Matches, NamedStar, StarCatalogue
 
 # -- Which detection is which catalogue star, by place alone -----------------------------------
@@ -170,7 +171,7 @@ def match_errors(
         Julian year, to which those have grown.
     """
     catalogue_px = focal_px * catalogue_sigma_rad(np.asarray(catalogue.mag(matches.star)), year)
-    return np.hypot(sigma_px[matches.detection], catalogue_px), float(np.median(catalogue_px))
+    return np.hypot(sigma_px[matches.detection], catalogue_px), median(catalogue_px)
 
 
 POOR_FIT = 0.0015
@@ -327,7 +328,7 @@ def _field_stars(
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
     seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
     widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
-    resolution_px = float(np.clip(np.median(widths), 2.0, 10.0)) if len(widths) else 2.0
+    resolution_px = float(np.clip(median(widths), 2.0, 10.0)) if len(widths) else 2.0
     return rows[without_companions(seen, resolution_px)]
 
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Floats32
 from kochab.core.frame import Detections, Frame
+from kochab.core.robust import mad_sigma, median
 from kochab.detection.background import BROKEN, Halving
 from kochab.detection.peaks import Stamps, apart, cut
 from kochab.detection.star_fit import FWHM_PER_SIGMA, PIXEL_VARIANCE, adaptive_moments
 
 MIN_SIDE = 8  # px; smaller frames hold no star with a background around it
 SAMPLES = 1_000_000  # pixels that are sorted for a median
-PER_MAD = 1.4826
 HALF = 7  # px; of the stamp on which a star's width is measured
 BATCH = 2000
 
@@ -71,10 +71,10 @@ def without_background(frame: Frame) -> Flat | None:
         good = image[part][::every, ::every][~broken[part][::every, ::every]]
         # A thinned sample may hold nothing but broken pixels; then all good ones are taken.
         good = good if len(good) else image[part][~broken[part]]
-        level = float(np.median(good)) if len(good) else 0.0
+        level = median(good) if len(good) else 0.0
         image[part] -= np.float32(level)
         levels.append(level)
-        noises.append(PER_MAD * float(np.median(np.abs(good - level))) if len(good) else 0.0)
+        noises.append(mad_sigma(good, level) if len(good) else 0.0)
     image[broken] = 0.0
     # Broken pixels are 0 here and would lower it; dividing by the root of the good share undoes that.
     spread = float(np.std(image, dtype=np.float64) / np.sqrt(np.mean(~broken)))

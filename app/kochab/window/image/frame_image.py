@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Array, Floats
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
+from kochab.core.robust import mad_sigma, median
 from kochab.frames.stretch import debayer_preview, midtones, stretch_parameters
 from kochab.text.translation import tr
 
@@ -137,12 +138,11 @@ def storable(pixels: Array) -> Task[Array]:
     sample = sample[np.isfinite(sample)]
     if not sample.size:
         sample = np.zeros(1)
-    median = float(np.median(sample))
-    # The median deviation of normal noise is sigma / 1.4826; it is 0 where half of the values are alike.
-    sigma = 1.4826 * float(np.median(np.abs(sample - median))) or float(sample.std()) or 1.0
+    sky = median(sample)
+    sigma = mad_sigma(sample, sky) or float(sample.std()) or 1.0
     # A few outliers must not leave the sky a handful of the 65,536 levels.
-    low = max(float(sample.min()), median - 20.0 * sigma)
-    high = min(float(sample.max()), median + 2000.0 * sigma)
+    low = max(float(sample.min()), sky - 20.0 * sigma)
+    high = min(float(sample.max()), sky + 2000.0 * sigma)
     factor = 65535.0 / max(high - low, 1e-30)
     out = np.empty(pixels.shape, dtype=np.uint16)
     for y in range(0, len(pixels), STRIP_ROWS):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.robust import mad_sigma, median
 from kochab.text.translation import number
 
 OF_MEDIAN = math.sqrt(math.pi / 2.0)
@@ -32,16 +33,11 @@ class Measure:
         return abs(self.value) / self.sigma if self.sigma > 0 else math.inf
 
 
-def scatter(values: Floats) -> float:
-    """Robust standard deviation of values (N,): 1.4826 times the median distance from the median."""
-    return float(1.4826 * np.median(np.abs(values - np.median(values)))) if len(values) else math.nan
-
-
 def median_of(values: Floats) -> Measure | None:
     """The median of values (N,) with its uncertainty; None for fewer than three."""
     if len(values) < 3:
         return None
-    return Measure(float(np.median(values)), float(OF_MEDIAN * scatter(values) / math.sqrt(len(values))))
+    return Measure(median(values), float(OF_MEDIAN * mad_sigma(values) / math.sqrt(len(values))))
 
 
 def one_sigma(dof: int) -> float:
@@ -53,7 +49,7 @@ def one_sigma(dof: int) -> float:
 
 def clipped(residuals: Floats, times: float = 4.0) -> Bools:
     """Which residuals (N,) lie within so many scatters; all where there is no scatter."""
-    wide = scatter(residuals)
+    wide = mad_sigma(residuals)
     return np.abs(residuals) <= times * wide if wide > 0 else np.ones(len(residuals), dtype=np.bool_)
 
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Detections
+from kochab.core.robust import mad_sigma
 from kochab.text.translation import tr_noop
-from kochab.workflows.night.measure import Measure, clipped, median_of, scatter
+from kochab.workflows.night.measure import Measure, clipped, median_of
 
 LEAST_SNR = 20.0
 """Of a star whose shape is looked at: fainter ones' widths scatter by more than a tenth and are biased."""
@@ -113,7 +114,7 @@ def _common(ratio: Floats, angle_rad: Floats) -> tuple[Measure, float]:
     size = (ratio**2 - 1.0) / (ratio**2 + 1.0)
     parts = np.stack([size * np.cos(2.0 * angle_rad), size * np.sin(2.0 * angle_rad)])
     x, y = np.median(parts, axis=1)
-    sigma = math.sqrt(math.pi / 2.0 / len(ratio)) * max(scatter(parts[0]), scatter(parts[1]))
+    sigma = math.sqrt(math.pi / 2.0 / len(ratio)) * max(mad_sigma(parts[0]), mad_sigma(parts[1]))
     # Noise alone makes a length of its own size; what is left is the shared part.
     e = math.sqrt(max(float(x * x + y * y) - sigma**2, 0.0))
     slope = 1.0 / ((1.0 - e) * math.sqrt(max(1.0 - e * e, 1e-6)))

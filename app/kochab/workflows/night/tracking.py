@@ -12,6 +12,7 @@ from datetime import datetime
 
 import numpy as np
 
+from kochab.core.robust import mad_sigma
 from kochab.workflows.night.measure import Measure, slope
 
 FEWEST = 4
@@ -88,7 +89,7 @@ def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
     # Frames may be missing, so a step is judged by the drift over its own time.
     steps, took = np.diff(xy, axis=1), np.maximum(np.diff(hours), 1e-9)
     off = np.hypot(*(steps - np.median(steps / took, axis=1, keepdims=True) * took))
-    jump = off > DITHER * max(1.4826 * float(np.median(off)), 1e-6)
+    jump = off > DITHER * max(mad_sigma(off, 0.0), 1e-6)
     group = np.concatenate([[0], np.cumsum(jump)])
     if hours[-1] <= 0.0 or len(places) - int(group[-1]) - 2 < 1:
         return None

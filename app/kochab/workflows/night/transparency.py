@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.robust import mad_sigma
 from kochab.workflows.night.measure import Measure
 
 OWN_MAG = 0.25
@@ -87,7 +88,7 @@ def _zero_points(frame: Ints, star: Ints, excess: Floats, noise: Floats, count: 
         zero = covariance @ right
         own = (sums - table.T @ zero) / per_star
         left = (excess - zero[frame] - own[star]) / noise
-        core = float(1.4826 * np.median(np.abs(left)))
+        core = mad_sigma(left, 0.0)
         wider = max(1.0, core)
         kept = np.abs(left) <= WORST * wider
     return zero, covariance

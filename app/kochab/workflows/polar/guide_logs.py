@@ -19,6 +19,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.robust import mad_sigma
 from kochab.parsing.text_input import TextError, read_text
 from kochab.polar.drift import PULSES, Stretch, upright
 from kochab.polar.measure import MeasureSettings
@@ -216,6 +217,6 @@ def _levels(time: Floats, dec: Floats, pushed: Floats, dither: Floats) -> Floats
     """By frame (N,), the number of times that the star was given another place: by a dither, or by a jump."""
     step, seconds = np.diff(dec - pushed), np.maximum(np.diff(time), 1e-3)
     step = step - np.median(step / seconds) * seconds  # a drift is no jump, however long the star was lost
-    usual = max(float(np.median(np.abs(step))) / 0.6745, 1e-3)
+    usual = max(mad_sigma(step, 0.0), 1e-3)
     jumps = np.abs(step) > JUMP_SIGMAS * usual + JUMP_OF_PULSE * np.abs(np.diff(pushed))
     return np.cumsum(np.append(False, jumps | (np.diff(dither) != 0.0))).astype(np.float64)
