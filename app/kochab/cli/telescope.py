@@ -179,6 +179,7 @@ class _CliMount:
             ):
                 self._say(event.sentence)
             case events.LineLost():
+                self.telescope.see_mount(None)  # where it is now, nobody knows
                 self._say(event.again or event.sentence)
 
 

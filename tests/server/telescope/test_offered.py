@@ -3,6 +3,7 @@
 import socket
 import struct
 import time
+from dataclasses import replace
 
 import erfa
 import numpy as np
@@ -14,7 +15,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import PortError, UsageError
 from kochab.server.telescope.listening import MOST_CLIENTS, NotTheProtocol
 from kochab.server.telescope.lx200 import Commands
-from kochab.server.telescope.offer import Offer
+from kochab.server.telescope.offer import PROTOCOLS, Offer
 from kochab.server.telescope.stellarium import GOTO, goto_place, position_message
 from kochab.workflows.telescope import offered
 from kochab.workflows.telescope.offered import OfferedTelescope
@@ -260,3 +261,23 @@ def test_the_end_of_the_ports_is_quiet_though_programs_are_connected(telescope, 
             assert program.line.recv(10) == b""
     assert not caplog.records
     assert not telescope.programs
+
+
+def test_usual_ports_that_are_taken_are_told_and_the_others_offered(telescope, told, monkeypatch) -> None:
+    """An indiserver on this computer must not keep SkySafari out."""
+    taken = socket.create_server(("127.0.0.1", 0))
+    rows = {name: replace(row, port=0) for name, row in PROTOCOLS.items()}
+    rows["indi"] = replace(rows["indi"], port=taken.getsockname()[1])
+    with taken:
+        monkeypatch.setattr("kochab.server.telescope.offer.PROTOCOLS", rows)
+        ports = Offer(telescope, {})
+        try:
+            assert set(ports.ports) == {"lx200", "stellarium", "alpaca"}
+            assert any(sentence.startswith("INDI: Can't listen at") for sentence in told)
+        finally:
+            ports.stop()
+        with pytest.raises(PortError):
+            Offer(telescope, {"indi": None})
+        monkeypatch.setattr("kochab.server.telescope.offer.PROTOCOLS", {"indi": rows["indi"]})
+        with pytest.raises(PortError):
+            Offer(telescope, {})

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pkgutil import resolve_name
 
-from kochab.core.errors import UsageError
+from kochab.core.errors import PortError, UsageError
 from kochab.server.http_server import LOOPBACK
 from kochab.server.phone_page import local_address
 from kochab.server.telescope.listening import Ports
@@ -31,7 +31,8 @@ PROTOCOLS: Mapping[str, Row] = {
 class Offer:
     """Listens until :meth:`stop`; ``ports`` are those it has, by protocol.
 
-    Raises `UsageError` when there is no such protocol, and `PortError` when a port cannot be had.
+    Raises `UsageError` when there is no such protocol, and `PortError` when a port that was asked for, or every usual
+    one, cannot be had.
 
     Parameters
     ----------
@@ -50,11 +51,20 @@ class Offer:
         self.host = local_address() if lan else LOOPBACK[0]
         self.ports: dict[str, int] = {}
         self._listening = Ports(telescope, self.host)
+        taken: list[PortError] = []
         try:
             for name, port in (wanted or dict.fromkeys(PROTOCOLS)).items():
                 row = PROTOCOLS[name]
-                at = row.port if port is None else port
-                self.ports[name] = resolve_name(row.listen)(self._listening, at)
+                try:
+                    at = row.port if port is None else port
+                    self.ports[name] = resolve_name(row.listen)(self._listening, at)
+                except PortError as error:
+                    if wanted:
+                        raise
+                    taken.append(error)  # an indiserver of this computer has its own port: the others are offered
+                    telescope.say(f"{row.title}: {error}")
+            if not self.ports:
+                raise taken[0]
         except BaseException:
             self.stop()
             raise
