@@ -65,6 +65,24 @@ def until(what, seconds=30.0):
         time.sleep(0.02)
 
 
+def ready_ahead(worker) -> int:
+    """The child that stands by, once it has done its frame and waits: asleep, and no time spent meanwhile."""
+    until(lambda: len(children(worker)) == 1)
+    (child,) = children(worker)
+
+    def seen() -> list[str]:
+        fields = Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()
+        return [fields[0], *fields[11:13]]
+
+    def waits() -> bool:
+        before = seen()
+        time.sleep(0.5)
+        return before == seen() and before[0] == "S" and before[1] != "0"
+
+    until(waits, 60)
+    return child
+
+
 class Listener:
     """Something else at the worker's place: accepts one connection, reads, says ``reply``, and goes."""
 
@@ -261,23 +279,26 @@ def test_a_worker_of_another_version_is_replaced(runtime):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_cancels_what_the_worker_does(worker, number):
+    ready_ahead(worker)
     asked = subprocess.Popen([*KOCHAB, "solve", "--json", *[str(SAMPLES / "orion.png")] * 2000], stdout=subprocess.PIPE)
     asked.stdout.readline()
-    assert len(children(worker)) == 1
+    working = children(worker)
     asked.send_signal(number)
     asked.stdout.read()
     assert asked.wait(30) == 130
-    until(lambda: not children(worker))
+    until(lambda: working[0] not in children(worker))
     assert worker.poll() is None
     asked.stdout.close()
 
 
 def test_the_death_of_the_command_cancels_its_work(worker):
+    ready_ahead(worker)
     asked = subprocess.Popen([*KOCHAB, "solve", "--json", *[str(SAMPLES / "orion.png")] * 2000], stdout=subprocess.PIPE)
     asked.stdout.readline()
+    working = children(worker)
     asked.kill()
     asked.wait(20)
-    until(lambda: not children(worker))
+    until(lambda: working[0] not in children(worker))
     assert worker.poll() is None
     asked.stdout.close()
 
@@ -312,3 +333,30 @@ def test_a_signal_that_comes_while_it_forks_ends_it(worker):
     worker.terminate()
     assert worker.wait(20) == 130
     assert not os.path.exists(path)
+
+
+def test_a_child_that_was_forked_ahead_does_the_command(worker):
+    child = ready_ahead(worker)
+    asked = subprocess.Popen([*KOCHAB, "solve", "--json", *[str(SAMPLES / "orion.png")] * 2000], stdout=subprocess.PIPE)
+    asked.stdout.readline()
+    assert children(worker) == [child]  # and none is forked ahead meanwhile
+    asked.kill()
+    asked.communicate()
+    until(lambda: children(worker) not in ([child], []))  # the next one
+    assert worker.poll() is None
+
+
+def test_one_that_is_killed_costs_nothing(worker):
+    child = ready_ahead(worker)
+    os.kill(child, signal.SIGKILL)
+    assert command("solve", SAMPLES / "orion.png")[2] == 0
+    until(lambda: child not in children(worker))
+    assert worker.poll() is None
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_it_ends_with_the_worker(worker, number):
+    child = ready_ahead(worker)
+    worker.send_signal(number)
+    worker.wait(20)
+    until(lambda: not Path(f"/proc/{child}").exists() or "Z" in Path(f"/proc/{child}/stat").read_text().split()[2])

@@ -210,8 +210,11 @@ def _serve(where: Place, main: "Run", idle_min: float) -> int:
     if _process(where):
         raise UsageError("A worker runs already.")
     samples = data_folder("resources") / "samples"
-    warm(main, [["solve", "--json", str(samples / name)] for name in SAMPLES])
-    worker = Worker(where, main, 60.0 * idle_min)  # listens from here on: nobody waits for one that still loads
+    commands = [["solve", "--json", str(samples / name)] for name in SAMPLES]
+    warm(main, commands)
+    worker = Worker(
+        where, main, 60.0 * idle_min, commands[-1:]
+    )  # listens from here on: nobody waits for one that still loads
     try:
         print("The worker is ready. Ctrl-C ends it.", flush=True)
         worker.serve()

@@ -5,12 +5,17 @@ as the command line does; the parent never solves a frame itself. So one command
 costs nobody else anything, and answers are the same bytes as without a worker. A thread of the child listens to the
 command's own process: its signals are raised here too, and its end cancels the work.
 
+A fork shares memory until one side writes to it, which Python does wherever it counts references: a child's first frame
+takes a third longer than its second. So one child is forked ahead while nobody waits, does a frame that nobody reads,
+and stands by for the next command.
+
 Only its owner is served: the folder of the socket is closed to others (0700, the socket 0600), and the system is asked
 who connects. It ends when idle, and when a command of another version comes.
 """
 
 import gc
 import io
+import math
 import os
 import select
 import signal
@@ -20,6 +25,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from kochab.core.errors import UsageError
@@ -30,19 +36,43 @@ Run = Callable[[Sequence[str]], int]
 MOST_BYTES, MOST_CHILDREN, REQUEST_S = 8_000_000, 64, 5.0
 OLD_S = 5.0
 """How long a child whose command has gone may take to cancel its work."""
+AHEAD_S = 0.3
+"""How long nobody must have come before a child is forked ahead: a loop of commands has the processor for itself."""
 ANOTHER_ASKED = 75
 """A child's exit code when another version was asked for: the parent then ends."""
 PASSED = {signal.SIGINT, signal.SIGTERM, *({signal.SIGHUP} if hasattr(signal, "SIGHUP") else ())}
+
+
+@dataclass(slots=True)
+class _Standby:
+    """A child that was forked ahead: its number, the line to it, and whether it has done its frame."""
+
+    child: int
+    line: socket.socket
+    ready: bool = False
 
 
 class Worker:
     """Listens at ``place`` until nobody has come for ``idle_s`` seconds; ``run`` does a command.
 
     Raises UsageError when another worker listens there already, or nothing can.
+
+    Parameters
+    ----------
+    place : Place
+        Where it listens.
+    run : Run
+        The command line.
+    idle_s : float
+        After how long it ends.
+    ahead : Sequence[Sequence[str]]
+        The commands that a child does which is forked ahead; none is without any.
     """
 
-    def __init__(self, place: Place, run: Run, idle_s: float) -> None:
-        self._place, self._run, self._idle_s = place, run, idle_s
+    def __init__(self, place: Place, run: Run, idle_s: float, ahead: Sequence[Sequence[str]] = ()) -> None:
+        self._place, self._run, self._idle_s, self._ahead = place, run, idle_s, ahead
+        self._standby: _Standby | None = None
+        self._ahead_from = math.inf if not ahead else 0.0
         self._listener = _listener(place.path)
         self._inode = os.stat(place.path).st_ino
         self._children: set[int] = set()
@@ -57,12 +87,16 @@ class Worker:
         # A flag, no exception: one that is raised while Python forks is lost (its hooks' are only reported).
         before = {number: signal.signal(number, self._end) for number in PASSED}
         signal.set_wakeup_fd(waker, warn_on_full_buffer=False)
-        last, watched = time.monotonic(), (self._listener.fileno(), wake)
+        last = time.monotonic()
         try:
             while self._children or time.monotonic() - last < self._idle_s:
                 if self._ended:
                     raise KeyboardInterrupt
                 left = max(self._idle_s - (time.monotonic() - last), 0.05)
+                if self._standby is None and not self._children:
+                    left = min(left, max(self._ahead_from - time.monotonic(), 0.0))
+                lines = [] if self._standby is None or self._standby.ready else [self._standby.line]
+                watched: list[socket.socket | int] = [self._listener, wake, *lines]
                 ready = select.select(watched, [], [], left)[0]
                 if wake in ready:
                     with suppress(BlockingIOError):
@@ -70,9 +104,13 @@ class Worker:
                     if self._reaped():
                         return
                     last = time.monotonic()
-                if watched[0] in ready:
+                if lines and lines[0] in ready and self._standby is not None:
+                    self._standby.ready = True  # or it has ended, which is seen when it is asked
+                if self._listener in ready:
                     last = time.monotonic()
                     self._take()
+                elif self._standby is None and not self._children and time.monotonic() >= self._ahead_from:
+                    self._fork_ahead()
         finally:
             signal.set_wakeup_fd(-1)
             os.close(wake)
@@ -87,6 +125,7 @@ class Worker:
     def close(self) -> None:
         """Listen no more; commands that run go on by themselves."""
         self._listener.close()
+        self._drop_standby()
         inode, self._inode = self._inode, 0
         with suppress(OSError):
             # A worker that came after us may have put its own there.
@@ -96,6 +135,9 @@ class Worker:
     def _reaped(self) -> bool:
         """Let children that have ended go; whether one of them was asked for another version."""
         other = False
+        if self._standby is not None and os.waitpid(self._standby.child, os.WNOHANG)[0]:
+            self._drop_standby()
+            self._ahead_from = time.monotonic() + 100 * AHEAD_S  # whatever ended it may end the next
         for child in list(self._children):
             ended, status = os.waitpid(child, os.WNOHANG)
             if ended:
@@ -112,6 +154,9 @@ class Worker:
         with connection:
             if peer_user(connection) != os.geteuid() or len(self._children) >= MOST_CHILDREN:
                 return
+            self._ahead_from = max(self._ahead_from, time.monotonic() + AHEAD_S)
+            if self._handed(connection):
+                return
             try:
                 child = os.fork()
             except OSError:  # too many processes: whoever asked does it alone
@@ -120,15 +165,68 @@ class Worker:
                 self._become(connection)
             self._children.add(child)
 
+    def _handed(self, connection: socket.socket) -> bool:
+        """Whether the child that was forked ahead has taken the command."""
+        standby = self._standby
+        if standby is None or not standby.ready:
+            return False
+        try:
+            socket.send_fds(standby.line, [b"c"], [connection.fileno()])
+        except OSError:  # it has ended
+            return False
+        self._standby = None
+        standby.line.close()
+        self._children.add(standby.child)
+        return True
+
+    def _fork_ahead(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            try:
+                child = os.fork()
+            except OSError:
+                ours.close()
+                self._ahead_from = time.monotonic() + 100 * AHEAD_S
+                return
+            if child == 0:
+                ours.close()
+                self._stand_by(theirs)
+        self._standby = _Standby(child, ours)
+
+    def _drop_standby(self) -> None:
+        """Close the line to it, which ends it."""
+        if self._standby is not None:
+            self._standby.line.close()
+            self._standby = None
+
+    def _stand_by(self, line: socket.socket) -> NoReturn:
+        """In the child: do a frame, wait for the command, do it, and end this process."""
+        code = 1
+        try:
+            self._part()
+            warm(self._run, self._ahead)
+            line.send(b"r")
+            descriptors = socket.recv_fds(line, 1, 1)[1]
+            line.close()
+            code = self._answered(socket.socket(fileno=descriptors[0])) if descriptors else 0
+        except BaseException:  # nothing of the parent's may run on in a child
+            code = 1
+        finally:
+            os._exit(code)
+
+    def _part(self) -> None:
+        """In a child: leave what is the parent's."""
+        # Ctrl-C at the worker's own terminal is not for the commands of others.
+        os.setpgid(0, 0)
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        self._listener.close()
+
     def _become(self, connection: socket.socket) -> NoReturn:
         """In the child: do the command that ``connection`` brings, and end this process."""
         code = 1
         try:
-            # Ctrl-C at the worker's own terminal is not for the commands of others.
-            os.setpgid(0, 0)
-            signal.set_wakeup_fd(-1)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            self._listener.close()
+            self._part()
             code = self._answered(connection)
         except BaseException:  # nothing of the parent's may run on in a child
             code = 1

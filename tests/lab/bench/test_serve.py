@@ -67,7 +67,8 @@ def test_a_batch_has_its_turns_and_leaves_no_loop_behind(tmp_path, monkeypatch) 
 
 def test_a_picture_of_a_frame_keeps_its_stars(tmp_path) -> None:
     file = rendered(tmp_path / "a.fits", 600, 400, 15.0)
-    shown = np.asarray(Image.open(serve._png(file)))
+    with Image.open(serve._png(file)) as image:
+        shown = np.asarray(image)
     assert (shown.shape, shown.dtype) == ((400, 600), np.uint8)
     assert 5 < np.median(shown) < 60
     assert (shown == 255).sum() > 20
