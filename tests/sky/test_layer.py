@@ -20,7 +20,7 @@ from kochab.sky.layer import (
 from kochab.sky.sky_tables import sky_tables
 
 SIZE = (1500, 1000)
-FRAMES = 1000
+FRAMES = 300
 
 
 def text_size(text):
@@ -66,7 +66,7 @@ def tangent_plane(solution, vectors):
     return np.column_stack([x, camera.cy - camera.focal_px * up * bent]), depth
 
 
-def test_a_thousand_frames_have_no_name_over_another_and_no_object_out_of_place(tables):
+def test_frames_of_every_size_have_no_name_over_another_and_no_object_out_of_place(tables):
     named = 0
     for solution, rng in random_frames(FRAMES):
         sky = in_frame(tables, solution)
