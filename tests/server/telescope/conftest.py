@@ -26,7 +26,10 @@ class Program:
         """So many bytes, or up to ``#``."""
         heard = b""
         while not (len(heard) == count if count else heard.endswith(b"#")):
-            data = self.line.recv(1)
+            try:
+                data = self.line.recv(1)
+            except ConnectionResetError:  # closed while some of what we said was not read yet
+                return heard
             if not data:
                 return heard
             heard += data

@@ -185,6 +185,17 @@ def test_an_endless_line_and_garbage_end_with_a_sentence(program, told) -> None:
     assert wait_for(lambda: sum("does not speak" in sentence for sentence in told) == 2)  # the same is said once
 
 
+def test_a_web_page_cannot_speak_to_a_telescope_through_its_visitors_browser(program, telescope) -> None:
+    """A browser posts what a page likes to any port of this computer: its own headers come first."""
+    orders = b":Sr05:35:00#:Sd-05*23:00#:MS#"
+    head = f"POST / HTTP/1.1\r\nHost: 127.0.0.1:4030\r\nConnection: keep-alive\r\nContent-Length: {len(orders)}\r\n\r\n"
+    for protocol in ("lx200", "stellarium"):
+        browser = program(protocol)
+        browser.say(head.encode() + orders)
+        assert browser.hear(100) == b""
+    assert telescope.target is None
+
+
 def test_a_hundred_programs_are_too_many_and_the_next_one_is_served_again(program, telescope, told) -> None:
     telescope.see_mount((10.0, 20.0))
     first = program("lx200")
