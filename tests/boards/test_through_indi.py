@@ -9,7 +9,7 @@ from math import inf
 import pytest
 
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
+from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError, StrayedError
 from kochab.core.mount import Ability, Direction, Epoch, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
@@ -164,12 +164,16 @@ def test_a_mount_that_lost_its_power_is_not_slewed_from_where_it_woke_up(kind, l
         assert "Sync first" in told[-1]
         assert apart_deg(stood, board.tube.hour_angle_dec_deg()) < (3.0 if kind == "stargo" else 0.1)
         assert len(board.false_slews()) <= (kind == "stargo" and not looks)
-        if kind == "starbook":  # the side of the pier, which no sync tells, is another matter
+        if kind == "starbook":
+            board.clock_error_s = 240.0 * 40.0  # by its clock the place is in the west, where it woke up
             guard.allow_large_sync = True
             guard.sync(*board.radec_deg(), by_hand=True, confirmed=True)
             target = place(board, -30.0, 60.0)
             run(guard.slew(*target))
             assert apart_deg(board.radec_deg(), target) < near_deg(board)
+            board.clock_error_s = 0.0  # the side of the pier, which no sync tells, is wrong: it sets out for the other
+            with pytest.raises(StrayedError, match="the wrong way"):
+                run(guard.slew(*place(board, -30.0, 60.0)))
 
 
 def test_power_lost_during_a_slew_is_told_and_nothing_slews_on(kind, tmp_path):
