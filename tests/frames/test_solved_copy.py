@@ -13,9 +13,10 @@ from astropy.io import fits
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
 from kochab.core.solution import Solution
 from kochab.frames.atomic_file import write_atomically
-from kochab.frames.wcs import write_solved_copy
+from kochab.frames.wcs import write_solved_copy, write_with_solution
 from tests.frames.files import sky
 
 BEHIND = b"what another program keeps behind the end\0" * 9
@@ -160,3 +161,18 @@ def test_what_does_not_unzip_is_said(tmp_path, night):
     with pytest.raises(FrameError, match=r"cut.fits.gz cannot be written: .*end"):
         write_solved_copy(solution(), path, path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cut.fits.gz", "night.fits"]
+
+
+@pytest.mark.parametrize("ending", ["fits", "FIT", "fts", "fits.gz", "fits.bz2"])
+def test_a_frame_from_fits_keeps_its_header_and_another_is_written_anew(night, tmp_path, ending):
+    pack = {"gz": gzip.compress, "bz2": bz2.compress}.get(ending.rpartition(".")[2], bytes)
+    packed = tmp_path / f"frame.{ending}"
+    packed.write_bytes(pack(night.read_bytes()))
+    picture = tmp_path / "frame.png"
+    picture.write_bytes(b"never read")
+    for source, observer in ((packed, "Ann"), (picture, None), (None, None)):
+        write_with_solution(Frame(sky()), solution(), source, tmp_path / "frame.new")
+        header = fits.getheader(tmp_path / "frame.new")
+        assert (header.get("OBSERVER"), header["PLTSOLVD"]) == (observer, True)
+    with pytest.raises(FrameError, match="cannot be written"):
+        write_with_solution(Frame(sky()), solution(), None, tmp_path / "none" / "frame.new")

@@ -77,6 +77,11 @@ def suffixes() -> dict[str, str]:
     return _SUFFIXES | {f".{name}": name for name in FORMATS.others()}
 
 
+def named_as_fits(path: str | os.PathLike[str]) -> bool:
+    """Whether a file's name is one of FITS, packed or not."""
+    return _SUFFIXES.get(os.path.splitext(path)[1].lower()) == "FITS"
+
+
 def file_pattern() -> str:
     """The same as a file dialog takes them, in both cases for systems that tell capitals apart."""
     return " ".join(f"*{suffix} *{suffix.upper()}" for suffix in suffixes())

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from kochab.core.errors import FrameError
+from kochab.core.frame import Frame
 from kochab.core.solution import Solution
 from kochab.core.wcs import wcs_cards
 from kochab.frames.atomic_file import atomic_file, write_atomically
@@ -84,6 +85,37 @@ def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target
     except (OSError, EOFError, zlib.error) as error:
         text = getattr(error, "strerror", None) or str(error)
         raise FrameError("{target} cannot be written: {text}.", target=target, text=text.rstrip(".")) from None
+
+
+def write_with_solution(
+    frame: Frame, solution: Solution, source: str | os.PathLike[str] | None, target: str | os.PathLike[str]
+) -> None:
+    """Write a solved frame as FITS: a copy of its file where that is FITS, else the frame itself.
+
+    Raises FrameError when the source cannot be read or the target cannot be written.
+
+    Parameters
+    ----------
+    frame : Frame
+        What was read.
+    solution : Solution
+        Where it points.
+    source : path or None
+        The frame's file, None where it has none.
+    target : path
+        Where the FITS appears, whole or not at all; it may be the source.
+    """
+    from kochab.frames.fits_write import write_fits
+    from kochab.frames.readers import named_as_fits
+
+    if source is None or not named_as_fits(source):
+        try:
+            write_fits(frame, target)
+        except OSError as error:
+            text = error.strerror or str(error)
+            raise FrameError("{target} cannot be written: {text}.", target=target, text=text) from None
+        source = target
+    write_solved_copy(solution, source, target)
 
 
 def wcs_of(values: Mapping[str, Any]) -> Any:

@@ -48,7 +48,7 @@ TABLES = (("X_IMAGE", "Y_IMAGE", "MAG_AUTO"), ("X", "Y", "FLUX"), ("X", "Y", "")
 """Columns of a table of stars: SExtractor's, which StellarSolver sends, and astrometry.net's."""
 WRONG_NUMBER_S = 0.1
 """What a number that no job has costs, one after the other: to find one of 200 jobs so takes days."""
-ENDING = re.compile(r"(\.[A-Za-z0-9]{1,8}){0,1}(\.(?:fz|gz))?$")
+ENDING = re.compile(r"(\.[A-Za-z0-9]{1,8}){0,1}(\.(?:fz|gz|bz2))?$")
 
 
 @dataclass(slots=True, eq=False)
@@ -416,16 +416,11 @@ def _wcs(job: Job, folder: Path) -> bytes:
 
 
 def _new_fits(job: Job, folder: Path) -> bytes:
-    from kochab.frames.fits_write import write_fits
-    from kochab.frames.wcs import write_solved_copy
+    from kochab.frames.wcs import write_with_solution
 
     target = folder / f"{job.number}.new"
     try:
-        if job.path is not None and re.search(r"\.(fits?|fts)(\.fz|\.gz)?$", job.path.name.lower()):
-            write_solved_copy(_solution(job), job.path, target)
-        else:
-            write_fits(_frame(job), target)
-            write_solved_copy(_solution(job), target, target)
+        write_with_solution(_frame(job), _solution(job), job.path, target)
         return target.read_bytes()
     finally:
         target.unlink(missing_ok=True)

@@ -48,7 +48,6 @@ DEFAULT_SNR = 30.0
 TIMEOUT_S, PICTURE = 60.0, "_annotated.jpg"
 TOO_FEW = (Reason.TOO_FEW_STARS, Reason.CLOUDED_OR_DARK)
 CSV_HEAD = "x,y,hfd,snr,flux"
-FITS = (".fit", ".fits", ".fts", ".fz", ".gz")
 FIELD_FACTOR = 2.5
 """How far off ``-fov`` may be: binning not told to the caller makes 2, a reducer or a Barlow lens forgotten up to 2."""
 
@@ -179,6 +178,7 @@ def _answered(order: AstapRequest, log: list[str]) -> Task[tuple[Json, int]]:
 def _measured(order: AstapRequest, frame: Frame) -> tuple[Json, int]:
     """``HFD_MEDIAN`` and ``STARS`` as ASTAP prints them; with ``-extract`` the stars in a ``.csv``."""
     from kochab.detection.half_flux import counts_16_bit, half_flux_stars, median_hfd_px
+    from kochab.frames.readers import named_as_fits
 
     extract = "-extract" in order.options
     snr_min = order.number("-extract" if extract else "-analyse") or DEFAULT_SNR
@@ -187,7 +187,7 @@ def _measured(order: AstapRequest, frame: Frame) -> tuple[Json, int]:
     if extract:
         _spare(order, ".csv")
         # FITS counts from 1, and ASTAP counts a picture's rows from its lower edge.
-        fits = Path(order.file).suffix.lower() in FITS
+        fits = named_as_fits(order.file)
         rows = [(s.x + 1.0, s.y + 1.0 if fits else frame.height - s.y, s.hfd_px, s.snr, s.flux) for s in stars]
         lines = [f"{x:.4f},{y:.4f},{hfd:.4f},{snr:.0f},{flux:.0f}" for x, y, hfd, snr, flux in sorted(rows, key=_row)]
         _write(order.base + ".csv", "\n".join((CSV_HEAD, *lines, "")))
@@ -302,20 +302,13 @@ def _written(order: AstapRequest, frame: Frame, solution: Solution) -> list[str]
 
 def _update(file: str, frame: Frame, solution: Solution) -> list[str]:
     """Write the solution into the FITS file, or a picture with it as FITS beside the picture; why not."""
-    from kochab.frames.fits_write import write_fits
-    from kochab.frames.wcs import write_solved_copy
+    from kochab.frames.readers import named_as_fits
+    from kochab.frames.wcs import write_with_solution
 
-    if Path(file).suffix.lower() in FITS:
-        write_solved_copy(solution, file, file)
-        return []
-    target = str(Path(file).with_suffix(".fits"))
-    if Path(target).exists():
+    target = file if named_as_fits(file) else str(Path(file).with_suffix(".fits"))
+    if target != file and Path(target).exists():
         return [f"{target} exists already and was not replaced."]
-    try:
-        write_fits(frame, target)
-    except OSError as error:
-        return [f"{target} cannot be written: {error.strerror or error}."]
-    write_solved_copy(solution, target, target)
+    write_with_solution(frame, solution, file, target)
     return []
 
 

@@ -14,11 +14,11 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from getopt import GetoptError, gnu_getopt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kochab.cli.batch import attempt
+from kochab.cli.faces.getopt_options import getopt_options
 from kochab.cli.output import with_progress
 from kochab.cli.process import say
 from kochab.core import __version__
@@ -111,7 +111,7 @@ class SolveFieldRequest:
 
     def outputs(self, file: str) -> dict[str, str]:
         """Where each file is written, "" for nowhere."""
-        name = self.options.get("out") or Path(file.removesuffix(".gz")).stem
+        name = self.options.get("out") or Path(file.removesuffix(".gz").removesuffix(".bz2")).stem
         base = os.path.join(self.options.get("dir") or os.path.dirname(file), name)
         found = {}
         for option, ending in OUTPUTS.items():
@@ -143,13 +143,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _order(arguments: Sequence[str]) -> SolveFieldRequest:
-    names = [*FLAGS, *(f"{name}=" for name in (*VALUED, *IGNORED))]
-    short = "".join(letter + ("" if name in FLAGS else ":") for letter, name in SHORT.items())
-    try:
-        found, files = gnu_getopt([*arguments], short, names)
-    except GetoptError as error:
-        raise UsageError(f"{error.msg[:1].upper()}{error.msg[1:]}.") from None
-    options = {SHORT.get(name.lstrip("-"), name.lstrip("-")): value for name, value in found}
+    options, files = getopt_options(arguments, FLAGS, {*VALUED, *IGNORED}, SHORT)
     if "files-on-stdin" in options:
         files += [line.rstrip("\n") for line in sys.stdin if line.strip()]
     return SolveFieldRequest(options, files)
@@ -329,20 +323,13 @@ def _with_wcs(
 ) -> list[str]:
     """Write the ``.wcs``, and the frame with it as FITS; what failed."""
     from kochab.cli.batch import write_wcs_to
-    from kochab.frames.fits_write import write_fits
-    from kochab.frames.wcs import write_solved_copy
+    from kochab.frames.wcs import write_with_solution
 
     failures = write_wcs_to(outputs["wcs"], solution) if outputs["wcs"] else []
     target = outputs["new-fits"]
     if target and frame is not None:
         try:
-            if Path(file).suffix.lower() in (".fit", ".fits", ".fts", ".fz", ".gz"):
-                write_solved_copy(solution, file, target)
-            else:
-                write_fits(frame, target)
-                write_solved_copy(solution, target, target)
-        except OSError as error:
-            failures.append(f"{target} cannot be written: {error.strerror or error}.")
+            write_with_solution(frame, solution, file, target)
         except KochabError as error:
             failures.append(str(error))
     camera = solution.camera

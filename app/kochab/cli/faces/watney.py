@@ -12,9 +12,9 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from getopt import GetoptError, gnu_getopt
 
 from kochab.cli.batch import attempt, write_wcs_to
+from kochab.cli.faces.getopt_options import getopt_options
 from kochab.cli.output import radec, with_progress
 from kochab.cli.process import say
 from kochab.core.errors import UsageError
@@ -67,15 +67,9 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _options(words: list[str]) -> dict[str, str]:
-    names = [*FLAGS, *(f"{name}=" for name in VALUED | IGNORED)]
-    short = "".join(letter + ("" if name in FLAGS else ":") for letter, name in SHORT.items())
-    try:
-        found, left = gnu_getopt(words, short, names)
-    except GetoptError as error:
-        raise UsageError(f"{error.msg[:1].upper()}{error.msg[1:]}.") from None
+    options, left = getopt_options(words, FLAGS, VALUED | IGNORED, SHORT)
     if left:
         raise UsageError(f"{left[0]} belongs to no option.")
-    options = {SHORT.get(name.lstrip("-"), name.lstrip("-")): value for name, value in found}
     if options.get("out-format", "json") not in ("json", "tsv"):
         raise UsageError(f"--out-format {options['out-format']} is none of json, tsv.")
     return options
