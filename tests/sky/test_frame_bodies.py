@@ -107,6 +107,22 @@ def test_a_bright_star_that_the_fit_left_out_is_not_unknown(field, catalogue):
     assert found((without, detections, None), catalogue).unknown == found(field, catalogue).unknown
 
 
+@pytest.mark.parametrize("compared", [1, 2000])
+def test_stars_that_the_fit_left_out_are_found_at_once_and_the_same_as_one_by_one(
+    field, catalogue, monkeypatch, compared
+):
+    """A cone for each of 100 took 20 to 30 ms."""
+    solution, detections, _ = field
+    kept = sorted(solution.stars, key=lambda star: star.mag)[-12:]
+    cones = []
+    cone = type(catalogue).cone
+    monkeypatch.setattr(type(catalogue), "cone", lambda *words: cones.append(words) or cone(*words))
+    monkeypatch.setattr(frame_bodies, "COMPARED", compared)
+    unknown = found((replace(solution, stars=tuple(kept)), detections, None), catalogue, None).unknown
+    assert {round(source.mag) for source in unknown} == {-2, 5}
+    assert (len(cones) > 5) is (compared == 1)
+
+
 def test_no_zero_point_no_unknown(field, catalogue):
     solution, detections, _ = field
     assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()

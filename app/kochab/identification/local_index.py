@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import east_north
 from kochab.core.progress import Task
 from kochab.identification.index import PER_FIELD, Grid, Volume, zone_keys, zones_of
 from kochab.identification.index_build import encode, level_quads
@@ -48,7 +49,8 @@ def local_volume(vectors: Floats, rows: Ints, axis: Floats, fields_deg: tuple[fl
     cells: list[Ints] = []
     parts: list[tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint8]]] = []
     kept_fields = []
-    for field, member in _levels(_plane(vectors, axis), fields_deg):
+    plane = vectors @ east_north(axis).T / (vectors @ axis)[:, None]
+    for field, member in _levels(plane, fields_deg):
         kept_fields.append(field)
         count = zones_of(field)
         key = zone_keys(vectors[member], count)
@@ -112,14 +114,6 @@ def local_pairs(volume: Volume, field_deg: float, density: float, area_sr: float
     if stars[level] ** 2 * (math.pi * reach * reach / 2.0 / area_sr) > MOST_PAIRS:
         return None
     return table_of(volume, level, reach, area_sr)
-
-
-def _plane(vectors: Floats, axis: Floats) -> Floats:
-    """Stars (N, 2) on the plane that touches the sphere at ``axis``."""
-    helper = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < 0.8 else np.array([1.0, 0.0, 0.0])
-    x = np.cross(helper, axis)
-    x /= np.linalg.norm(x)
-    return np.asarray(vectors @ np.stack([x, np.cross(axis, x)], axis=1) / (vectors @ axis)[:, None])
 
 
 def _levels(plane: Floats, fields_deg: tuple[float, ...]) -> list[tuple[float, Ints]]:
