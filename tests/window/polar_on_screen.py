@@ -80,7 +80,6 @@ def main(folder, *arguments):
         while not commands.appearance.settled:
             pause(50)
         commands.views.show("polar")
-        commands.actions["fill"].trigger()
         view = commands.views.docks["polar"].view
         view.setup.frames.exposure.setValue(1.0)
         view.setup.aim.imaging.setText("600 mm, 3.76 µm, 300 s")

@@ -159,3 +159,17 @@ def test_the_image_keeps_half_of_a_window_that_is_made_smaller(qtbot, opened):
     window.resize(1100, 700)
     qtbot.waitUntil(lambda: dock.width() <= 550)
     assert window.workspace.view.width() > 400
+
+
+def test_a_picture_that_belongs_to_a_tool_is_not_maximised_away(qtbot, opened):
+    """The polar error, both knobs and their buttons stand on it: they were gone, from one start to the next."""
+    window, commands = opened
+    commands.views.show("laboratory")
+    commands.actions["fill"].trigger()
+    assert window.pages.isHidden()
+    commands.views.show("polar")
+    assert not window.pages.isHidden()
+    assert not commands.actions["fill"].isChecked()
+    commands.actions["fill"].trigger()
+    assert not window.pages.isHidden()
+    assert not commands.actions["fill"].isChecked()

@@ -46,11 +46,14 @@ class Layout(QObject):
         self._window.setWindowState(state | full if on else state & ~full)
 
     def fill(self, on: bool) -> None:
-        """Hide the image beside the open tools; without one it stays."""
+        """Hide the image beside the open tools; without one it stays, and so does a picture that belongs to the tool."""
         docked = [d for d in self._views.docks.values() if d.isVisible() and not d.isFloating()]
-        self._window.pages.setVisible(not (on and docked))
-        if on and not docked:
-            self._window.say(tr("Open a tool first (Tools menu)."))
+        fills = on and bool(docked) and not self._window.in_room
+        self._window.pages.setVisible(not fills)
+        if on and not fills:
+            self._window.say(
+                tr("The picture is part of this tool.") if docked else tr("Open a tool first (Tools menu).")
+            )
             self._actions["fill"].setChecked(False)
 
     def show_solution(self) -> None:

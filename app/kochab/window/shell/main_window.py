@@ -110,6 +110,8 @@ class MainWindow(QMainWindow):
             self.pages.addWidget(room)
             self.has_part.emit(room)
         self.pages.setCurrentWidget(self._page if room is None else room)
+        if room is not None:  # the tool that was maximised may have no room of its own, this one has
+            self.actions_by_name["fill"].setChecked(False)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
