@@ -46,7 +46,7 @@ class Layout(QObject):
         self._window.setWindowState(state | full if on else state & ~full)
 
     def fill(self, on: bool) -> None:
-        """Hide the image beside the open tools; without one it stays, and so does a picture that belongs to the tool."""
+        """Hide the image beside the open tools; without one it stays, as does a picture that belongs to the tool."""
         docked = [d for d in self._views.docks.values() if d.isVisible() and not d.isFloating()]
         fills = on and bool(docked) and not self._window.in_room
         self._window.pages.setVisible(not fills)
