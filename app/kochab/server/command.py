@@ -54,14 +54,16 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser.add_argument(
         "--mount", metavar="PORT[,DRIVER]", help="with --api: the mount whose position it tells; it moves none"
     )
-    parser.add_argument("--lan", action="store_true", help="with both: to the local network too, unencrypted")
+    parser.add_argument(
+        "--lan", action="store_true", help="with --nova or --api: to the local network too, unencrypted"
+    )
     parser.add_argument(
         "--port", type=_port, metavar="N", help=f"of --nova (default: {PORT}) or --api (default: {API_PORT})"
     )
     parser.add_argument(
         "--any-key", action="store_true", help="with --nova: take every key, of programs that have one built in"
     )
-    parser.add_argument("--new-key", action="store_true", help="with both: make a new key; the old one ends")
+    parser.add_argument("--new-key", action="store_true", help="with --nova or --api: make a new key; the old one ends")
     parser.add_argument("--background", action="store_true", help="start it, wait until it is ready, and return")
     parser.add_argument("--stop", action="store_true", help="end the worker that runs; its commands finish")
     parser.add_argument(
