@@ -181,6 +181,26 @@ def test_one_frame_is_taken(night, tmp_path, capsys) -> None:
     assert main(["camera", "take", "--source", "folder", "--address", str(tmp_path / "no"), "-o", str(target)]) == 1
 
 
+def test_a_frame_that_came_while_the_computer_was_busy_is_taken(night, tmp_path, monkeypatch) -> None:
+    clock, came = [0.0], [None, read_frame(night[3])]
+
+    class Busy:
+        def next_frame(self, timeout_s):
+            clock[0] += 100.0  # far longer than asked for, and than --wait
+            return came.pop(0)
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr("kochab.gear.cameras.open_camera", lambda *words: Busy())
+    monkeypatch.setattr("kochab.cli.live.monotonic", lambda: clock[0])
+    target = tmp_path / "taken.fits"
+    assert main(["camera", "take", "--source", "folder", "-o", str(target)]) == 0
+    assert target.exists()
+    came[:] = [None, None]
+    assert main(["camera", "take", "--source", "folder", "-o", str(target), "--overwrite"]) == 1
+
+
 def test_no_frame_is_taken_over_the_one_it_comes_from(night, capsys) -> None:
     before = night[3].read_bytes()
     address = ("--address", str(night[0].parent))

@@ -314,9 +314,10 @@ def _take(args: argparse.Namespace) -> int:
         raise KochabError(f"{target} cannot be written: no permission to write to its folder.")
     with closing(open_camera(args.source, args.address, capture_settings(args))) as camera:
         refuse_overwriting([target], overwrite=args.overwrite)
-        frame = None
         deadline = monotonic() + args.wait + (args.exposure or 0.0)
-        while frame is None and monotonic() < deadline:
+        late, frame = False, camera.next_frame(0.2)
+        while frame is None and not late:
+            late = monotonic() >= deadline  # asked once more after it: a busy computer may have slept over a frame
             frame = camera.next_frame(0.2)
     if frame is None:
         raise NoAnswerError(f"No frame came from {args.address or args.source} in time.")
