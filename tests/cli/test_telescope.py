@@ -73,10 +73,16 @@ def test_a_goto_goes_through_the_guard_and_moves_a_practice_mount(start) -> None
         assert b"\x7f" in meade.ask(":D#")
         assert wait_for(lambda: meade.ask(":D#") == b"#", 60.0)
         assert apart_deg(here(), (target[0], int(target[1]))) < 0.3  # minutes of time were cut off
+        assert meade.ask(":CM#") == b"Coordinates matched.        #"
+        said = []
+        while "Synced. Undo takes it back." not in said:
+            said.append(json.loads(offered.stdout.readline()).get("text", ""))
         meade.say(":Q#")
+        while "LX200 (127.0.0.1) stopped the mount." not in said:
+            said.append(json.loads(offered.stdout.readline()).get("text", ""))
     offered.send_signal(signal.SIGTERM)
     out, err = offered.communicate(timeout=30)
-    said = [json.loads(line).get("text", "") for line in out.splitlines()]
+    said += [json.loads(line).get("text", "") for line in out.splitlines()]
     assert any("connected" in sentence for sentence in said)
     assert any("go to RA" in sentence for sentence in said)
     assert "Traceback" not in err

@@ -152,6 +152,11 @@ class _CliMount:
         self.known.busy = name
         return self._line.order(name, make)
 
+    @property
+    def busy(self) -> bool:
+        """Whether an order is under way."""
+        return bool(self.known.busy)
+
     def stop(self) -> None:
         """Stop it now."""
         self._line.stop()
@@ -172,8 +177,8 @@ class _CliMount:
                 self.telescope.see_mount(event.icrs_deg, bool(event.state.slewing) or event.target_deg is not None)
             case events.Connected():
                 self._say(f"{event.name}")
-            case events.OrderDone() if isinstance(event.result, str):
-                self._say(event.result)
+            case events.OrderDone():
+                self._say(event.result if isinstance(event.result, str) else event.result.sentence)
             case (
                 events.OrderFailed(stopped=False) | events.StopFailed() | events.LimitReached() | events.EpochDoubted()
             ):

@@ -27,6 +27,8 @@ PLACE = (83.822, -5.391)
 class Mount:
     """Takes every order at once, and stands at the target when told so."""
 
+    busy = False
+
     def __init__(self):
         self.orders = []
 

@@ -18,6 +18,8 @@ COORDINATES = f"{DRIVER}.EQUATORIAL_EOD_COORD"
 class Pushed:
     """A telescope whose person is quick: it stands at the target at once."""
 
+    busy = False
+
     def __init__(self):
         self.orders = []
 

@@ -147,6 +147,8 @@ def test_an_old_frame_gives_way_to_the_mount(telescope) -> None:
 class Refusing:
     """A mount that takes no order."""
 
+    busy = False
+
     def __init__(self):
         self.orders, self.stopped = [], 0
 

@@ -3,6 +3,7 @@
 import json
 import threading
 import time
+from concurrent.futures import Future
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import MountState
+from kochab.core.progress import run
 from kochab.gear.mount_events import Connected, PositionReport
 from kochab.server.phone_page import PhonePage
 from kochab.server.telescope.offer import Offer
@@ -18,6 +20,8 @@ from kochab.window.frame.session import WorkflowEngine
 from kochab.window.tones import Cue
 from kochab.workflows.goto_target import target_at
 from kochab.workflows.session.wiring import Wiring
+from kochab.workflows.sync_mount import SyncDone
+from kochab.workflows.telescope.offered import _sync
 from tests.server.telescope.conftest import Program
 from tests.window.polar.test_phone import ask, switch_on
 from tests.window.test_night import assert_red
@@ -140,3 +144,13 @@ def test_it_is_red_at_night(qtbot, view) -> None:
         qtbot.wait(50)
         assert_red(view.commands.window)
     view.commands.appearance.use_theme("dark")
+
+
+def test_the_window_hears_of_a_programs_sync_as_of_its_own(view) -> None:
+    """The offsets seen before it are of another alignment."""
+    synced = []
+    guard = SimpleNamespace(to_mount=lambda *place: place, sync=lambda *place, by_hand: synced.append((place, by_hand)))
+    verdict: Future = Future()
+    done = run(_sync((10.0, 20.0), verdict, guard))
+    assert (verdict.result(), synced) == ("", [((10.0, 20.0), True)])
+    assert isinstance(done, SyncDone)

@@ -83,6 +83,10 @@ class _Orders(QObject):
         self.wished.connect(self._do)
         self.stopped.connect(mount.stop)
 
+    @property
+    def busy(self) -> bool:
+        return bool(self._mount.known.busy)
+
     def order(self, name: str, make: MakeTask, refuse: Callable[[str], None]) -> None:
         self.wished.emit(name, make, refuse)
 

@@ -27,6 +27,7 @@ from kochab.gear.mounts.guard import Guard
 from kochab.text.angle_text import angle_text
 from kochab.text.translation import tr, tr_noop
 from kochab.workflows.goto_target import Target, aimed, goto_target, target_at
+from kochab.workflows.sync_mount import SyncDone
 
 NEWEST_S = 15.0
 """A solved frame older than this gives way to what a connected mount says."""
@@ -40,6 +41,10 @@ NOT_ALLOWED = tr_noop("Target set: push the telescope there. Kochab may not move
 
 class MountOrders(Protocol):
     """The way to a connected mount's line."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether an order is under way: until its end another is refused."""
 
     def order(self, name: str, make: MakeTask, refuse: Callable[[str], None]) -> None:
         """Do this on the guard, by any thread's wish; ``refuse`` takes the sentence when it cannot be now."""
@@ -108,7 +113,8 @@ class OfferedTelescope:
     def seen(self) -> Seen | None:
         """The newest pointing of the eyepiece; None before the first."""
         solved, mount = self._solved, self._mount_seen
-        slewing = self._goes or (mount is not None and mount.slewing)
+        busy = self._goes or (self.mount is not None and self.mount.busy)
+        slewing = busy or (mount is not None and mount.slewing)
         if solved is not None and (mount is None or monotonic() - solved[1] < NEWEST_S):
             solution, at_s = solved
             return Seen(radec_deg(self._eyepiece @ solution.centre_attitude.matrix), at_s, slewing)
@@ -168,7 +174,9 @@ class OfferedTelescope:
             self._goes = False
         return tr("The mount reports that it reached {name}.", name=target.name)
 
-    def _order(self, name: str, make: Callable[["Future[str]", Guard], Task[str]], who: str) -> "Future[str]":
+    def _order(
+        self, name: str, make: Callable[["Future[str]", Guard], Task[str | SyncDone]], who: str
+    ) -> "Future[str]":
         verdict: Future[str] = Future()
         assert self.mount is not None
         self.mount.order(name, partial(make, verdict), partial(self._refuse, verdict, who))
@@ -231,12 +239,12 @@ def _answered(why: str) -> "Future[str]":
 # -- Orders in the thread of the mount's line, with a verdict before anything moves ---------------
 
 
-def _sync(place_deg: Degrees, verdict: "Future[str]", guard: Guard) -> Task[str]:
+def _sync(place_deg: Degrees, verdict: "Future[str]", guard: Guard) -> Task[SyncDone]:
     """Sync by a person's word, within what the guard takes without asking again."""
     yield Progress("sync")
     with _deciding(verdict):
         guard.sync(*guard.to_mount(*place_deg), by_hand=True)
-    return tr("Synced.")
+    return SyncDone(True, False, tr("Synced. Undo takes it back."))
 
 
 class _deciding:  # noqa: N801 (reads as a statement)
