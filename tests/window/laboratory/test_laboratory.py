@@ -184,6 +184,13 @@ def test_a_comparison_stops_between_two_and_keeps_what_there_was(qtbot, lab, mon
     assert next(waits, None) is None
 
 
+def test_a_name_is_written_in_words_and_chosen_as_registered(lab):
+    _, view = lab()
+    show(view, "spherical triangles")
+    view.methods.tick(["spherical_triangles"])
+    assert [c.name for c in view.methods.choices()] == ["spherical_triangles"]
+
+
 def test_each_kind_keeps_its_own_choice(lab):
     _, view = lab()
     view.methods.tick(["voting"])

@@ -117,8 +117,8 @@ def test_the_simulated_sky_is_found_tracked_and_shown(qtbot, live):
     assert "″" in view.pointing.values["Uncertainty"].text()
     assert view.pointing.chart.trail.here is not None
     assert "0.4 s" in view.camera.fields.in_force.text()
-    assert not view.camera.fields.binning.isEnabled()
-    assert "binning" in view.camera.fields.binning.toolTip()
+    assert view.camera.fields.binning.isHidden()  # it cannot be set
+    assert not view.camera.levels.isHidden()
     view.end()
     wait_idle(qtbot, view)
 
@@ -415,17 +415,19 @@ def test_settings_reach_the_camera_once_they_settle(qtbot, live):
     qtbot.waitUntil(lambda: source.settings.exposure_s == 0.25, timeout=10_000)
     qtbot.waitUntil(lambda: "0.25 s" in view.camera.fields.in_force.text(), timeout=10_000)
     assert view.camera.fields.exposure.maximum() == source.limits.exposure_s[1]
-    assert not view.camera.fields.gain.isEnabled()
-    assert "gain" in view.camera.fields.gain.accessibleDescription()
+    assert view.camera.fields.gain.isHidden()
+    assert "cannot set gain" in view.camera.fields.in_force.text()
 
 
 def test_limits_that_are_not_known_leave_everything_to_be_wished_for(qtbot):
     panel = CameraPanel()
     qtbot.addWidget(panel)
     panel.fields.show_limits(CaptureLimits(), panel.fields.settings())
-    assert not panel.fields.exposure.isEnabled()
+    assert panel.fields.exposure.isHidden()
+    assert panel.levels.isHidden()  # nothing has been measured
     panel.set_running(False)
     assert panel.fields.exposure.isEnabled()
+    assert not panel.fields.exposure.isHidden()
 
 
 def test_choices_are_kept_for_the_next_start(qtbot, make_window, engine, tmp_path):

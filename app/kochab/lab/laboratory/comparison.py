@@ -55,6 +55,11 @@ def paper_for(kind: ComparedPart, name: str) -> str:
     return str(getattr(REGISTRIES[kind].load(name), "paper", "")) or tr("Kochab's own")
 
 
+def in_words(name: str) -> str:
+    """A registered name as people write it: ``spherical_triangles`` without its underscore."""
+    return name.replace("_", " ")
+
+
 T = TypeVar("T")
 
 RIGHT_PX = 5.0

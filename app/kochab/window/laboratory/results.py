@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QGridLayout, QHeaderView, QTableWidget, QTableWidgetItem
 
-from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart, Trial
+from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart, Trial, in_words
 from kochab.lab.laboratory.curves import SWEEPS, Point, sweeps_of
 from kochab.text.angle_text import AngleStyle, angle_text, arcsec_text, false_alarm_text, milliseconds_text, radec_text
 from kochab.text.translation import tr, tr_noop
@@ -53,7 +53,7 @@ def columns_of(kind: ComparedPart) -> dict[str, Callable[[Trial], TrialCell]]:
     if kind is not ComparedPart.METHOD:
         more["RMS"] = _rms
     return {
-        tr(kind.capitalize()): lambda t: TrialCell(t.name),
+        tr(kind.capitalize()): lambda t: TrialCell(in_words(t.name)),
         tr("Answer"): _answer,
         **more,
         tr("Time"): _time,
@@ -230,7 +230,7 @@ class Plots(Page):
 
     def begin(self, methods: Sequence[str]) -> None:
         self.points = {}
-        self.legend.show_names(tuple((m, self._style(m)) for m in methods))
+        self.legend.show_names(tuple((in_words(m), self._style(m)) for m in methods))
         self._stale = dict.fromkeys((*self.charts, TIME_CHART))
         self._timer.start()
 
@@ -275,7 +275,7 @@ class Plots(Page):
                 lines[method][times * value] = up
         drawn = {method: sorted(line.items()) for method, line in lines.items() if line}
         columns = {method: tuple(zip(*line, strict=True)) for method, line in drawn.items()}
-        return tuple(Series(method, x, y, self._style(method)) for method, (x, y) in columns.items())
+        return tuple(Series(in_words(method), x, y, self._style(method)) for method, (x, y) in columns.items())
 
     def _style(self, method: str) -> int:
         return list(REGISTRIES[self.kind]).index(method)

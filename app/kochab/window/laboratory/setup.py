@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QListWidget, QListWidgetItem
 
 from kochab.core.errors import UsageError
 from kochab.core.registry import checked, options_of
-from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, paper_for
+from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, in_words, paper_for
 from kochab.text.translation import tr, tr_noop
 from kochab.window.panels.method_options import OptionsForm
 from kochab.window.widgets import (
@@ -94,7 +94,7 @@ class MethodsPanel(Page):
 
     def tick(self, names: list[str]) -> None:
         for item in self._items():
-            item.setCheckState(CHECKED[item.text() in names])
+            item.setCheckState(CHECKED[_name(item) in names])
 
     def state(self) -> dict[str, Any]:
         kept: dict[str, Any] = {
@@ -131,7 +131,8 @@ class MethodsPanel(Page):
         with QSignalBlocker(self.list):
             self.list.clear()
             for name in REGISTRIES[self.kind]:
-                item = QListWidgetItem(name, self.list)
+                item = QListWidgetItem(in_words(name), self.list)
+                item.setData(Qt.ItemDataRole.UserRole, name)
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
                 item.setCheckState(CHECKED[name in ticked])
             self.list.setCurrentRow(0)
@@ -141,7 +142,7 @@ class MethodsPanel(Page):
     def _show(self, item: QListWidgetItem | None, _: object = None) -> None:
         if item is None:
             return
-        name, chosen = item.text(), self._chosen[self.kind]
+        name, chosen = _name(item), self._chosen[self.kind]
         with QSignalBlocker(self.options):  # filling the fields is no change by the person
             self.options.show_options(options_of(REGISTRIES[self.kind].load(name)))
             self.options.fill(chosen.options.get(name, {}))
@@ -149,7 +150,7 @@ class MethodsPanel(Page):
         self.paper.setText(paper_for(self.kind, name))
 
     def _keep(self) -> None:
-        name, chosen = self.list.currentItem().text(), self._chosen[self.kind]
+        name, chosen = _name(self.list.currentItem()), self._chosen[self.kind]
         try:
             chosen.options[name] = self.options.values()
             chosen.faults.pop(name, None)
@@ -157,7 +158,12 @@ class MethodsPanel(Page):
             chosen.faults[name] = str(error)
 
     def _keep_ticks(self) -> None:
-        self._chosen[self.kind].ticked = [i.text() for i in self._items() if i.checkState() is CHECKED[True]]
+        self._chosen[self.kind].ticked = [_name(i) for i in self._items() if i.checkState() is CHECKED[True]]
+
+
+def _name(item: QListWidgetItem) -> str:
+    """The name by which a row's method is registered."""
+    return str(item.data(Qt.ItemDataRole.UserRole))
 
 
 # -- The stars: the open frame or a simulated field, and what the methods know of it --

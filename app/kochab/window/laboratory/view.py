@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from kochab.core.errors import UsageError
 from kochab.core.progress import PREPARING, Progress, Task
-from kochab.lab.laboratory.comparison import Choice, ComparedPart, field_plan
+from kochab.lab.laboratory.comparison import Choice, ComparedPart, field_plan, in_words
 from kochab.lab.laboratory.curves import curves, points_csv, trials_csv
 from kochab.lab.laboratory.scene import Scene, comparison, scene_of_frame, simulated_scene
 from kochab.text.translation import tr, tr_noop
@@ -140,7 +140,7 @@ class LaboratoryView(View):
         self._show_running(True)
 
     def _done(self, tab: int) -> None:
-        counts = ", ".join(f"{method} {count}" for method, count in self.plots.wrong_answers().items())
+        counts = ", ".join(f"{in_words(method)} {count}" for method, count in self.plots.wrong_answers().items())
         self._say(tr("Done. Wrong answers: {counts}.", counts=counts or tr("none")) if tab else tr("Done."), "muted")
 
     def _stop(self) -> None:

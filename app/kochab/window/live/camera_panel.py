@@ -52,8 +52,8 @@ class SettingFields(Page):
         for field in self.fields.values():
             field.setSpecialValueText(tr(DEFAULT))
             field.valueChanged.connect(lambda _: self.changed.emit())
-        titles = [label(title, "muted") for title in (tr("Exposure"), tr("Gain"), tr("Binning"))]
-        fields = grid(titles, self.fields.values(), stretch=(1, 1, 1))
+        self.titles = [label(title, "muted") for title in (tr("Exposure"), tr("Gain"), tr("Binning"))]
+        fields = grid(self.titles, self.fields.values(), stretch=(1, 1, 1))
         column(fields, self.in_force, on=self, spacing=4, margins=(0, 0, 0, 0))
         self.show_limits(None, CaptureSettings())
 
@@ -66,14 +66,14 @@ class SettingFields(Page):
         )
 
     def show_limits(self, limits: CaptureLimits | None, in_force: CaptureSettings) -> None:
-        """Restrict the fields to the camera's limits; None while no camera is open."""
+        """Restrict the fields to the camera's limits, without those it cannot set; None while no camera is open."""
         reasons = {} if limits is None else fixed_settings(limits)
         known = limits or CaptureLimits()
         ranges = known.exposure_s, known.gain, known.binning
-        for (name, field), limit, most in zip(self.fields.items(), ranges, MOST, strict=True):
+        for (name, field), title, limit, most in zip(self.fields.items(), self.titles, ranges, MOST, strict=True):
             field.setEnabled(name not in reasons)
-            field.setToolTip(reasons.get(name, ""))
-            field.setAccessibleDescription(reasons.get(name, ""))
+            for part in (title, field):
+                part.setVisible(name not in reasons)
             # A lower maximum may change the value, which is no wish of the person.
             with QSignalBlocker(field):
                 field.setMaximum(limit[1] if limit else most)
@@ -134,6 +134,7 @@ class CameraPanel(Page):
         self.fields = SettingFields()
         self._kept = {"lens": self.lens, "again": self.reconnect, **self.fields.fields}
         self.levels = LevelView()
+        self.levels.hide()  # until a frame has been measured
         self.levels_status = label("", "muted", wrap=True)
         self._settle = QTimer(self, singleShot=True, interval=SETTLE_MS)
         self._settle.timeout.connect(lambda: self.settings_wanted.emit(self.fields.settings()))
@@ -150,6 +151,7 @@ class CameraPanel(Page):
     def show_levels(self, levels: Levels) -> None:
         """Histogram and exposure advice for the newest frame."""
         self.levels.show_levels(levels)
+        self.levels.setVisible(bool(len(levels.counts)))
         self.levels_status.setText(levels_text(levels))
 
     def set_running(self, on: bool) -> None:
