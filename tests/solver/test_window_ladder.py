@@ -14,10 +14,10 @@ from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason, Solution
 from kochab.frames import read_frame
 from kochab.identification.patterns import Patterns
+from kochab.simulate.whole_skies import RADII, whole_sky
 from kochab.solver import SolveOptions, pipeline, window_ladder
 from kochab.solver.pipeline import solve_detections, solve_frame
 from tests.solver.fields import YEAR, photograph
-from tests.solver.whole_skies import RADII, solved
 
 REACHED = {
     "AllskyTe__html_documentation_explanations_Stretch_10x30.png",
@@ -77,6 +77,15 @@ def test_captions_and_roofs_hide_no_sky(kind, monkeypatch):
     monkeypatch.setattr(pipeline, "_may_climb", lambda request: False)
     alone = [isinstance(run(solve_detections(d)), Solution) for d, _ in lists]
     assert sum(alone) < sum(right)
+
+
+def solved(projection, field_deg, seed):
+    """The solution or refusal, and how far its middle is from the truth, degrees."""
+    detections, middle = whole_sky(projection, field_deg, np.random.default_rng([seed, int(field_deg)]))
+    answer = run(solve_detections(detections))
+    if not isinstance(answer, Solution):
+        return answer, math.nan
+    return answer, apart_deg(answer.ra_dec_deg, radec_deg(middle))
 
 
 @pytest.mark.parametrize(("projection", "field_deg"), [(kind, deg) for kind in RADII for deg in (100.0, 170.0)])

@@ -152,6 +152,7 @@ BENCHES: dict[str, str] = {
     "papers": "kochab.lab.bench.papers:run",
     "peers": "kochab.lab.bench.peers:run",
     "polar": "kochab.lab.bench.polar:run",
+    "reach": "kochab.lab.bench.reach:run",
     "refusal": "kochab.lab.bench.refusal:run",
     "serve": "kochab.lab.bench.serve:run",
     "sky": "kochab.lab.bench.sky:run",

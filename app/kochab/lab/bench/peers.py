@@ -101,10 +101,10 @@ def score(solver: Solver, cases: Sequence[Case]) -> dict[str, Any]:
 # -- The cases ---------------------------------------------------------------------------------
 
 
-def frames_folder() -> Path:
-    """Where the real frames are looked for."""
-    beside = Path(__file__).resolve().parents[5] / "shared" / "frames"
-    return Path(os.environ.get("KOCHAB_FRAMES", beside))
+def frames_folder(variable: str = "KOCHAB_FRAMES", name: str = "frames") -> Path:
+    """Where real frames are looked for: the folder that a variable of the environment names, or beside the checkout."""
+    beside = Path(__file__).resolve().parents[5] / "shared" / name
+    return Path(os.environ.get(variable, beside))
 
 
 def real_frames(most: int) -> Iterator[Case]:

@@ -1,0 +1,181 @@
+"""``kochab bench reach``: frames that fail as a whole, whole skies, and what the search through windows must refuse.
+
+Hard pictures with their truth lie in the folder that ``KOCHAB_FRAMES_REACH`` names, or beside the checkout; without
+them their goals are not measured. Debian's ``solve-field``, where it is installed, gets the stars that Kochab detects,
+unless the bench is quick.
+Whole skies are star lists of four projections; captions and roofs hide fields of 24 degrees.
+"""
+
+import json
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from kochab.core.attitude import apart_deg, radec_deg
+from kochab.core.frame import Detections
+from kochab.core.progress import run as drive
+from kochab.core.solution import NoSolution, Solution
+from kochab.frames import read_frame
+from kochab.lab.bench import BenchResult, Goal, Report, summary
+from kochab.lab.bench.peers import Place, astrometry_net, frames_folder, hostile_lists
+from kochab.simulate.random_fields import FieldPlan, random_field
+from kochab.simulate.whole_skies import RADII, whole_sky
+from kochab.sky import open_catalogue
+from kochab.solver.pipeline import examine_frame, solve_detections
+
+SEED = 20261127
+FIELDS_DEG = (90.0, 120.0, 150.0, 180.0, 200.0)
+SKIES, QUICK_SKIES = 10, 1  # of each projection and width
+SPOILT, QUICK_SPOILT = 60, 6
+LISTS, QUICK_LISTS = 400, 12
+QUICK_PICTURES = 3
+WHOLE_SKY_DEG = 100.0
+"""So wide a picture counts as a whole sky."""
+SKY_WITHIN_DEG = 0.3
+SPOILT_FIELD_DEG = 24.0
+BRIGHTEST = 90
+
+
+def run(quick: bool, report: Report) -> BenchResult:
+    """Solve what hides its stars, refuse what has none; print shares and processor times."""
+    rng = np.random.default_rng(SEED)
+    pictures = list(hard_pictures(QUICK_PICTURES if quick else None, report))
+    skies = list(rendered_skies(QUICK_SKIES if quick else SKIES, report))
+    spoilt = list(spoilt_fields(QUICK_SPOILT if quick else SPOILT, rng))
+    refused = [sheet(d, None, 0.0) for d in (c.detections for c in hostile_lists(QUICK_LISTS if quick else LISTS))]
+    wide = [p for p in pictures if p["wide"]]
+    groups = {
+        "hard pictures": pictures,
+        "whole-sky pictures": wide,
+        "rendered whole skies": skies,
+        "captions and roofs": spoilt,
+        "lists without truth": refused,
+    }
+    rows = [row(name, kept) for name, kept in groups.items() if kept]
+    return BenchResult("reach", rows, goals({r["what"]: r for r in rows}))
+
+
+def goals(rows: dict[str, dict[str, Any]]) -> list[Goal]:
+    """Found of each kind, none wrong, and what a refusal costs."""
+    found = {name: float(r["found_percent"]) for name, r in rows.items()}
+    refused = rows["lists without truth"]
+    return [
+        Goal.at_least("hard pictures found, % (22 of 24)", found.get("hard pictures"), 91.6),
+        Goal.at_least("whole-sky pictures found, % (14 of 15)", found.get("whole-sky pictures"), 93.3),
+        Goal.at_least("rendered whole skies found, %", found["rendered whole skies"], 99.0),
+        Goal.at_least("captions and roofs found, % (11 of 12)", found["captions and roofs"], 91.6),
+        Goal.at_most("wrong answers", sum(r["wrong"] for name, r in rows.items() if name != "whole-sky pictures"), 0),
+        Goal.at_most("a refusal, median, processor s", refused["median_cpu_s"], 0.5),
+        Goal.at_most("a refusal, 99 %, processor s", refused["cpu_s_99"], 1.5),
+    ]
+
+
+def row(name: str, kept: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """One line of the table; astrometry.net's column where it was asked."""
+    line = {"what": name} | summary(
+        kept,
+        n=("found", len),
+        found_percent=("found", lambda f: 100.0 * np.mean(f)),
+        wrong=("wrong", np.sum),
+        median_cpu_s=("cpu_s", np.median),
+        cpu_s_99=("cpu_s", lambda s: np.quantile(s, 0.99)),
+    )
+    rivals = [sheet["astrometry_net"] for sheet in kept if "astrometry_net" in sheet]
+    return line | ({"astrometry_net_percent": 100.0 * float(np.mean(rivals))} if rivals else {})
+
+
+# -- The cases ---------------------------------------------------------------------------------
+
+
+def hard_pictures(most: int | None, report: Report) -> Iterator[dict[str, Any]]:
+    """One fact sheet a picture of a known place; none when the pictures are not there.
+
+    Of ``most`` pictures, None for all, astrometry.net is asked none: it may take a minute for one.
+    """
+    folder = frames_folder("KOCHAB_FRAMES_REACH", "frames-reach")
+    if not (folder / "truth.json").exists():
+        report("the hard pictures (KOCHAB_FRAMES_REACH) are not here: their goals are not measured")
+        return
+    truths = {n: t for n, t in json.loads((folder / "truth.json").read_text("utf-8")).items() if "ra_deg" in t}
+    for name, truth in sorted(truths.items())[:most]:
+        started = time.process_time()
+        seen = drive(examine_frame(read_frame(folder / name)))
+        kept = judged(seen.result, (truth["ra_deg"], truth["dec_deg"]), truth["tol_deg"])
+        kept |= {"cpu_s": time.process_time() - started, "wide": is_wide(truth)}
+        report(f"{name}: {'found' if kept['found'] else 'WRONG' if kept['wrong'] else 'no solution'}")
+        if most is None and shutil.which("solve-field"):
+            place = astrometry_net(seen.detections)
+            kept["astrometry_net"] = near(place, (truth["ra_deg"], truth["dec_deg"]), max(truth["tol_deg"], 1.0))
+        yield kept
+
+
+def is_wide(truth: dict[str, Any]) -> bool:
+    """Whether a picture is called a whole sky, or is as wide as one."""
+    return "sky" in truth.get("what", "") or truth.get("fov_deg", 0.0) >= WHOLE_SKY_DEG
+
+
+def rendered_skies(count: int, report: Report) -> Iterator[dict[str, Any]]:
+    """One fact sheet a list of each projection and width; an orthographic lens sees less than 180 deg."""
+    for projection in RADII:
+        kept = []
+        for field_deg in FIELDS_DEG:
+            for number in range(0 if projection == "orthographic" and field_deg >= 180.0 else count):
+                rng = np.random.default_rng([SEED, number, int(field_deg)])
+                detections, middle = whole_sky(projection, field_deg, rng)
+                kept.append(sheet(detections, radec_deg(middle), SKY_WITHIN_DEG))
+        report(f"{projection}: {sum(k['found'] for k in kept)} of {len(kept)}")
+        yield from kept
+
+
+def spoilt_fields(count: int, rng: np.random.Generator) -> Iterator[dict[str, Any]]:
+    """One fact sheet a field behind four lines of letters, and behind a roof with lit windows, in turn."""
+    catalogue = open_catalogue()
+    for number in range(count):
+        field = random_field(catalogue, rng, FieldPlan(SPOILT_FIELD_DEG, missing=0.0, spurious=0.0))
+        hidden = captions(field.detections, rng) if number % 2 == 0 else roof(field.detections, rng)
+        yield sheet(hidden, field.attitude.ra_dec_deg, 0.01 * SPOILT_FIELD_DEG)
+
+
+def captions(stars: Detections, rng: np.random.Generator) -> Detections:
+    """The brightest stars and, brighter than all, four lines of forty letters at the foot of the frame."""
+    rows = stars.height * np.array([0.88, 0.91, 0.94, 0.97])
+    letters = [np.stack([rng.uniform(0.03, 0.6, 40) * stars.width, np.full(40, y)], axis=1) for y in rows]
+    return _before(stars, np.ones(len(stars), dtype=bool), np.concatenate(letters), rng)
+
+
+def roof(stars: Detections, rng: np.random.Generator) -> Detections:
+    """The brightest stars above a roof that hides two fifths, with sixty lit windows brighter than all."""
+    eaves = 0.6 * stars.height
+    windows = rng.uniform([0.0, eaves], [stars.width, stars.height], (60, 2))
+    return _before(stars, stars.xy[:, 1] < eaves, windows, rng)
+
+
+def _before(stars: Detections, kept: Any, lights: Any, rng: np.random.Generator) -> Detections:
+    kept = np.flatnonzero(kept & (np.arange(len(stars)) < BRIGHTEST))
+    flux = np.concatenate([stars.flux[kept], 10.0 * stars.flux.max() * rng.uniform(1.0, 2.0, len(lights))])
+    return Detections.from_list(np.concatenate([stars.xy[kept], lights]), stars.width, stars.height, flux)
+
+
+# -- Judging -----------------------------------------------------------------------------------
+
+
+def sheet(detections: Detections, truth: Place | None, within_deg: float) -> dict[str, Any]:
+    """Whether a list is found, blind, and what that cost; ``truth`` None where there is none."""
+    started = time.process_time()
+    answer = drive(solve_detections(detections))
+    return judged(answer, truth, within_deg) | {"cpu_s": time.process_time() - started}
+
+
+def judged(answer: Solution | NoSolution, truth: Place | None, within_deg: float) -> dict[str, Any]:
+    """Found rightly, or answered wrongly."""
+    place = answer.ra_dec_deg if isinstance(answer, Solution) else None
+    found = near(place, truth, within_deg)
+    return {"found": found, "wrong": place is not None and not found}
+
+
+def near(place: Place | None, truth: Place | None, within_deg: float) -> bool:
+    """Whether there is a place, and a truth so near to it."""
+    return place is not None and truth is not None and apart_deg(place, truth) < within_deg

@@ -1,0 +1,70 @@
+import json
+
+import numpy as np
+import pytest
+
+from kochab.core.frame import Detections
+from kochab.core.solution import NoSolution, Reason
+from kochab.frames.fits_write import write_fits
+from kochab.lab.bench import reach
+from kochab.simulate.random_fields import FieldPlan, random_picture
+from kochab.sky import open_catalogue
+
+
+@pytest.fixture
+def few(monkeypatch, tmp_path):
+    monkeypatch.setattr(reach, "FIELDS_DEG", (120.0,))
+    monkeypatch.setattr(reach, "QUICK_SPOILT", 2)
+    monkeypatch.setattr(reach, "QUICK_LISTS", 2)
+    monkeypatch.setattr(reach.shutil, "which", lambda _: None)
+    monkeypatch.setenv("KOCHAB_FRAMES_REACH", str(tmp_path))
+    return tmp_path
+
+
+def goals_of(result):
+    return {goal.name.split(" (")[0]: goal for goal in result.goals}
+
+
+def test_what_is_found_and_refused_is_counted(few) -> None:
+    picture = random_picture(open_catalogue(), np.random.default_rng(3), FieldPlan(12.0, size_px=512))
+    write_fits(picture.frame, few / "sky.fits")
+    ra, dec = picture.attitude.ra_dec_deg
+    there = {"ra_deg": ra, "dec_deg": dec, "tol_deg": 0.1, "fov_deg": 12.0}
+    elsewhere = {**there, "ra_deg": (ra + 40.0) % 360.0, "what": "whole sky"}
+    (few / "truth.json").write_text(json.dumps({"sky.fits": there, "a-table.fits": {"what": "no place"}}))
+    result = reach.run(True, lambda _: None)
+    assert [row["n"] for row in result.rows] == [1, 4, 2, 2]
+    assert all(0.0 < row["median_cpu_s"] <= row["cpu_s_99"] for row in result.rows)
+    goals = goals_of(result)
+    assert goals["hard pictures found, %"].value == 100.0
+    assert goals["whole-sky pictures found, %"].met is None
+    assert goals["wrong answers"].value == 0
+    (few / "truth.json").write_text(json.dumps({"sky.fits": elsewhere}))
+    goals = goals_of(reach.run(True, lambda _: None))
+    assert goals["hard pictures found, %"].met is False
+    assert goals["whole-sky pictures found, %"].met is False
+    assert goals["wrong answers"].value == 1
+
+
+def test_without_the_pictures_and_answers_no_goal_of_theirs_is_met(few, monkeypatch) -> None:
+    def refuse(*_):
+        return NoSolution(Reason.NO_PATTERN_AGREED, "")
+        yield
+
+    monkeypatch.setattr(reach, "solve_detections", refuse)
+    lines = []
+    goals = goals_of(reach.run(True, lines.append))
+    assert goals["hard pictures found, %"].met is None
+    assert any("not measured" in line for line in lines)
+    assert goals["rendered whole skies found, %"].met is False
+    assert goals["captions and roofs found, %"].met is False
+
+
+def test_letters_and_windows_outshine_the_stars_they_stand_among() -> None:
+    rng = np.random.default_rng(4)
+    stars = Detections.from_list(rng.uniform(0, 1000, (200, 2)), 1000, 1000, rng.uniform(1, 2, 200))
+    for hide, lights in ((reach.captions, 160), (reach.roof, 60)):
+        hidden = hide(stars, rng)
+        assert (hidden.xy[:lights, 1] > 600).all()
+        assert hidden.flux[lights - 1] > hidden.flux[lights]
+    assert (hidden.xy[lights:, 1] < 600).all()
