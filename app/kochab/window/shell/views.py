@@ -222,7 +222,7 @@ class Views(QObject):
     def show(self, name: str) -> None:
         """Put a view beside the image, in place of the one there, and give it the focus; "image" puts none there."""
         self._coming = ""
-        dock, before = self.docks.get(name), self.docked
+        dock, before, size = self.docks.get(name), self.docked, self._window.size()
         if dock is not None:
             dock.show()
             dock.raise_()
@@ -236,3 +236,7 @@ class Views(QObject):
         if dock is None and self._window.pages.currentWidget() is self._window.workspace:
             self._window.workspace.view.setFocus()
         self._look()
+        if self._window.size() != size:  # it grew for two views and a room at once, perhaps past the screen
+            if (layout := self._window.layout()) is not None:
+                layout.activate()
+            self._window.resize(size)
