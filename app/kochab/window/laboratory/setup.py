@@ -27,9 +27,9 @@ from kochab.window.widgets import (
 ROW_PX = 6  # of a row, above and below its text
 CHECKED = {True: Qt.CheckState.Checked, False: Qt.CheckState.Unchecked}
 KINDS = {
-    ComparedPart.METHOD: tr_noop("Identification methods"),
-    ComparedPart.DETECTOR: tr_noop("Star detectors"),
-    ComparedPart.ATTITUDE: tr_noop("Attitude estimators"),
+    ComparedPart.METHOD: tr_noop("Identification"),
+    ComparedPart.DETECTOR: tr_noop("Detection"),
+    ComparedPart.ATTITUDE: tr_noop("Attitude"),
 }
 
 

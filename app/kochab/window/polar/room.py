@@ -51,7 +51,7 @@ class NumberCard(QFrame):
         sigma = "" if error is None else angle_in_words(error.with_systematics.sigma_total_arcsec)
         self.sigma.setText(f"± {sigma}" if sigma else "")
         past = error is not None and not state.running
-        set_role(self.total, "number_old" if past or state.old(now_s) else "number")
+        set_role(self.total, "number_old" if error is None or past or state.old(now_s) else "number")
         self.spinner.wheel.turn(state.waits(now_s))
         self.age.setText(age_text(state, now_s))
 
