@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pytest
 
+from kochab.core.attitude import radec_deg
 from kochab.core.frame import Detections
 from kochab.core.solution import NoSolution, Reason
 from kochab.frames.fits_write import write_fits
@@ -30,6 +31,11 @@ def test_what_is_found_and_refused_is_counted(few) -> None:
     write_fits(picture.frame, few / "sky.fits")
     ra, dec = picture.attitude.ra_dec_deg
     there = {"ra_deg": ra, "dec_deg": dec, "tol_deg": 0.1, "fov_deg": 12.0}
+    corner = radec_deg((picture.camera.unproject(np.array([[60.0, 450.0]])) @ picture.attitude.matrix)[0])
+    (few / "truth.json").write_text(
+        json.dumps({"sky.fits": {**there, "ra_deg": float(corner[0]), "dec_deg": float(corner[1]), "pixel": [60, 450]}})
+    )
+    assert goals_of(reach.run(True, lambda _: None))["hard pictures found, %"].value == 100.0
     elsewhere = {**there, "ra_deg": (ra + 40.0) % 360.0, "what": "whole sky"}
     (few / "truth.json").write_text(json.dumps({"sky.fits": there, "a-table.fits": {"what": "no place"}}))
     result = reach.run(True, lambda _: None)

@@ -101,14 +101,15 @@ def hard_pictures(most: int | None, report: Report) -> Iterator[dict[str, Any]]:
         return
     truths = {n: t for n, t in json.loads((folder / "truth.json").read_text("utf-8")).items() if "ra_deg" in t}
     for name, truth in sorted(truths.items())[:most]:
+        place = truth["ra_deg"], truth["dec_deg"]
         started = time.process_time()
         seen = drive(examine_frame(read_frame(folder / name)))
-        kept = judged(seen.result, (truth["ra_deg"], truth["dec_deg"]), truth["tol_deg"])
+        kept = judged(seen.result, place, truth["tol_deg"], truth.get("pixel"))
         kept |= {"cpu_s": time.process_time() - started, "wide": is_wide(truth)}
         report(f"{name}: {'found' if kept['found'] else 'WRONG' if kept['wrong'] else 'no solution'}")
-        if most is None and shutil.which("solve-field"):
-            place = astrometry_net(seen.detections)
-            kept["astrometry_net"] = near(place, (truth["ra_deg"], truth["dec_deg"]), max(truth["tol_deg"], 1.0))
+        # Its lens is a plane and its place the middle's: near enough where the truth is the middle's too.
+        if most is None and "pixel" not in truth and shutil.which("solve-field"):
+            kept["astrometry_net"] = near(astrometry_net(seen.detections), place, max(truth["tol_deg"], 1.0))
         yield kept
 
 
@@ -169,9 +170,25 @@ def sheet(detections: Detections, truth: Place | None, within_deg: float) -> dic
     return judged(answer, truth, within_deg) | {"cpu_s": time.process_time() - started}
 
 
-def judged(answer: Solution | NoSolution, truth: Place | None, within_deg: float) -> dict[str, Any]:
-    """Found rightly, or answered wrongly."""
-    place = answer.ra_dec_deg if isinstance(answer, Solution) else None
+def judged(
+    answer: Solution | NoSolution, truth: Place | None, within_deg: float, pixel: Sequence[float] | None = None
+) -> dict[str, Any]:
+    """Found rightly, or answered wrongly.
+
+    Parameters
+    ----------
+    answer : Solution or NoSolution
+        What came.
+    truth : tuple of float or None
+        RA and Dec, degrees; None where there is none.
+    within_deg : float
+        So near the truth an answer is right.
+    pixel : sequence of float or None
+        The place (x, y) in the frame that the truth is of; None for its middle.
+    """
+    place = None
+    if isinstance(answer, Solution):
+        place = answer.ra_dec_deg if pixel is None else radec_deg(answer.sky_at(np.array([pixel], dtype=float))[0])
     found = near(place, truth, within_deg)
     return {"found": found, "wrong": place is not None and not found}
 
