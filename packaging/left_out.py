@@ -89,6 +89,9 @@ DROPPED: Mapping[str, tuple[str, ...]] = {
     "SDL's sound, fonts and pictures": tuple(f"sdl2dll/dll/*{name}*" for name in ("ttf", "mixer", "image", "gfx")),
     "Qt's software OpenGL": ("*opengl32sw.dll",),
     "NumPy's tools for Fortran and its tests' SIMD": ("numpy/distutils/*", "numpy/_core/_simd.*"),
+    "SciPy's functions for Cython and zstandard for PyPy": (
+        *("scipy/special/cython_special.*", "zstandard/_cffi.*", "zstandard/backend_cffi.*"),
+    ),
     "AVIF and WebP pictures, which Kochab does not read": ("PIL/_avif.*", "PIL/_webp.*"),
     "pictures for the README": ("kochab/resources/screenshots/*",),
     "commands of other packages": ("bin/*", "share/*"),

@@ -27,6 +27,8 @@ PLATFORMS = {"amd64": "x86_64-manylinux_2_36", "arm64": "aarch64-manylinux_2_36"
 TRIPLETS = {"amd64": "x86_64-linux-gnu", "arm64": "aarch64-linux-gnu"}
 EXTRAS = ("indi", "gamepad")  # webcams bring 104 MB of FFmpeg
 DEBIANS_OWN = ("pysdl2-dll",)  # SDL comes from Debian's package, when it is installed
+# Packages whose makers try them without docstrings (python -OO). Others read theirs: astropy's units are a grammar.
+WITHOUT_DOCSTRINGS = ("numpy", "scipy", "erfa")
 STDLIB_LEFT_OUT = (
     *("test", "tests", "idlelib", "lib2to3", "turtledemo", "turtle.py", "ensurepip", "pydoc_data", "__pycache__"),
     *("_test*", "_xx*", "xx*", "_ctypes_test*", "nis.*", "ossaudiodev.*", "_dbm.*", "readline.*", "_curses*"),
@@ -230,11 +232,13 @@ def compile_all(folder: Path) -> Counter[str]:
     """Compiled modules in the place of the sources, but for Kochab's own, which has both; bytes of sources left out."""
     saved = 0
     mode = py_compile.PycInvalidationMode.UNCHECKED_HASH
-    own = folder / "lib" / f"python{PYTHON}" / "site-packages" / "kochab"
+    site = folder / "lib" / f"python{PYTHON}" / "site-packages"
+    own, short = site / "kochab", [site / name for name in WITHOUT_DOCSTRINGS]
     for path in [path for path in folder.rglob("*.py") if own not in path.parents]:
         inside = f"/usr/lib/kochab/{path.relative_to(folder)}"
+        level = 2 if any(package in path.parents for package in short) else 0
         try:
-            py_compile.compile(str(path), f"{path}c", inside, doraise=True, invalidation_mode=mode)
+            py_compile.compile(str(path), f"{path}c", inside, doraise=True, optimize=level, invalidation_mode=mode)
         except py_compile.PyCompileError:
             continue  # a template, not a module
         saved += path.stat().st_size
