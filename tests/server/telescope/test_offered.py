@@ -144,6 +144,19 @@ def test_an_old_frame_gives_way_to_the_mount(telescope) -> None:
     assert telescope.seen.slewing
 
 
+def test_stellarium_is_not_told_what_nobody_saw_for_minutes(telescope, program) -> None:
+    """Its cross would stand on a star that the telescope left."""
+    telescope.see_solution(solution(83.0, -4.0), time.monotonic() - offered.PAST_S - 1.0)
+    assert telescope.seen.past
+    stellarium = program("stellarium")
+    stellarium.line.settimeout(1.5)  # three of its turns
+    with pytest.raises(TimeoutError):
+        stellarium.hear(24)
+    telescope.see_solution(solution(83.0, -4.0))
+    stellarium.line.settimeout(10.0)
+    assert len(stellarium.hear(24)) == 24
+
+
 class Refusing:
     """A mount that takes no order."""
 

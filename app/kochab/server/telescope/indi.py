@@ -146,7 +146,7 @@ class Device:
         seen, now = self.telescope.seen, self.telescope.now()
         here = (0.0, 0.0) if seen is None else to_mount_epoch(*seen.icrs_deg, Epoch.DATE, now)
         busy = seen is not None and seen.slewing
-        state = "Busy" if busy else "Alert" if self.refused else "Idle" if seen is None else "Ok"
+        state = "Busy" if busy else "Alert" if self.refused else "Idle" if seen is None or seen.past else "Ok"
         yield Property("Number", COORD, "Eq. Coordinates", state, _hours(here), message=self.refused)
         if (target := self.telescope.target) is not None:
             there = to_mount_epoch(target.ra_deg, target.dec_deg, Epoch.DATE, now)

@@ -53,7 +53,8 @@ async def talk(line: Line) -> None:
 
 async def _tell(line: Line) -> None:
     while True:
-        if (seen := line.telescope.seen) is not None:
+        # Silence is this protocol's word for not knowing.
+        if (seen := line.telescope.seen) is not None and not seen.past:
             await line.send(position_message(seen.icrs_deg, time.time_ns() // 1000))
         await asyncio.sleep(EVERY_S)
 

@@ -31,6 +31,8 @@ from kochab.workflows.sync_mount import SyncDone
 
 NEWEST_S = 15.0
 """A solved frame older than this gives way to what a connected mount says."""
+PAST_S = 300.0
+"""Where it pointed so long ago is no word of where it points: the sky has turned by more than a degree since."""
 LOOKS_AWAY_DEG = 25.0
 """No camera on a telescope looks further from its eyepiece: such a sync is of another place."""
 AGAIN_S, MOST_SENTENCES = 5.0, 20
@@ -60,6 +62,11 @@ class Seen:
     icrs_deg: Degrees
     at_s: float
     slewing: bool = False
+
+    @property
+    def past(self) -> bool:
+        """Whether that is too long ago to be told as where it points; a protocol without a word for it tells it."""
+        return monotonic() - self.at_s > PAST_S
 
 
 class OfferedTelescope:
