@@ -428,3 +428,28 @@ def test_nothing_is_set_that_nobody_asked_for() -> None:
         guard.close()
         line.stop()
         assert (responder.settings.__dict__ if driver not in COUNTERS else {}) == before, driver
+
+
+@pytest.mark.parametrize(("lag_s", "restarted", "told"), [(1.0, True, True), (1.0, False, False), (0.0, True, False)])
+def test_a_restarted_mount_behind_a_server_is_told_time_and_place_before_it_is_trusted(lag_s, restarted, told) -> None:
+    """An M-Uno put home and vouched for went 107 deg wrong, to 18 deg below the horizon: its sidereal time was 0 h."""
+    guard, mount = guarded()
+    mount.lag_s = lag_s
+    mount.set_site = lambda site: mount._do("set_site", site)
+    mount.set_clock = lambda now: mount._do("set_clock", now)
+    if restarted:
+        guard.supervisor.restarted("Mount was restarted.")
+    guard.clock_and_site.trust()
+    assert [name for name, *_ in mount.did] == (["set_site", "set_clock"] if told else [])
+    guard.goto(*at(-41.0, 40.0))
+
+
+def test_what_could_not_be_told_is_not_trusted() -> None:
+    guard, mount = guarded()
+    mount.lag_s, mount.fails = 1.0, {"set_site": NoAnswerError("The mount does not answer.")}
+    mount.set_site = lambda site: mount._do("set_site", site)
+    guard.supervisor.restarted("Mount was restarted.")
+    with pytest.raises(NoAnswerError):
+        guard.clock_and_site.trust()
+    with pytest.raises(RefusedError, match="was restarted"):
+        guard.goto(*at(-41.0, 40.0))

@@ -56,8 +56,8 @@ class ClockAndSite:
 
     def trust(self) -> None:
         """A person says that the mount is right."""
-        self._trusted, self._policy.clock_conflict, self._policy.slew_block_reason = True, "", ""
         self._on_trust()
+        self._trusted, self._policy.clock_conflict, self._policy.slew_block_reason = True, "", ""
 
     def shifted(self, before: Pointing, after: Pointing) -> None:
         """Its position, with a new clock or site: a sync before it was of the old one."""
