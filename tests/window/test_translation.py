@@ -41,6 +41,7 @@ from kochab.folders import data_folder
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.protocols import lx200, require
 from kochab.identification import IDENTIFIERS
+from kochab.lab.laboratory.comparison import in_words
 from kochab.polar.report import History, report_html
 from kochab.server.phone_page import PhonePage
 from kochab.text.angle_text import AngleStyle
@@ -449,9 +450,12 @@ NAMES_SHOWN = {
         "Orion's Belt",
         "Orion",
     ),  # of files, samples and the sky
+    *map(
+        in_words, (*IDENTIFIERS, *DETECTORS, *ESTIMATORS)
+    ),  # as on the command line, and beside it without underscores
     *IDENTIFIERS,
     *DETECTORS,
-    *ESTIMATORS,  # as on the command line
+    *ESTIMATORS,
 }
 
 
