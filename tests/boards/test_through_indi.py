@@ -320,8 +320,14 @@ def test_a_goto_that_indis_exos2_driver_refuses_after_sending_it_is_stopped(tmp_
     with behind_indi("exos2", tmp_path, False, slew_deg_s=3.0) as (board, indi):
         indi.tell(board)
         board.reports_left = 2
+        sets_out = board.goto
+
+        def goto():
+            board.reports_left = inf  # earlier the driver may see two before the order
+            sets_out()
+
+        board.goto = goto
         with suppress(LineLostError), Guard(opened(board, indi), SITE, LIMITS, clock=board.clock) as guard:
-            board.reports_left = inf
             told = said(lambda: guard.goto(*place(board, -40.0, 85.0)))
             assert "moves all the same" in told or "cut its power" in told  # it refuses Stop as well, and sends it
         assert [order.kind for order in board.orders] == ["goto"]
