@@ -176,6 +176,20 @@ def test_a_mount_that_lost_its_power_is_not_slewed_from_where_it_woke_up(kind, l
                 run(guard.slew(*place(board, -30.0, 60.0)))
 
 
+def test_a_place_that_indis_exos2_driver_withheld_is_no_word_of_a_mount_that_woke_up(tmp_path):
+    """It tells the last report of before the cut when it sends a Stop: that passed for the mount's own answer."""
+    with at_the_telescope("exos2", tmp_path, slew_deg_s=6.0) as (board, guard, _):
+        run(guard.slew(*place(board, -30.0, 60.0)))
+        guard.stop()
+        guard.emergency.confirm()
+        board.cut_power(0.1)
+        time.sleep(board.boot_s + 1.0)
+        orders = len(board.orders)
+        told = in_spite_of_lines(guard, lambda: run(guard.slew(*place(board, -60.0, 45.0))))
+        assert "switched off and on" in told
+        assert [order.kind for order in board.orders[orders:] if order.kind == "goto"] == []
+
+
 def test_power_lost_during_a_slew_is_told_and_nothing_slews_on(kind, tmp_path):
     settings = {"starts": True} if kind == "starbook" else {}
     with at_the_telescope(kind, tmp_path, slew_deg_s=3.0, **settings) as (board, guard, _):

@@ -194,9 +194,12 @@ class IndiMount(ServerMount):
             raise NoAnswerError(HEARS_NOTHING, name=self._device.name)
 
     def _asked_anew(self, heard: LastHeard) -> bool:
-        """Whether the mount tells where it is once it has got a Stop, by which one that woke up begins to tell."""
+        """Whether the mount tells where it is once it has got a Stop, by which one that woke up begins to tell.
+
+        Twice: the first may be a place that the driver heard before, and withheld for it had changed so little.
+        """
         self._device.send(*ABORT)
-        return heard.news(NEWS_S)
+        return heard.news(NEWS_S) and heard.news(NEWS_S)
 
     def _require_heard(self) -> None:
         """Before an order by which the mount goes far: `RefusedError` where nobody knows whether it is there still.
