@@ -177,6 +177,6 @@ def rows(quick):
     yield from rests()
     yield from broken_lines()
     yield from ends()
-    yield from behind_indi(1 if quick else 3)
+    yield from behind_indi(1 if quick else 6)
     yield from syncs_by_hand()
     yield stops_without_a_driver()
