@@ -647,7 +647,7 @@ def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, po
     assert view.alignment.state.stage == "done", view.message.text()
     assert None not in asked, "RA has no motor here, the bolts have"
     assert any("motor moves" in told for told in words)
-    assert nights.true_arcsec < 30.0
+    assert nights.true_arcsec < 60.0  # its tube bends by up to half of that, by when on the way it is seen
 
 
 def test_escape_stops_motors_at_the_bolts_without_a_mount(qtbot, polar):
