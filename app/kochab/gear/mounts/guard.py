@@ -97,13 +97,7 @@ class Guard:
         self.policy = MotionPolicy(site, limits or Limits(), clock, needed)
         self.emergency = EmergencyStop(mount, self.log, clock, wait)
         self.supervisor = SlewSupervisor(self.emergency, self.log, self.policy, last_seen)
-        trusted = weakref.WeakMethod(self._tell_again)  # a bound method would keep self alive
-
-        def on_trust() -> None:
-            self_tells = trusted()
-            if self_tells is not None:
-                self_tells()
-
+        on_trust = partial(_trusted, self.emergency, self.supervisor, self.policy)  # a bound method keeps self alive
         self.clock_and_site = ClockAndSite(self.policy, self.supervisor.restarted, on_trust)
         self.supervisor.watch.on_restart = self.clock_and_site.reconnected
         self.supervisor.watch.sidereal_deg = self.clock_and_site.sidereal_deg
@@ -191,21 +185,6 @@ class Guard:
         if (wanted := site or self.site) is None:
             self._refuse("set site", tr("No site set: set your site first."))
         self._set(Ability.SET_SITE, lambda: self.mount.set_site(wanted))
-
-    def _tell_again(self) -> None:
-        """A person says that the mount is right; behind a server, after a restart, it is told time and place again.
-
-        A server tells them as it connects, and not a mount that woke up since: an M-Uno, which keeps no clock, then
-        takes the sidereal time for 0 h, and looks right at its home alone.
-        """
-        self.supervisor.watch.trust()
-        if not (self.policy.restarted and self.mount.lag_s):
-            return
-        self.supervisor.forget()  # the position may shift: no jump
-        if self.site is not None and Ability.SET_SITE not in self.lacks:
-            self.mount.set_site(self.site)
-        if Ability.SET_CLOCK not in self.lacks:
-            self.mount.set_clock(wall_clock(self.clock()))
 
     def _set(self, ability: Ability, do: Callable[[], None]) -> None:
         """A mount whose position has moved with its clock must be synced before it slews."""
@@ -683,3 +662,20 @@ class Guard:
             finally:  # afterwards: a slow disk must not delay a Stop
                 self.log.add(action, "failed", str(error))
             raise
+
+
+def _trusted(emergency: EmergencyStop, supervisor: SlewSupervisor, policy: MotionPolicy) -> None:
+    """A person says that the mount is right; behind a server, after a restart, it is told time and place again.
+
+    A server tells them as it connects, and not a mount that woke up since: an M-Uno, which keeps no clock, then takes
+    the sidereal time for 0 h, and looks right at its home alone.
+    """
+    supervisor.watch.trust()
+    mount = emergency.mount
+    if not (policy.restarted and mount.lag_s):
+        return
+    supervisor.forget()  # the position may shift: no jump
+    if policy.site is not None and Ability.SET_SITE not in mount.lacks:
+        mount.set_site(policy.site)
+    if Ability.SET_CLOCK not in mount.lacks:
+        mount.set_clock(wall_clock(policy.clock()))
