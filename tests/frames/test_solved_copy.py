@@ -171,8 +171,8 @@ def test_a_frame_from_fits_keeps_its_header_and_another_is_written_anew(night, t
     picture = tmp_path / "frame.png"
     picture.write_bytes(b"never read")
     for source, observer in ((packed, "Ann"), (picture, None), (None, None)):
-        write_with_solution(Frame(sky()), solution(), source, tmp_path / "frame.new")
+        write_with_solution(lambda: Frame(sky()), solution(), source, tmp_path / "frame.new")
         header = fits.getheader(tmp_path / "frame.new")
         assert (header.get("OBSERVER"), header["PLTSOLVD"]) == (observer, True)
     with pytest.raises(FrameError, match="cannot be written"):
-        write_with_solution(Frame(sky()), solution(), None, tmp_path / "none" / "frame.new")
+        write_with_solution(lambda: Frame(sky()), solution(), None, tmp_path / "none" / "frame.new")

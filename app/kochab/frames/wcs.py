@@ -7,7 +7,7 @@ import re
 import shutil
 import warnings
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -88,7 +88,10 @@ def write_solved_copy(solution: Solution, source: str | os.PathLike[str], target
 
 
 def write_with_solution(
-    frame: Frame, solution: Solution, source: str | os.PathLike[str] | None, target: str | os.PathLike[str]
+    frame_of: Callable[[], Frame],
+    solution: Solution,
+    source: str | os.PathLike[str] | None,
+    target: str | os.PathLike[str],
 ) -> None:
     """Write a solved frame as FITS: a copy of its file where that is FITS, else the frame itself.
 
@@ -96,8 +99,8 @@ def write_with_solution(
 
     Parameters
     ----------
-    frame : Frame
-        What was read.
+    frame_of : Callable[[], Frame]
+        Gives what was read; not asked where the file is copied.
     solution : Solution
         Where it points.
     source : path or None
@@ -110,7 +113,7 @@ def write_with_solution(
 
     if source is None or not named_as_fits(source):
         try:
-            write_fits(frame, target)
+            write_fits(frame_of(), target)
         except OSError as error:
             text = error.strerror or str(error)
             raise FrameError("{target} cannot be written: {text}.", target=target, text=text) from None

@@ -420,7 +420,7 @@ def _new_fits(job: Job, folder: Path) -> bytes:
 
     target = folder / f"{job.number}.new"
     try:
-        write_with_solution(_frame(job), _solution(job), job.path, target)
+        write_with_solution(lambda: _frame(job), _solution(job), job.path, target)
         return target.read_bytes()
     finally:
         target.unlink(missing_ok=True)

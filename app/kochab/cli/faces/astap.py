@@ -308,7 +308,7 @@ def _update(file: str, frame: Frame, solution: Solution) -> list[str]:
     target = file if named_as_fits(file) else str(Path(file).with_suffix(".fits"))
     if target != file and Path(target).exists():
         return [f"{target} exists already and was not replaced."]
-    write_with_solution(frame, solution, file, target)
+    write_with_solution(lambda: frame, solution, file, target)
     return []
 
 

@@ -329,7 +329,7 @@ def _with_wcs(
     target = outputs["new-fits"]
     if target and frame is not None:
         try:
-            write_with_solution(frame, solution, file, target)
+            write_with_solution(lambda: frame, solution, file, target)
         except KochabError as error:
             failures.append(str(error))
     camera = solution.camera
