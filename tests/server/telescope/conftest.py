@@ -3,10 +3,12 @@
 import contextlib
 import socket
 import time
+from concurrent.futures import Future
 from datetime import UTC, datetime
 
 import pytest
 
+from kochab.core.frame import Site
 from kochab.server.telescope.offer import Offer
 from kochab.workflows.telescope.offered import OfferedTelescope
 
@@ -40,6 +42,23 @@ class Program:
         return self.hear(count)
 
 
+class Pushed:
+    """A telescope whose person is quick: it stands at the target at once."""
+
+    busy = False
+
+    def __init__(self):
+        self.orders = []
+
+    def order(self, name, make, refuse):
+        self.orders.append(name)
+        verdict: Future = make.args[-1]
+        verdict.set_result("")
+
+    def stop(self):
+        self.orders.append("stop")
+
+
 def wait_for(true, patience_s=20.0):
     """Until it is so; what it came to at last."""
     until = time.monotonic() + patience_s
@@ -56,6 +75,17 @@ def told():
 @pytest.fixture
 def telescope(told):
     return OfferedTelescope(told.append, now=lambda: NIGHT)
+
+
+@pytest.fixture
+def mount():
+    return Pushed()
+
+
+@pytest.fixture
+def steered(mount, told):
+    """A telescope with a site and such a mount, which programs may move."""
+    return OfferedTelescope(told.append, mount, True, lambda: NIGHT, Site(48.14, 11.58, 520.0))
 
 
 @pytest.fixture

@@ -5,16 +5,13 @@ import inspect
 import json
 import re
 import threading
-from concurrent.futures import Future
 from datetime import datetime
 
 import pytest
 
 from kochab.core.attitude import apart_deg
-from kochab.core.frame import Site
 from kochab.server.telescope.alpaca import AlpacaTelescope
-from kochab.workflows.telescope.offered import OfferedTelescope
-from tests.server.telescope.conftest import NIGHT, wait_for
+from tests.server.telescope.conftest import wait_for
 from tests.server.telescope.test_offered import from_date, of_date
 
 alpaca_discovery = pytest.importorskip("alpaca.discovery")
@@ -24,31 +21,9 @@ from alpaca.telescope import DriveRates, EquatorialCoordinateType, GuideDirectio
 PLACE = (83.822, -5.391)
 
 
-class Mount:
-    """Takes every order at once, and stands at the target when told so."""
-
-    busy = False
-
-    def __init__(self):
-        self.orders = []
-
-    def order(self, name, make, refuse):
-        self.orders.append(name)
-        verdict: Future = make.args[-1]
-        verdict.set_result("")
-
-    def stop(self):
-        self.orders.append("stop")
-
-
 @pytest.fixture
-def mount():
-    return Mount()
-
-
-@pytest.fixture
-def offered(mount, told):
-    return OfferedTelescope(told.append, mount, True, lambda: NIGHT, Site(48.14, 11.58, 520.0))
+def offered(steered):
+    return steered
 
 
 @pytest.fixture

@@ -12,13 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import apart_deg
-from kochab.core.frame import Site
 from kochab.server.telescope.indi import Elements, sexagesimal
 from kochab.server.telescope.listening import NotTheProtocol
 from kochab.server.telescope.offer import Offer
-from kochab.workflows.telescope.offered import OfferedTelescope
-from tests.server.telescope.conftest import NIGHT, Program, wait_for
-from tests.server.telescope.test_indi_lx200 import Pushed
+from tests.server.telescope.conftest import Program, wait_for
 from tests.server.telescope.test_offered import from_date, of_date
 
 PLACE = (83.822, -5.391)
@@ -26,13 +23,8 @@ COORDINATES = "Kochab.EQUATORIAL_EOD_COORD"
 
 
 @pytest.fixture
-def mount():
-    return Pushed()
-
-
-@pytest.fixture
-def telescope(mount, told):
-    return OfferedTelescope(told.append, mount, True, lambda: NIGHT, Site(48.14, 11.58, 520.0))
+def telescope(steered):
+    return steered
 
 
 @pytest.fixture

@@ -1,35 +1,16 @@
 """INDI's own LX200 driver, written by other people, takes our TCP port for a telescope and steers it."""
 
-from concurrent.futures import Future
-
 import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.server.telescope.offer import Offer
 from kochab.workflows.telescope.offered import OfferedTelescope
 from tests.gear.mounts.indi_server import indi_server
-from tests.server.telescope.conftest import NIGHT, wait_for
+from tests.server.telescope.conftest import NIGHT, Pushed, wait_for
 from tests.server.telescope.test_offered import from_date
 
 DRIVER = "LX200 Basic"
 COORDINATES = f"{DRIVER}.EQUATORIAL_EOD_COORD"
-
-
-class Pushed:
-    """A telescope whose person is quick: it stands at the target at once."""
-
-    busy = False
-
-    def __init__(self):
-        self.orders = []
-
-    def order(self, name, make, refuse):
-        self.orders.append(name)
-        verdict: Future = make.args[-1]
-        verdict.set_result("")
-
-    def stop(self):
-        self.orders.append("stop")
 
 
 def test_goto_sync_and_stop_by_indi_lx200basic(tmp_path) -> None:
