@@ -27,8 +27,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     """Add ``telescope`` to the command line."""
     parser = subparsers.add_parser(
         "telescope",
-        description="Offers a telescope to SkySafari, Stellarium, KStars and others until Ctrl-C: it points where the"
-        " newest solved frame says, or the mount. Their gotos set the target; with --yes they move the mount, within"
+        description="Offers a telescope to SkySafari, Stellarium, KStars and others until Ctrl-C. It points where the"
+        " newest solved frame or the mount says. Their gotos set the target; with --yes they move the mount, within"
         " its limits. On this computer only, unless --lan is given.",
     )
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""The middle and the scatter of values among which a few are far off."""
+"""Median and scatter of values that have a few outliers."""
 
 import numpy as np
 

@@ -501,7 +501,7 @@ def homes(seen: Seen) -> Iterator[Cause]:
 
 
 def compasses(seen: Seen) -> Iterator[Cause]:
-    """The whole mount turned about the vertical, whatever its kind."""
+    """The whole mount rotated about the vertical, whatever its type."""
     if seen.site is None:
         return
     turned_base = Cause(

@@ -182,7 +182,7 @@ def _serving(answer: Answer, host: str, port: int) -> "Iterator[str]":
 
 
 def _wait() -> None:
-    """Wait for a signal: one that another thread takes does not wake a wait without an end."""
+    """Wait for a signal, again and again: one that another thread receives would not end an endless wait."""
     over = threading.Event()
     while not over.wait(0.5):
         pass

@@ -34,7 +34,7 @@ LEAST_RADIUS_DEG = 5.0
 
 @dataclass(frozen=True, slots=True)
 class PlateRequest:
-    """A frame, where it may point and its width, degrees; None for not known."""
+    """A frame, where it may point and how wide it is, degrees; None where that is not known."""
 
     file: str
     place: tuple[float, float, float] | None

@@ -67,7 +67,7 @@ REFUSED = {
     **{"solved-in": "lists of solved fields"},
 }
 KEPT = "keep-xylist"
-"""The list of stars once more, where a name for it is given."""
+"""The list of stars, written again under the name that is given."""
 VALUED = {
     *(*OUTPUTS, KEPT),
     *(set(REFUSED) - FLAGS),

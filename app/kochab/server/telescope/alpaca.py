@@ -180,7 +180,7 @@ class AlpacaTelescope:
             case ["v1", "configureddevices"]:
                 unique = f"kochab-{socket.gethostname()}-{self.port}"
                 return [{"DeviceName": "Kochab", "DeviceType": "Telescope", "DeviceNumber": 0, "UniqueID": unique}]
-        raise BadRequest("There is no such management call.")
+        raise BadRequest("No such management call.")
 
     def _device(self, method: str, name: str, given: Mapping[str, str]) -> Response:
         """One member of the interface; a fault of the device is an answer too."""
@@ -310,7 +310,7 @@ class AlpacaTelescope:
 
 
 def _whole(given: Mapping[str, str], name: str, absent: int | None = 0) -> int | None:
-    """A whole number not below zero; BadRequest for anything else, and where it is absent and may not be."""
+    """A whole number of zero or more; BadRequest for anything else, and where one is missing that must be given."""
     text = given.get(name)
     if text is None and absent is not None:
         return absent

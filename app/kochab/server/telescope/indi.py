@@ -177,7 +177,7 @@ class Device:
             await self._tell(line)
 
     async def _tell(self, line: Line, anew: str | None = None) -> None:
-        """Send what has changed; a property that was not told yet is defined, ``anew`` all or the one of a name."""
+        """Send what has changed, and define what was not sent before; ``anew`` defines all again, or the one named."""
         told = self.clients[line]
         if anew is None and not told:
             return  # it has not asked yet

@@ -66,7 +66,7 @@ class SettingFields(Page):
         )
 
     def show_limits(self, limits: CaptureLimits | None, in_force: CaptureSettings) -> None:
-        """Restrict the fields to the camera's limits, without those it cannot set; None while no camera is open."""
+        """Restrict the fields to the camera's limits, and hide those it cannot set; None while no camera is open."""
         reasons = {} if limits is None else fixed_settings(limits)
         known = limits or CaptureLimits()
         ranges = known.exposure_s, known.gain, known.binning

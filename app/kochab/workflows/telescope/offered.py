@@ -36,7 +36,7 @@ PAST_S = 300.0
 LOOKS_AWAY_DEG = 25.0
 """No camera on a telescope looks further from its eyepiece: such a sync is of another place."""
 AGAIN_S, MOST_SENTENCES = 5.0, 20
-"""No sentence comes again so soon, nor more of them meanwhile, whatever programs do."""
+"""No sentence is repeated within so many seconds, and no more than so many are said in them."""
 NO_FRAME = tr_noop("No frame was solved in the last {age:g} s: Kochab cannot tell what the eyepiece shows.")
 NOT_ALLOWED = tr_noop("Target set: push the telescope there. Kochab may not move the mount for other programs.")
 
@@ -109,7 +109,7 @@ class OfferedTelescope:
     # -- What is seen ------------------------------------------------------------------------------
 
     def see_solution(self, solution: Solution, at_s: float | None = None) -> None:
-        """Take a solved frame, of ``at_s`` on :func:`time.monotonic`."""
+        """Take a solved frame that was exposed at ``at_s`` of :func:`time.monotonic`."""
         self._solved = solution, monotonic() if at_s is None else at_s
 
     def see_mount(self, icrs_deg: Degrees | None, slewing: bool = False) -> None:
@@ -247,7 +247,7 @@ def _answered(why: str) -> "Future[str]":
 
 
 def _sync(place_deg: Degrees, verdict: "Future[str]", guard: Guard) -> Task[SyncDone]:
-    """Sync by a person's word, within what the guard takes without asking again."""
+    """Sync on a person's word, as far as the guard allows without asking again."""
     yield Progress("sync")
     with _deciding(verdict):
         guard.sync(*guard.to_mount(*place_deg), by_hand=True)
