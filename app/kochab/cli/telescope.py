@@ -140,16 +140,17 @@ class _CliMount:
         self._say = say
         self.known = MountSnapshot("connecting", selection.port)
         self._line: MountLine = MountLine(opened, self._hear)
+        self._failed: Callable[[str], None] = say
 
-    def order(self, name: str, make: "MakeTask", refuse: Callable[[str], None]) -> None:
+    def order(self, name: str, make: "MakeTask", failed: Callable[[str], None]) -> None:
         """Do this on the guard, unless something is under way."""
         from kochab.gear.actions import MountSituation, reason_against_order
 
         lacks = None if self.known.connected is None else self.known.connected.lacks
         state = None if self.known.report is None else self.known.report.state
         if why := reason_against_order(name, MountSituation(self.known.phase, lacks, state, self.known.user)):
-            return refuse(why)
-        self.known.busy = name
+            return failed(why)
+        self.known.busy, self._failed = name, failed
         return self._line.order(name, make)
 
     @property
@@ -179,9 +180,9 @@ class _CliMount:
                 self._say(f"{event.name}")
             case events.OrderDone():
                 self._say(event.result if isinstance(event.result, str) else event.result.sentence)
-            case (
-                events.OrderFailed(stopped=False) | events.StopFailed() | events.LimitReached() | events.EpochDoubted()
-            ):
+            case events.OrderFailed():
+                self._failed(event.sentence)
+            case events.StopFailed() | events.LimitReached() | events.EpochDoubted():
                 self._say(event.sentence)
             case events.LineLost():
                 self.telescope.see_mount(None)  # where it is now, nobody knows

@@ -2,8 +2,10 @@
 
 import socket
 import struct
+import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import erfa
 import numpy as np
@@ -12,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import PortError, UsageError
+from kochab.core.errors import PortError, RefusedError, UsageError
+from kochab.core.progress import run
 from kochab.server.telescope.listening import MOST_CLIENTS, NotTheProtocol
 from kochab.server.telescope.lx200 import Commands
 from kochab.server.telescope.offer import PROTOCOLS, Offer
@@ -165,9 +168,9 @@ class Refusing:
     def __init__(self):
         self.orders, self.stopped = [], 0
 
-    def order(self, name, make, refuse):
+    def order(self, name, make, failed):
         self.orders.append(name)
-        refuse("The mount is busy: slewing. Wait, or stop it.")
+        failed("The mount is busy: slewing. Wait, or stop it.")
 
     def stop(self):
         self.stopped += 1
@@ -184,6 +187,34 @@ def test_without_leave_no_program_moves_or_syncs_the_mount_but_any_stops_it(told
     allowed = OfferedTelescope(told.append, mount, may_move=True)
     assert "busy" in allowed.goto((1.0, 2.0), "X").result(0)
     assert mount.orders == ["goto"]
+
+
+class Slow:
+    """A mount's line that takes a while to end an order that its guard has refused."""
+
+    busy = False
+
+    def order(self, name, make, failed):
+        if self.busy:
+            return failed("The mount is busy.")
+        self.busy = True
+        return threading.Thread(target=self._do, args=(make, failed)).start()
+
+    def _do(self, make, failed):
+        low = SimpleNamespace(to_mount=lambda *place: place, sync=self._refuse)
+        with pytest.raises(RefusedError) as error:
+            run(make(low))
+        time.sleep(0.2)
+        self.busy = False
+        failed(str(error.value))
+
+    def _refuse(self, *place, by_hand):
+        raise RefusedError("Below the horizon.")
+
+
+def test_a_program_that_was_refused_can_try_again_at_once(told) -> None:
+    telescope = OfferedTelescope(told.append, Slow(), may_move=True)
+    assert [telescope.sync((1.0, 2.0), "X").result(5.0) for _ in range(3)] == ["Below the horizon."] * 3
 
 
 # -- Hostile programs ------------------------------------------------------------------------------

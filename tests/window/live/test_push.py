@@ -12,10 +12,11 @@ import pytest
 from kochab.core.attitude import apart_deg
 from kochab.core.mount import MountState
 from kochab.core.progress import run
-from kochab.gear.mount_events import Connected, PositionReport
+from kochab.gear.mount_events import Connected, OrderFailed, PositionReport
 from kochab.server.phone_page import PhonePage
 from kochab.server.telescope.offer import Offer
 from kochab.window.application import build
+from kochab.window.devices.mount_task import MountTask
 from kochab.window.frame.session import WorkflowEngine
 from kochab.window.tones import Cue
 from kochab.workflows.goto_target import target_at
@@ -112,9 +113,12 @@ def test_the_phone_shows_the_same(qtbot, view) -> None:
 
 def test_orders_of_programs_reach_the_mount_only_when_they_may(qtbot, view, monkeypatch) -> None:
     push, mount, orders = view.push, view.commands.services.mount, []
-    monkeypatch.setattr(
-        type(mount), "order", lambda self, name, make: orders.append((name, threading.current_thread()))
-    )
+
+    def order(self, name, make):
+        orders.append((name, threading.current_thread()))
+        return MountTask(name, self.stop, self)
+
+    monkeypatch.setattr(type(mount), "order", order)
     mount.known.hear(Connected("Test", {}, None, None))
     mount.known.hear(PositionReport((10.0, 20.0), MountState(slewing=False)))
     mount.changed.emit()
@@ -127,6 +131,13 @@ def test_orders_of_programs_reach_the_mount_only_when_they_may(qtbot, view, monk
     qtbot.waitUntil(lambda: bool(orders), timeout=LIMIT_MS)
     assert orders == [("goto", threading.main_thread())]  # whoever asked in whichever thread
     assert apart_deg((1.0, 2.0), (push.telescope.target.ra_deg, push.telescope.target.dec_deg)) < 1e-9
+    for why, stopped in (("Below the horizon.", False), ("Stopped.", True)):
+        before = len(orders)
+        refused = push.telescope.goto((1.0, 2.0), "X")
+        qtbot.waitUntil(lambda before=before: len(orders) > before, timeout=LIMIT_MS)
+        assert not refused.done()
+        mount.findChildren(MountTask)[-1].end(OrderFailed("goto", why, stopped))
+        assert refused.result(0) == why
     monkeypatch.undo()
     refused = push.telescope.goto((1.0, 2.0), "X")  # by the window itself: there is no line
     qtbot.waitUntil(refused.done, timeout=LIMIT_MS)

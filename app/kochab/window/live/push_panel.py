@@ -1,6 +1,7 @@
 """Push-to and planetarium programs: a target, an arrow to it with the distance, and who sees the telescope."""
 
 from collections.abc import Callable
+from functools import partial
 from time import monotonic
 
 from PySide6.QtCore import QObject, QPointF, QSize, Qt, Signal
@@ -87,19 +88,22 @@ class _Orders(QObject):
     def busy(self) -> bool:
         return bool(self._mount.known.busy)
 
-    def order(self, name: str, make: MakeTask, refuse: Callable[[str], None]) -> None:
-        self.wished.emit(name, make, refuse)
+    def order(self, name: str, make: MakeTask, failed: Callable[[str], None]) -> None:
+        self.wished.emit(name, make, failed)
 
     def stop(self) -> None:
         if (line := self._mount.connection.line) is not None:
             line.stop()  # now, whatever the window is at
         self.stopped.emit()
 
-    def _do(self, name: str, make: MakeTask, refuse: Callable[[str], None]) -> None:
+    def _do(self, name: str, make: MakeTask, failed: Callable[[str], None]) -> None:
         try:
-            self._mount.order(name, make)
+            task = self._mount.order(name, make)
         except RefusedError as error:
-            refuse(str(error) or tr("The mount is not connected."))
+            failed(str(error) or tr("The mount is not connected."))
+        else:
+            task.failed.connect(failed)
+            task.cancelled.connect(partial(failed, tr("Stopped.")))
 
 
 class PushPanel(Page):

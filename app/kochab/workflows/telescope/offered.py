@@ -17,7 +17,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
-from kochab.core.errors import KochabError, RefusedError
+from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
@@ -48,8 +48,11 @@ class MountOrders(Protocol):
     def busy(self) -> bool:
         """Whether an order is under way: until its end another is refused."""
 
-    def order(self, name: str, make: MakeTask, refuse: Callable[[str], None]) -> None:
-        """Do this on the guard, by any thread's wish; ``refuse`` takes the sentence when it cannot be now."""
+    def order(self, name: str, make: MakeTask, failed: Callable[[str], None]) -> None:
+        """Do this on the guard, by any thread's wish.
+
+        ``failed`` takes the sentence when it cannot be now or came to nothing, and another order may follow.
+        """
 
     def stop(self) -> None:
         """Stop the mount now; never waits."""
@@ -186,7 +189,7 @@ class OfferedTelescope:
     ) -> "Future[str]":
         verdict: Future[str] = Future()
         assert self.mount is not None
-        self.mount.order(name, partial(make, verdict), partial(self._refuse, verdict, who))
+        self.mount.order(name, partial(make, verdict), partial(self._failed, verdict, who))
         verdict.add_done_callback(partial(self._given_up, who))
         return verdict  # what came of it is told by the mount's line
 
@@ -194,10 +197,11 @@ class OfferedTelescope:
         if verdict.cancelled():
             self.say(tr("{who}: no answer from the mount in time; nothing moves.", who=who))
 
-    def _refuse(self, verdict: "Future[str]", who: str, why: str) -> None:
-        if verdict.set_running_or_notify_cancel():
-            verdict.set_result(why)
+    def _failed(self, verdict: "Future[str]", who: str, why: str) -> None:
+        if not verdict.cancelled():
             self.say(f"{who}: {why}")
+        if verdict.running() or (not verdict.done() and verdict.set_running_or_notify_cancel()):
+            verdict.set_result(why)
 
     def _refused(self, why: str, who: str) -> "Future[str]":
         self.say(f"{who}: {why}")
@@ -255,7 +259,10 @@ def _sync(place_deg: Degrees, verdict: "Future[str]", guard: Guard) -> Task[Sync
 
 
 class _deciding:  # noqa: N801 (reads as a statement)
-    """Answers ``verdict`` by how the block ends; one that nobody waits for any more lets nothing begin."""
+    """Answers ``verdict`` when the block ends well; one that nobody waits for any more lets nothing begin.
+
+    When it ends otherwise the order fails, and its end answers: a program that tries again at once is not told "busy".
+    """
 
     def __init__(self, verdict: "Future[str]") -> None:
         self._verdict = verdict
@@ -264,8 +271,6 @@ class _deciding:  # noqa: N801 (reads as a statement)
         if not self._verdict.set_running_or_notify_cancel():
             raise RefusedError("The program no longer waits for it.")
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        if error is None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
             self._verdict.set_result("")
-        else:
-            self._verdict.set_result(str(error) if isinstance(error, KochabError) else tr("Stopped."))
