@@ -325,6 +325,48 @@ def test_dithers_are_no_drift_and_another_field_is_another_drift():
     assert found[1].dec_arcsec_h.value == pytest.approx(50.0, abs=4 * found[1].dec_arcsec_h.sigma)
 
 
+def knocked(places, at, east=0.0, north=0.0, roll=0.0):
+    """The places, displaced from one on, arcsec."""
+    moved = [
+        replace(p, ra_deg=(p.ra_deg + east / 3600 / np.cos(np.radians(p.dec_deg))) % 360, dec_deg=p.dec_deg + north / 3600,
+                roll_deg=p.roll_deg + roll)
+        for p in places[at:]
+    ]  # fmt: skip
+    return [*places[:at], *moved]
+
+
+@pytest.mark.parametrize("dithers", [(), (3, 6, 9, 12, 15, 18, 21), tuple(range(1, 24))])
+def test_a_slipped_clutch_is_told_with_its_axis_and_size_and_dithers_are_not(dithers):
+    rng = np.random.default_rng(21)
+    places = held(rng, (6.0, -4.0), 24, minutes=3.0)
+    for at in dithers:  # as programs do: a new place in a square about the first
+        east, north = rng.uniform(-20, 20, 2)
+        places = [*places[:at], knocked(places[at : at + 1], 0, east, north)[0], *places[at + 1 :]]
+    assert [jump for one in tracking_of(places) for jump in one.knocks] == []
+    (found,) = tracking_of(knocked(places, 14, east=-300.0))
+    (jump,) = found.knocks
+    assert (jump.before, jump.after, jump.axis) == (13, 14, "RA")
+    assert jump.ra_arcsec.value == pytest.approx(-300.0, abs=4 * jump.ra_arcsec.sigma + 1)
+    assert "clutch" in jump.words
+    frames = [
+        NightFrame(f"{k}", p.time_utc, 5.0, SIZE, True, ra_deg=p.ra_deg, dec_deg=p.dec_deg, roll_deg=0.0, width_deg=1.0)
+        for k, p in enumerate(knocked(places, 14, east=-300.0))
+    ]  # fmt: skip
+    night = night_of(frames)
+    assert [(event.kind, event.time_utc) for event in night.events] == [("jump", places[14].time_utc)]
+    assert "Tighten the RA clutch" in advice_of(night)
+
+
+def test_a_frame_exposed_through_a_slip_makes_one_event_and_a_flip_is_no_slip():
+    places = held(np.random.default_rng(22), (0.0, 0.0), 20)
+    (found,) = tracking_of(knocked(knocked(places, 9, north=100.0), 10, north=150.0))
+    (jump,) = found.knocks
+    assert (jump.axis, jump.dec_arcsec.value) == ("Dec", pytest.approx(250.0, abs=12))
+    (found,) = tracking_of(knocked(places, 9, east=200.0, north=300.0, roll=179.6))
+    assert found.knocks == ()
+    assert [str(jump.kind) for jump in found.jumps] == ["flip"]
+
+
 def test_a_missing_frame_is_no_dither():
     places = held(np.random.default_rng(12), (90.0, -40.0), 16, noise=0.7)
     (found,) = tracking_of(places[:7] + places[9:])

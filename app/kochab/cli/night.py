@@ -157,6 +157,7 @@ def text_of(night: "Night", page: str) -> str:
     for one in night.tracking:
         drift = f"RA {one.ra_arcsec_h.text('+')}, Dec {one.dec_arcsec_h.text('+')} arcsec an hour"
         lines.append(f"drift    {drift} ({len(one.frames)} frames, {one.hours:.1f} h)")
+    lines += [f"{event.time_utc:%H:%M:%S} {event.text}" for event in night.events]
     if night.polar:
         lines.append(f"polar    {night.polar.words} ({night.polar.where})")
     if any(night.lost):

@@ -38,6 +38,13 @@ def timeline(night: Night) -> str:
     if not rows:
         return ""
     height = rows * (STRIP + GAP) + TOP
+    if timed:
+        first = night.frames[0].time_utc
+        assert first is not None
+        for event in night.events:
+            x = _x((event.time_utc - first).total_seconds() / 3600.0, span)
+            height_px = rows * (STRIP + GAP) - GAP + TOP
+            parts.append(f'<line class="event" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{height_px}"/>')
     parts.append(_times(night.frames[0].time_utc if timed else None, span, height - GAP + 4))
     title = tr("The night over time")
     return f'<svg viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{title}">{"".join(parts)}</svg>'

@@ -63,6 +63,7 @@ class NightFrame:
     error: str = ""
     ra_deg: float = float("nan")
     dec_deg: float = float("nan")
+    roll_deg: float = float("nan")
     width_deg: float = float("nan")
     scale_arcsec_px: float = float("nan")
     detections: int = 0
@@ -120,6 +121,7 @@ def measured(found: SolvedFrame, site: Site | None = None) -> NightFrame:
         solved=True,
         ra_deg=ra,
         dec_deg=dec,
+        roll_deg=result.roll_deg,
         width_deg=result.camera.fov_deg[0],
         scale_arcsec_px=result.camera.scale_arcsec_px,
         light=star_light(found.detections, result, hint.exposure_s) if _linear(frame) else None,

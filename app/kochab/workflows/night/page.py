@@ -45,6 +45,7 @@ polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); st
 .civil { fill: #9cc0ee; opacity: .6; } .day { fill: #cfe3fb; opacity: .8; }
 table { border-collapse: collapse; width: 100%; } th { text-align: left; font-weight: 500; }
 td, th { padding: 6px 12px 6px 0; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; }
+.event { stroke: #c0392b; stroke-dasharray: 3 3; } .events td:first-child { width: 96px; color: var(--soft); }
 .frames { display: grid; grid-template-columns: repeat(3, 1fr); gap: 14px; } figure { margin: 0; }
 figure img { width: 100%; border-radius: 6px; display: block; background: #000; }
 figcaption { font-size: 14px; overflow-wrap: anywhere; padding-top: 4px; }
@@ -65,6 +66,8 @@ def night_page(night: Night, name: str) -> str:
     if drawn := timeline(night):
         heading = tr("Through the night")
         parts.append(f"<section><h2>{escape(heading)}</h2>{drawn}</section>")
+    if night.events:
+        parts.append(_events(night))
     if night.shape and night.fwhm:
         parts.append(_field(night))
     if night.tracking:
@@ -127,6 +130,13 @@ def _tiles(night: Night) -> list[str]:
 
 def _tile(name: str, value: str, below: str) -> str:
     return f'<div class="tile"><span>{escape(name)}</span><b>{escape(value)}</b><span>{escape(below)}</span></div>'
+
+
+def _events(night: Night) -> str:
+    """What happened, a row each, with its time."""
+    rows = (f"<tr><td>{one.time_utc:%H:%M:%S}</td><td>{escape(one.text)}</td></tr>" for one in night.events)
+    heading = tr("What happened (UTC)")
+    return f'<section><h2>{escape(heading)}</h2><table class="events">{"".join(rows)}</table></section>'
 
 
 def _field(night: Night) -> str:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.polar.drift import Drift, measure_drift, stretches_of
-from kochab.polar.error import Knob
+from kochab.polar.error import Knob, angle_in_words
 from kochab.polar.measure import MeasureSettings
 from kochab.text.translation import number, tr, tr_n
+from kochab.workflows.night.events import Event, events_of
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import FieldOfSharpness, night_field
@@ -55,6 +56,11 @@ class Night:
     tracking: tuple[Tracking, ...]
     polar: Drift | None
     asked: int
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happened, in order of time."""
+        return events_of(self.tracking)
 
     @property
     def clouded(self) -> list[int]:
@@ -105,7 +111,9 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
     # The shape of the field is that of the camera most frames are of.
     usual = Counter((f.size, f.setup) for f in ordered if f.sharp).most_common(1)
     fields = [f.sharp.field for f in ordered if f.sharp and f.sharp.field and (f.size, f.setup) == usual[0][0]]
-    places = [Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg) if f.solved and f.time_utc else None for f in ordered]
+    places = [
+        Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg, f.roll_deg) for f in ordered if f.solved and f.time_utc
+    ]
     return Night(
         tuple(ordered),
         tuple(lost),
@@ -114,7 +122,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         _median([f.sharp.elongation for f in ordered if f.sharp]),
         _focus(ordered),
         night_field(fields),
-        tuple(tracking_of([place for place in places if place])),
+        tuple(tracking_of(places)),
         _polar(ordered),
         asked,
     )
@@ -189,7 +197,7 @@ def advice_of(night: Night) -> str:
     """The one thing that would have made this night better, by what it cost."""
     if night.hours > LONGEST_H:
         return tr("These frames are of several nights. Give one night at a time.")
-    costs = [*_of_the_sky(night), *_of_the_optics(night), *_of_the_axis(night)]
+    costs = [*_of_the_sky(night), *_of_the_optics(night), *_of_the_mount(night), *_of_the_axis(night)]
     return max(costs)[1] if costs else tr("Nothing stands out. Keep doing this.")
 
 
@@ -204,6 +212,17 @@ def _of_the_sky(night: Night) -> Iterator[tuple[float, str]]:
         why = Counter(f.reason for f in night.frames if f.reason).most_common(1)
         reason = tr(why[0][0]) if why else tr("cannot be read")
         yield n / total, tr("{n} of {total} frames have no solution: {reason}.", n=n, total=total, reason=reason)
+
+
+def _of_the_mount(night: Night) -> Iterator[tuple[float, str]]:
+    """A clutch that slips costs the frames until somebody sees it; here a tenth of the night for each time."""
+    knocks = [jump for one in night.tracking for jump in one.knocks]
+    if knocks:
+        worst = max(knocks, key=lambda jump: jump.size.value)
+        when = f"{worst.time_utc:%H:%M}"
+        text = tr("The field jumped by {far} at {time} UTC.", far=angle_in_words(worst.size.value), time=when)
+        check = tr("Tighten the {axis} clutch.", axis=worst.axis) if worst.axis else tr("Tighten both clutches.")
+        yield min(0.2 + 0.1 * len(knocks), 0.6), f"{text} {check}"
 
 
 def _of_the_axis(night: Night) -> Iterator[tuple[float, str]]:

@@ -27,6 +27,7 @@ def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
             "reason": frame.error or frame.reason or None,
             "ra_deg": _known(frame.ra_deg),
             "dec_deg": _known(frame.dec_deg),
+            "roll_deg": _known(frame.roll_deg),
             "scale_arcsec_px": _known(frame.scale_arcsec_px),
             "stars": frame.detections,
             **_pair("fwhm_px", sharp.fwhm_px if sharp else None),
@@ -67,6 +68,9 @@ def night_json(night: Night) -> dict[str, Any]:
             }
             if shape
             else None,
+            "events": [
+                {"time_utc": one.time_utc.isoformat(), "kind": one.kind, "text": one.text} for one in night.events
+            ],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
             "clouded": [night.frames[k].file for k in night.clouded],
@@ -94,6 +98,15 @@ def _tracking(one: Tracking) -> dict[str, Any]:
         **_pair("ra_arcsec_h", one.ra_arcsec_h),
         **_pair("dec_arcsec_h", one.dec_arcsec_h),
         "wander_arcsec": list(one.wander_arcsec),
+        "jumps": [
+            {
+                "kind": str(jump.kind),
+                "time_utc": jump.time_utc.isoformat(),
+                **_pair("ra_arcsec", jump.ra_arcsec),
+                **_pair("dec_arcsec", jump.dec_arcsec),
+            }
+            for jump in one.jumps
+        ],
     }
 
 

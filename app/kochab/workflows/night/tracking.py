@@ -3,16 +3,23 @@
 The places are those of solved frames, so that the mount's own word is not asked. A straight line is fitted to each
 stretch without jumps; its uncertainty is that of the scatter about it, widened where neighbours err alike (a periodic
 error seen for less than some turns looks like drift) and for few frames.
+
+A jump is a dither where others are as large: programs dither often, by some pixels, in any direction. What stands alone
+and is large is none: a clutch that slipped, a knock, or somebody who centred again.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from enum import StrEnum
 
 import numpy as np
 
+from kochab.core.arrays import Floats
 from kochab.core.robust import mad_sigma
+from kochab.polar.error import angle_in_words
+from kochab.text.translation import tr
 from kochab.workflows.night.measure import Measure, slope
 
 FEWEST = 4
@@ -21,25 +28,83 @@ ANOTHER_FIELD = 0.2
 """Share of the frame's width beyond which the next frame shows another field."""
 LONGEST_GAP_S = 6 * 3600.0
 DITHER = 6.0
-"""Times the usual step beyond which a step is a dither or a knock."""
+"""Times the usual step beyond which a step is a jump."""
+LONE = 0.015
+"""Share of the frame's width, 60 px of 4000: no jump below it is told as a knock, as programs dither by less."""
+AS_DITHERS, OF_DITHERS = 3, 4.0
+"""Jumps from which on they are dithers, and times their median up to which: in a square the farthest are 2.8 apart."""
+TURNED_DEG, FLIPPED_DEG = 10.0, 170.0
+"""By which a camera is turned on purpose, and by which a German mount has changed sides."""
+ALONG = 0.15
+"""Share of the other axis up to which a jump is one of RA or of Dec alone."""
 SIDEREAL_ARCSEC_H = 54148.0
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width, degrees."""
+    """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width and roll, degrees."""
 
     time_utc: datetime
     ra_deg: float
     dec_deg: float
     width_deg: float
+    roll_deg: float = 0.0
+
+
+class JumpKind(StrEnum):
+    """What a jump of the pointing was."""
+
+    DITHER = "dither"
+    KNOCK = "jump"
+    FLIP = "flip"
+    TURNED = "turned"
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """Between the frames ``before`` and ``after``, indices into the places; ways on the sky in RA and Dec."""
+
+    kind: JumpKind
+    before: int
+    after: int
+    time_utc: datetime
+    ra_arcsec: Measure
+    dec_arcsec: Measure
+
+    @property
+    def size(self) -> Measure:
+        """How far, arcsec."""
+        far = math.hypot(self.ra_arcsec.value, self.dec_arcsec.value)
+        return Measure(far, max(self.ra_arcsec.sigma, self.dec_arcsec.sigma))
+
+    @property
+    def axis(self) -> str:
+        """The one axis that moved, RA or Dec; empty for both."""
+        ra, dec = abs(self.ra_arcsec.value), abs(self.dec_arcsec.value)
+        if dec < max(ALONG * ra, 3.0 * self.dec_arcsec.sigma):
+            return tr("RA")
+        return tr("Dec") if ra < max(ALONG * dec, 3.0 * self.ra_arcsec.sigma) else ""
+
+    @property
+    def words(self) -> str:
+        """What happened, in a sentence."""
+        if self.kind is JumpKind.FLIP:
+            return tr("Meridian flip.")
+        if self.kind is JumpKind.TURNED:
+            return tr("The camera was turned.")
+        far, off = (angle_in_words(one) for one in (self.size.value, self.size.sigma))
+        if axis := self.axis:
+            text = tr("The field jumped {far} ± {off} in {axis}: a slipped clutch, a knock, or a new centring.",
+                      far=far, off=off, axis=axis)  # fmt: skip
+            return text
+        return tr("The field jumped {far} ± {off}: a knock, a slipped clutch, or a new centring.", far=far, off=off)
 
 
 @dataclass(frozen=True, slots=True)
 class Tracking:
     """Of one field: drift a second on the sky in arcsec an hour (RA as an arc), wander about it in arcsec RMS.
 
-    ``frames`` are indices into the places; ``dithers`` how many of its steps were jumps, across which nothing is taken.
+    ``frames`` are indices into the places; ``jumps`` are its steps across which nothing is taken.
     """
 
     frames: tuple[int, ...]
@@ -47,8 +112,18 @@ class Tracking:
     ra_arcsec_h: Measure
     dec_arcsec_h: Measure
     wander_arcsec: tuple[float, float]
-    dithers: int
+    jumps: tuple[Jump, ...]
     dec_deg: float
+
+    @property
+    def dithers(self) -> int:
+        """How many of its jumps were dithers."""
+        return sum(jump.kind is JumpKind.DITHER for jump in self.jumps)
+
+    @property
+    def knocks(self) -> tuple[Jump, ...]:
+        """Jumps that nobody ordered, as far as the frames tell."""
+        return tuple(jump for jump in self.jumps if jump.kind is JumpKind.KNOCK)
 
     @property
     def untracked(self) -> bool:
@@ -88,7 +163,8 @@ def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
     xy = 3600.0 * np.stack([ra * math.cos(math.radians(first.dec_deg)), dec - first.dec_deg])
     # Frames may be missing, so a step is judged by the drift over its own time.
     steps, took = np.diff(xy, axis=1), np.maximum(np.diff(hours), 1e-9)
-    off = np.hypot(*(steps - np.median(steps / took, axis=1, keepdims=True) * took))
+    beside = steps - np.median(steps / took, axis=1, keepdims=True) * took
+    off = np.hypot(*beside)
     jump = off > DITHER * max(mad_sigma(off, 0.0), 1e-6)
     group = np.concatenate([[0], np.cumsum(jump)])
     if hours[-1] <= 0.0 or len(places) - int(group[-1]) - 2 < 1:
@@ -97,4 +173,58 @@ def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
     if fits[0] is None or fits[1] is None:
         return None
     (ra_drift, ra_rms), (dec_drift, dec_rms) = fits[0], fits[1]
-    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), int(group[-1]), first.dec_deg)
+    jumps = _jumps(places, frames, beside, jump.nonzero()[0].tolist(), (ra_rms, dec_rms))
+    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), jumps, first.dec_deg)
+
+
+def _jumps(
+    places: list[Place], frames: tuple[int, ...], steps: Floats, at: list[int], wander: tuple[float, float]
+) -> tuple[Jump, ...]:
+    """What each jump was.
+
+    Parameters
+    ----------
+    places : list of Place
+        Of the field.
+    frames : tuple of int
+        Their indices.
+    steps : Floats
+        Ways (2, N - 1) in RA and Dec beside the drift, arcsec.
+    at : list of int
+        Which of them are jumps.
+    wander : tuple of float
+        Scatter of a frame in RA and Dec, arcsec.
+    """
+    size = np.hypot(*steps)
+    found: list[Jump] = []
+    for k in at:
+        one, other = places[k], places[k + 1]
+        turned = abs((other.roll_deg - one.roll_deg + 180.0) % 360.0 - 180.0)
+        others = [size[j] for j in at if j != k]
+        largest = OF_DITHERS * float(np.median(others)) if len(others) >= AS_DITHERS else 0.0
+        if turned > TURNED_DEG:
+            kind = JumpKind.FLIP if turned > FLIPPED_DEG else JumpKind.TURNED
+        elif size[k] > max(LONE * 3600.0 * one.width_deg, largest):
+            kind = JumpKind.KNOCK
+        else:
+            kind = JumpKind.DITHER
+        # of two frames, each with the scatter of its place
+        ra, dec = (Measure(float(way), math.sqrt(2.0) * rms) for way, rms in zip(steps[:, k], wander, strict=True))
+        found.append(Jump(kind, frames[k], frames[k + 1], other.time_utc, ra, dec))
+    return tuple(_joined(found))
+
+
+def _joined(jumps: list[Jump]) -> list[Jump]:
+    """Two knocks in a row are one that a frame was exposed through."""
+    found: list[Jump] = []
+    for jump in jumps:
+        last = found[-1] if found else None
+        if last and last.kind is jump.kind is JumpKind.KNOCK and last.after == jump.before:
+            ra, dec = (
+                Measure(one.value + other.value, max(one.sigma, other.sigma))
+                for one, other in ((last.ra_arcsec, jump.ra_arcsec), (last.dec_arcsec, jump.dec_arcsec))
+            )
+            found[-1] = Jump(JumpKind.KNOCK, last.before, jump.after, last.time_utc, ra, dec)
+        else:
+            found.append(jump)
+    return found
