@@ -64,6 +64,40 @@ def heic(path, rgb, **options):
     return path
 
 
+TICKS_1970 = 621_355_968_000_000_000  # .NET's, of 100 ns since the year 1
+
+
+def ser(path, frames, depth=16, colour=0, flag=0, order="<", seconds=()):
+    """A SER video as its description has it; ``seconds`` since 1970 are the frames' times, ``flag`` the header's."""
+    height, width = frames[0].shape[:2]
+    texts = (text.ljust(40).encode() for text in ("Ann", "ZWO ASI290MM", "fps=80.00gain=30exp=0.38"))
+    numbers = (0, colour, flag, width, height, depth, len(frames))
+    started = TICKS_1970 + 1_700_000_000 * 10**7
+    head = struct.pack("<14s7i40s40s40s2q", b"LUCAM-RECORDER", *numbers, *texts, started + 36_000_000_000, started)
+    kind = "u1" if depth <= 8 else f"{order}u2"
+    body = b"".join(np.asarray(frame, dtype=kind).tobytes() for frame in frames)
+    trailer = b"".join(struct.pack("<q", TICKS_1970 + round(s * 10**7)) for s in seconds)
+    path.write_bytes(head + body + trailer)
+    return path
+
+
+def avi(path, frames, codec="rawvideo", stored="bgr24"):
+    """An AVI video of grey (H, W) or colour (H, W, 3) frames as FFmpeg writes it, ``stored`` in this pixel format."""
+    import av
+
+    with av.open(str(path), "w", format="avi") as video:
+        stream = video.add_stream(codec, rate=10)
+        stream.height, stream.width = frames[0].shape[:2]
+        stream.pix_fmt = stored
+        for frame in frames:
+            own = "rgb24" if frame.ndim == 3 else "gray16le" if frame.dtype == np.uint16 else "gray"
+            for packet in stream.encode(av.VideoFrame.from_ndarray(frame, format=own).reformat(format=stored)):
+                video.mux(packet)
+        for packet in stream.encode():
+            video.mux(packet)
+    return path
+
+
 def one_of_each(folder):
     """Paths of a small good file in every format and variant."""
     import tifffile
@@ -84,6 +118,8 @@ def one_of_each(folder):
     Image.fromarray(data).save(folder / "d16.png")
     heic(folder / "a.heic", rgb)
     dng(folder / "a.dng", data // 16)
+    ser(folder / "a.ser", [data, data + 1], seconds=(1.7e9, 1.7e9 + 1.0))
+    avi(folder / "a.avi", [rgb, rgb // 2])
     return sorted(folder.iterdir())
 
 

@@ -70,7 +70,7 @@ def test_another_package_s_format_is_offered_and_named_like_ours(monkeypatch):
     monkeypatch.setattr(FORMATS, "_others", {"asdf": "tests.frames.files:quick_reader"})
     assert suffixes()[".asdf"] == "asdf"
     assert "*.asdf *.ASDF" in file_pattern()
-    assert format_names() == "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC, asdf or camera RAW"
+    assert format_names() == "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC, SER, AVI, asdf or camera RAW"
 
 
 def test_content_beats_suffix(tmp_path):
@@ -92,6 +92,8 @@ def test_content_beats_suffix(tmp_path):
         (b"IIU\x00\x18\x00", ".rw2", "raw"),
         (b"RIFF\x00\x00\x00\x00WEBPVP8 ", ".webp", "picture"),
         (b"RIFF\x00\x00\x00\x00WAVEfmt ", ".wav", None),
+        (b"RIFF\x00\x00\x00\x00AVI LIST", ".wav", "AVI"),
+        (b"LUCAM-RECORDER\x00\x00", ".bin", "SER"),
         (b"hello", ".fits", None),
     ],
 )
@@ -111,6 +113,8 @@ def test_sniffing(head, suffix, kind):
         (b"\x89PNG\r\n\x1a\n", "damaged|cut short"),
         (b"II*\x00", "damaged|cut short"),
         (b"XISF0100", "damaged|cut short"),
+        (b"LUCAM-RECORDER", "cut short"),
+        (b"RIFF\x00\x00\x00\x00AVI LIST", "no image"),
     ],
 )
 def test_what_is_no_picture_is_said_in_one_sentence(tmp_path, content, said):

@@ -25,6 +25,8 @@ NAMES = (
     "d16.png",
     "a.heic",
     "a.dng",
+    "a.ser",
+    "a.avi",
 )
 
 

@@ -157,6 +157,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--timeout": valued("S", "time limit per frame, seconds (default: %(default)g)", number_above_zero, default=30.0),
     "--detector": valued("NAME", "how stars are detected, see --methods (default: %(default)s)", default="auto"),
+    "--frame": valued("N", "frame of a video (SER, AVI), from 1 (default: the first)", whole(1, what="frame")),
     "--workers": valued(
         "N", "files solved at the same time, 1 to 256 (default: %(default)s)", whole(1, 256), default=1
     ),

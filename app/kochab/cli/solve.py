@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -50,7 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "solve", description="Exit code: 0 all solved, 1 one has no solution, 2 unusable input."
     )
     parser.add_argument("files", nargs="+", metavar="FILE", help="frames, or folders of them")
-    add_options(parser, *BATCH, "--detector", "--site")
+    add_options(parser, *BATCH, "--detector", "--site", "--frame")
     parser.add_argument(
         "--annotate",
         metavar="PNG",
@@ -80,7 +80,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve every file, print as they are done."""
     layers = layers_of(args.layers) if args.layers else None
-    return _solve(args, _requests(args), args.detector, tuple(args.elements), args.site, layers)
+    solve = partial(solve_one, site=args.site, layers=layers, number=args.frame)
+    return _solve(args, _requests(args), args.detector, tuple(args.elements), solve)
 
 
 def _solve(
@@ -88,16 +89,15 @@ def _solve(
     requests: list[SolveRequest],
     detector: str = "auto",
     elements: tuple[Path, ...] = (),
-    site: "Site | None" = None,
-    layers: "Layers | None" = None,
+    solve: Callable[..., Task[Json]] | None = None,
 ) -> int:
     if elements:
         tables_of(elements)  # a file that cannot be read is told before anything is solved
     _refuse_overwriting(requests, args.overwrite)
     if args.workers > 1 and len(requests) > 1:
         _load()
-    work = partial(solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements, site=site)
-    return run_batch(partial(work, layers=layers), requests, args.json, args.workers)
+    work = partial(solve or solve_one, options=options_of(args, detector), bound=bound_of(args), elements=elements)
+    return run_batch(work, requests, args.json, args.workers)
 
 
 def _load() -> None:
@@ -133,6 +133,7 @@ def solve_one(
     elements: tuple[Path, ...] = (),
     site: "Site | None" = None,
     layers: "Layers | None" = None,
+    number: int | None = None,
 ) -> Task[Json]:
     """The outcome of one file, and what was asked to be written from it.
 
@@ -150,6 +151,8 @@ def solve_one(
         Where the frame was taken; None to take it from the header.
     layers : Layers or None
         What ``--annotate`` draws; None for the usual.
+    number : int or None
+        The frame of a video, counted from 1; None for the first.
     """
     from kochab.sky.layer import MOST
     from kochab.workflows.solve_frame import SolvedFrame, solve_file, solve_star_list
@@ -161,7 +164,7 @@ def solve_one(
     elif Path(request.file).is_dir():
         raise UsageError(_why_no_pictures(request.file))
     else:
-        found = yield from solve_file(request.file, options)
+        found = yield from solve_file(request.file, options, number)
     answer = yield from answer_of(request.file, found, options, bound, more, site, most)
     if answer.solution is None:
         return answer.outcome
@@ -291,7 +294,7 @@ def add_detect_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         " angles in degrees from x towards y. Exit code: 0 done, with stars or without, 2 unusable input.",
     )
     parser.add_argument("file", metavar="FILE", help="a frame of the night sky")
-    add_options(parser, "--detector", "--methods", "--json")
+    add_options(parser, "--detector", "--methods", "--json", "--frame")
     add_options(parser, "--set", help="an option of the detector; may be repeated")
     parser.set_defaults(run=run_detect)
 
@@ -305,7 +308,7 @@ def run_detect(args: argparse.Namespace) -> int:
     options = detector_settings_of(args.settings, args.detector)
     try:
         started = time.perf_counter()
-        frame = read_frame(args.file)
+        frame = read_frame(args.file, number=args.frame)
         read = time.perf_counter()
         detections = DETECTORS.make(args.detector, **options).detect(frame)
         done = time.perf_counter()

@@ -16,7 +16,8 @@ from kochab.core.registry import Registry
 from kochab.frames.sandbox import Outside, in_sandbox, leave_to_sandbox, memory_text
 from kochab.text.translation import tr, tr_noop
 
-Reader = Callable[[Path], Frame]
+Reader = Callable[..., Frame]
+"""Takes the path; one of videos the number of the frame, too."""
 
 # -- Which reader a file belongs to, decided by what it holds before what it is called ---------
 
@@ -25,14 +26,15 @@ Reader = Callable[[Path], Frame]
 class Format:
     """A kind of file: its ``reader`` (``module:function``), its suffixes, the bytes it may begin with, and its names.
 
-    ``names`` are what people read where Kochab says what it opens. Files that begin alike are told apart in
-    :func:`kind_of`.
+    ``names`` are what people read where Kochab says what it opens; of a ``video`` one frame is read. Files that begin
+    alike are told apart in :func:`kind_of`.
     """
 
     reader: str
     suffixes: str
     beginnings: tuple[bytes, ...]
     names: str
+    video: bool = False
 
 
 _RAW = ".cr2 .cr3 .crw .nef .nrw .arw .srf .sr2 .dng .raf .orf .rw2 .raw .pef .srw .3fr .iiq .x3f"
@@ -54,6 +56,8 @@ _OWN = {
         tr_noop("PNG, JPEG, BMP, GIF, WebP"),
     ),
     "HEIF": Format("kochab.frames.picture:read_heif", ".heic .heif .hif", (), tr_noop("HEIC")),
+    "SER": Format("kochab.frames.ser:read_ser", ".ser", (b"LUCAM-RECORDER",), tr_noop("SER"), video=True),
+    "AVI": Format("kochab.frames.avi:read_avi", ".avi", (), tr_noop("AVI"), video=True),
     "raw": Format(
         "kochab.frames.tiff:read_raw",
         _RAW,
@@ -97,7 +101,9 @@ READ_LIMIT_S = 60.0
 """After so many seconds a decoder is stopped, unless a caller says otherwise."""
 
 
-def read_frame(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S) -> Frame:
+def read_frame(
+    path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S, number: int | None = None
+) -> Frame:
     """Read the picture in a file.
 
     Parameters
@@ -107,6 +113,8 @@ def read_frame(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMI
         that begin alike (a DNG is a TIFF).
     timeout_s
         Limit for a decoder in a process of its own, s; None for no limit.
+    number
+        The frame of a video (SER, AVI), counted from 1; None for a picture, and for the first of a video.
 
     Returns
     -------
@@ -116,15 +124,22 @@ def read_frame(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMI
 
     Raises `FrameError` with one sentence naming the file, for whatever is wrong with it.
     """
-    return run(reading(path, timeout_s))
+    return run(reading(path, timeout_s, number))
 
 
-def reading(path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S) -> Task[Frame]:
+def reading(
+    path: str | os.PathLike[str], timeout_s: float | None = READ_LIMIT_S, number: int | None = None
+) -> Task[Frame]:
     """:func:`read_frame` as a task: closing it stops the decoder, whatever that does."""
     path = Path(path)
     kind = _sniff(path)
     foreign = "" if kind in FORMATS.own else f"format '{kind}' ({FORMATS[kind]})"
-    return (yield from _anywhere(path.name, timeout_s, _read, FORMATS.load(kind), path, foreign))
+    reader = FORMATS.load(kind)
+    if number is not None:
+        if kind not in _OWN or not _OWN[kind].video:
+            raise FrameError("{name} is no video (SER, AVI): it has no frame {number}.", name=path.name, number=number)
+        reader = partial(reader, number=number)
+    return (yield from _anywhere(path.name, timeout_s, _read, reader, path, foreign))
 
 
 def read_fits_bytes(data: bytes, name: str) -> Frame:
@@ -216,7 +231,7 @@ def kind_of(head: bytes, suffix: str) -> str | None:
     if head[4:8] == b"ftyp":
         return "raw" if head[8:12] == b"crx " else "HEIF"
     if head[:4] == b"RIFF":
-        return "picture" if head[8:12] == b"WEBP" else None
+        return {b"WEBP": "picture", b"AVI ": "AVI"}.get(head[8:12])
     for kind, row in _OWN.items():
         if row.beginnings and head.startswith(row.beginnings):
             # Most cameras' raw files are TIFF inside; only the name tells them from a picture.

@@ -31,8 +31,8 @@ class SolvedFrame:
     result: Solution | NoSolution
 
 
-def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[SolvedFrame]:
-    """Read the file at ``path`` and solve it.
+def solve_file(path: str | Path, options: SolveOptions | None = None, number: int | None = None) -> Task[SolvedFrame]:
+    """Read the file at ``path`` and solve it; of a video its frame ``number``, counted from 1, None for the first.
 
     Raises `FrameError` when the file cannot be read as a picture, and `UsageError` when the options name a method or
     detector that does not exist.
@@ -42,7 +42,7 @@ def solve_file(path: str | Path, options: SolveOptions | None = None) -> Task[So
     options = options or SolveOptions()
     start = perf_counter()
     yield Progress("read", 0.0, str(path))
-    frame = yield from reading(path, options.timeout_s)
+    frame = yield from reading(path, options.timeout_s, number)
     return (yield from solve_open_frame(frame, options, read_ms=(perf_counter() - start) * 1e3))
 
 
