@@ -5,13 +5,17 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from kochab.core.arrays import Floats32
+from kochab.core.arrays import Floats, Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.simulate.exposure import AttitudeAt, ExposureLight, StarPaths, background, electrons, starlight
-from kochab.simulate.night_sky import DARK_MAG, Weather
+from kochab.simulate.night_sky import DARK_MAG, LocalSky, Weather
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
+from kochab.simulate.visitors import Visitor, light_of
 from kochab.sky import Catalogue
+
+FWHM_STEP = 0.04
+"""px: stars of one width are drawn together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +23,9 @@ class CameraConfig:
     """A camera on a telescope; the default is a 1.2 MP guide camera with a field of 2.4 deg.
 
     Distortion as in :mod:`kochab.core.camera`. ``zero_point_e_s``: electrons a second of a star of V = 0 above the
-    air. Stars fainter than ``faintest``, or than the noise, are left out. Noise is normal, which photons behind
-    reading noise are nearly; ``cheap`` takes it from a pool that is made once, for 30 frames a second.
+    air. Stars fainter than ``faintest``, or than the noise, are left out. ``tilt_px`` is how much wider stars are half
+    a diagonal to the right and down than amid, as on a tilted sensor. Noise is normal, which photons behind reading
+    noise are nearly; ``cheap`` takes it from a pool that is made once, for 30 frames a second.
     """
 
     width: int = 1280
@@ -32,6 +37,7 @@ class CameraConfig:
     p1: float = 0.0
     p2: float = 0.0
     fwhm_px: float = 2.6
+    tilt_px: tuple[float, float] = (0.0, 0.0)
     zero_point_e_s: float = 2e7
     faintest: float = 13.0
     sensor: Sensor = field(default_factory=lambda: Sensor(1.0, 5.0, 100.0))
@@ -64,6 +70,7 @@ class SkyCamera:
         low, high = np.log(config.hot_e_s)
         self._hot_e_s = np.exp(hot.uniform(low, high, len(self._hot)))
         self._pool: Floats32 | None = None
+        self.visitors: tuple[Visitor, ...] = ()
 
     def faintest(self, exposure_s: float) -> float:
         """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
@@ -97,16 +104,47 @@ class SkyCamera:
         """
         light = self.light(attitude_at, start, exposure_s)
         image_e = background(light)
-        image = RenderedStar(self.config.fwhm_px)
-        cores, flux = light.paths.cores(0.4 * image.fwhm_px), starlight(light)
+        cores, flux = light.paths.cores(0.4 * self.config.fwhm_px), starlight(light)
         places, shares = cores.reshape(-1, 2), np.tile(flux / len(cores), len(cores))
+        if self.visitors:
+            more, light_e = self._visitors_light(attitude_at, start, exposure_s)
+            places, shares = np.concatenate([places, more]), np.concatenate([shares, light_e])
         seen = np.isfinite(places).all(axis=1) & (shares > 0.0)
-        add_stars(image_e, places[seen], shares[seen], image)
+        self._add(image_e, places[seen], shares[seen])
         image_e.ravel()[self._hot] += (self._hot_e_s * exposure_s).astype(np.float32)
         rays = int(self._rng.poisson(self.config.rays_per_minute * exposure_s / 60.0))
         sensor = replace(self.config.sensor, gain_e=gain_e) if gain_e else self.config.sensor
         taken = expose(image_e, Sky(0.0, rays=rays), sensor, self._rng, self._noise(image_e.size))
         return replace(taken, hint=self.hint(start, exposure_s))
+
+    def _add(self, image_e: Floats32, places: Floats, shares: Floats) -> None:
+        """Add cores to light, in place: wider ones where a tilted sensor is out of focus."""
+        across, down = self.config.tilt_px
+        if not (across or down):
+            add_stars(image_e, places, shares, RenderedStar(self.config.fwhm_px))
+            return
+        middle = (np.array([self.config.width, self.config.height]) - 1.0) / 2.0
+        u, v = ((places - middle) / (np.hypot(self.config.width, self.config.height) / 2.0)).T
+        steps = np.rint((self.config.fwhm_px + across * u + down * v) / FWHM_STEP).astype(np.intp)
+        for step in np.unique(steps).tolist():
+            same = steps == step
+            add_stars(image_e, places[same], shares[same], RenderedStar(max(step * FWHM_STEP, 0.5)))
+
+    def _visitors_light(self, attitude_at: AttitudeAt, start: float, exposure_s: float) -> tuple[Floats, Floats]:
+        """Places (M, 2) px and electrons (M,) of what crosses the frame."""
+
+        def project(vectors: Floats, times: Floats) -> Floats:
+            seen = [
+                attitude_at(t) @ LocalSky(self.site, t).to_enu(vector[None])[0]
+                if np.isfinite(vector).all()
+                else np.full(3, np.nan)
+                for vector, t in zip(vectors, times.tolist(), strict=True)
+            ]
+            return self.optics.project(np.array(seen))
+
+        span = (start, start + exposure_s)
+        places, mags, seconds = light_of(self.visitors, project, self.optics, span, 0.4 * self.config.fwhm_px)
+        return places, electrons(mags, self.config.zero_point_e_s, 1.0) * seconds
 
     def hint(self, start: float, exposure_s: float) -> Hint:
         """What a header would say of an exposure."""

@@ -149,6 +149,7 @@ BENCHES: dict[str, str] = {
     "live": "kochab.lab.bench.live:run",
     "mount": "kochab.lab.bench.mount:run",
     "narrow": "kochab.lab.bench.narrow:run",
+    "night": "kochab.lab.bench.night:run",
     "papers": "kochab.lab.bench.papers:run",
     "peers": "kochab.lab.bench.peers:run",
     "polar": "kochab.lab.bench.polar:run",

@@ -18,6 +18,8 @@ from kochab.workflows.night.measure import Measure, clipped, median_of
 
 LEAST_SNR = 20.0
 """Of a star whose shape is looked at: fainter ones' widths scatter by more than a tenth and are biased."""
+WIDTH_SHARE = 0.01
+"""One sigma of all widths together: a star image that is no Gaussian and pixels as wide as it is change them alike."""
 FEWEST = 30
 """Stars from which tilt and curvature are fitted."""
 CORNERS = {
@@ -61,7 +63,8 @@ class FieldOfSharpness:
         slope = self.terms[1:3]
         size = float(np.hypot(*slope))
         along = slope / size if size else np.array([1.0, 0.0])
-        return Measure(2.0 * size, 2.0 * math.sqrt(float(along @ self.covariance[1:3, 1:3] @ along)))
+        sigma = math.hypot(math.sqrt(float(along @ self.covariance[1:3, 1:3] @ along)), WIDTH_SHARE * size)
+        return Measure(2.0 * size, 2.0 * sigma)
 
     @property
     def tilt_chance(self) -> float:

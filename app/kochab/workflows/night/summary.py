@@ -1,5 +1,6 @@
 """The night as a whole: light lost, focus, tilt, drift, the best and the worst frames, and one piece of advice."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,12 +14,14 @@ from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.events import Event, events_of
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure, median_of, slope
-from kochab.workflows.night.sharpness import FieldOfSharpness, night_field
+from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
 from kochab.workflows.night.tracking import FEWEST, Place, Tracking, tracking_of
 from kochab.workflows.night.transparency import losses
 
 MAG_PER_AIRMASS = 0.2
 """What clear air takes a unit of airmass, V magnitudes; more under haze, which then counts as cloud."""
+FRAME_MAG = 0.01
+"""One sigma of what a frame's star images take from all its stars alike: trails, focus, what the fit leaves out."""
 CLOUD_MAG, SURE = 0.3, 3.0
 """Light lost beside the airmass that counts as cloud, and times its uncertainty."""
 SHOWN = 3
@@ -118,7 +121,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         tuple(ordered),
         tuple(lost),
         tuple(_cloud(ordered, lost)),
-        _median([f.sharp.fwhm_px for f in ordered if f.sharp]),
+        _of_scale(_median([f.sharp.fwhm_px for f in ordered if f.sharp])),
         _median([f.sharp.elongation for f in ordered if f.sharp]),
         _focus(ordered),
         night_field(fields),
@@ -138,6 +141,11 @@ def _median(values: list[Measure]) -> Measure | None:
     return Measure(value, max(middle.sigma if middle else 0.0, own))
 
 
+def _of_scale(width: Measure | None) -> Measure | None:
+    """A width with what all widths share."""
+    return Measure(width.value, math.hypot(width.sigma, WIDTH_SHARE * width.value)) if width else None
+
+
 def _lost(frames: Sequence[NightFrame]) -> list[Measure | None]:
     """Light lost: among frames of one setup that are proportional to light, and whose exposure is known alike."""
     found: list[Measure | None] = [None] * len(frames)
@@ -151,7 +159,7 @@ def _lost(frames: Sequence[NightFrame]) -> list[Measure | None]:
         if len(same) < 2:
             continue
         for (k, _), one in zip(same, losses([light for _, light in same]), strict=True):
-            found[k] = one
+            found[k] = Measure(one.value, math.hypot(one.sigma, FRAME_MAG)) if one else None
     return found
 
 

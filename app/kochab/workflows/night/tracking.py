@@ -35,6 +35,8 @@ AS_DITHERS, OF_DITHERS = 3, 4.0
 """Jumps from which on they are dithers, and times their median up to which: in a square the farthest are 2.8 apart."""
 TURNED_DEG, FLIPPED_DEG = 10.0, 170.0
 """By which a camera is turned on purpose, and by which a German mount has changed sides."""
+FLOOR_ARCSEC = 0.5
+"""No jump is known better: refraction and the drift of the middle of the frame differ from place to place."""
 ALONG = 0.15
 """Share of the other axis up to which a jump is one of RA or of Dec alone."""
 SIDEREAL_ARCSEC_H = 54148.0
@@ -209,7 +211,10 @@ def _jumps(
         else:
             kind = JumpKind.DITHER
         # of two frames, each with the scatter of its place
-        ra, dec = (Measure(float(way), math.sqrt(2.0) * rms) for way, rms in zip(steps[:, k], wander, strict=True))
+        ra, dec = (
+            Measure(float(way), math.hypot(math.sqrt(2.0) * rms, FLOOR_ARCSEC))
+            for way, rms in zip(steps[:, k], wander, strict=True)
+        )
         found.append(Jump(kind, frames[k], frames[k + 1], other.time_utc, ra, dec))
     return tuple(_joined(found))
 

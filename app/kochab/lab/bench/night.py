@@ -1,0 +1,112 @@
+"""Rendered nights with planted faults, and healthy ones: what ``kochab night`` finds of them, and what it invents.
+
+Each number it tells is compared with what was planted; a row holds how far it is off in its own uncertainties.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from kochab.core.progress import run as finish
+from kochab.lab.bench import BenchResult, Goal, Report, Row
+from kochab.lab.bench.night_made import ALL, CLOUD_FRAMES, Faults, MadeNight, made_night
+from kochab.solver import SolveOptions
+from kochab.workflows.night.frame import measure_frame
+from kochab.workflows.night.measure import Measure
+from kochab.workflows.night.summary import NO_TILT, Night, advice_of, night_of
+
+FRAMES = 45
+HEALTHY, QUICK_HEALTHY = 12, 2
+SEEDS, QUICK_SEEDS = 6, 1
+PULL = 4.0
+"""Uncertainties within which a planted number has to be found."""
+ALONE = {
+    "tilt": Faults(tilt_px=ALL.tilt_px),
+    "cloud": Faults(cloud_mag=ALL.cloud_mag),
+    "slipped clutch": Faults(slip_arcmin=ALL.slip_arcmin, dither_px=ALL.dither_px),
+}
+"""Each fault in a night of its own: nothing else may be found."""
+
+
+def run(quick: bool, report: Report) -> BenchResult:
+    """Measure them."""
+    rows: list[Row] = []
+    seeds = range(1, 1 + (QUICK_SEEDS if quick else SEEDS))
+    for seed in seeds:
+        report(f"planted night {seed}")
+        rows += planted(f"all faults {seed}", seed, ALL)
+    if not quick:
+        for k, (name, faults) in enumerate(ALONE.items()):
+            report(f"{name} alone")
+            rows += planted(f"{name} alone", 40 + k, faults)
+    for seed in range(QUICK_HEALTHY if quick else HEALTHY):
+        report(f"healthy night {seed + 1}")
+        rows += planted(f"healthy {seed + 1}", 60 + seed, Faults(dither_px=6.0 * (seed % 2)))
+    asked = [row for row in rows if row["planted"]]
+    invented = [row for row in rows if not row["planted"] and row["found"]]
+    pulls = np.abs([row["sigmas off"] for row in asked if row.get("sigmas off") is not None])
+    goals = [
+        Goal.at_least("planted faults found, %", 100.0 * float(np.mean([row["found"] for row in asked])), 100.0),
+        Goal.at_most("faults invented", float(len(invented)), 0.0),
+        Goal.at_least("planted numbers within 2 sigma, %", 100.0 * float(np.mean(pulls < 2.0)), 90.0),
+        Goal.at_most("planted numbers, worst in sigma", float(pulls.max()), PULL),
+    ]
+    return BenchResult("night", rows, goals)
+
+
+def planted(name: str, seed: int, faults: Faults) -> list[Row]:
+    """Make a night, measure it, and compare; what was not planted is listed where it is found."""
+    with TemporaryDirectory() as folder:
+        made = None
+        for step in made_night(Path(folder), seed, faults, FRAMES):
+            made = step if isinstance(step, MadeNight) else None
+        assert made is not None
+        night = night_of([finish(measure_frame(file, SolveOptions())) for file in made.files])
+        rows: list[Row] = [{"night": name, **row} for row in compared(night, made, faults)]
+    clean = faults == Faults(dither_px=faults.dither_px)
+    calm = advice_of(night).startswith("Nothing stands out")
+    if clean:
+        rows.append({"night": name, "fault": "advice", "planted": False, "found": not calm})
+    return rows
+
+
+def compared(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str, Any]]:
+    """A row a fault that is planted or could be invented."""
+    true = 2.0 * math.hypot(*faults.tilt_px)
+    yield _row("FWHM, px", 2.8, night.fwhm, night.fwhm is not None)
+    tilted = night.shape is not None and night.shape.tilt_chance < NO_TILT
+    yield _row("tilt, px", true, night.shape.tilt if night.shape and (tilted or true) else None, tilted)
+    clouded = {int(Path(night.frames[k].file).stem[-3:]) for k in night.clouded}
+    wanted = set(range(*CLOUD_FRAMES)) if faults.cloud_mag else set()
+    lost = [night.cloud[k] for k in night.clouded]
+    row = _row("cloud, mag", faults.cloud_mag, _mean([one for one in lost if one]), bool(clouded))
+    yield {**row, "found": clouded == wanted if wanted else bool(clouded)}
+    knocks = [jump for one in night.tracking for jump in one.knocks]
+    # the sky moves in RA by the cosine of Dec of what the axis turns
+    slip = 60.0 * faults.slip_arcmin * math.cos(math.radians(night.frames[0].dec_deg))
+    row = _row("slipped clutch, arcsec", slip, knocks[0].size if knocks else None, bool(knocks))
+    yield {**row, "found": len(knocks) == 1 and knocks[0].axis == "RA" if slip else bool(knocks)}
+
+
+def _mean(values: list[Measure]) -> Measure | None:
+    if not values:
+        return None
+    return Measure(float(np.mean([one.value for one in values])), float(np.mean([one.sigma for one in values])))
+
+
+def _row(fault: str, true: float, told: Measure | None, found: bool) -> dict[str, Any]:
+    off = (told.value - true) / told.sigma if told and true and told.sigma > 0.0 else None
+    value, sigma = (told.value, told.sigma) if told else (None, None)
+    return {
+        "fault": fault,
+        "planted": bool(true),
+        "true": true or None,
+        "told": value,
+        "sigma": sigma,
+        "sigmas off": off,
+        "found": found,
+    }
