@@ -59,7 +59,7 @@ def cached_table(name: str, options: Mapping[str, Any], make: Callable[[], Array
     ``name`` is a word that can be part of a file's name; ``options`` are all that ``make`` depends on
     besides the shipped catalogue, as JSON can hold it.
     """
-    content = json.dumps([TABLE_FORMAT, name, _catalogue(), dict(options)], sort_keys=True)
+    content = json.dumps([TABLE_FORMAT, name, catalogue_checksums(), dict(options)], sort_keys=True)
     digest = hashlib.sha256(content.encode()).hexdigest()[:20]
     path = table_folder() / f"{name}-{digest}{ENDING}"
     found = _read(path)
@@ -85,7 +85,7 @@ def cached_tables() -> dict[str, int]:
 
 
 @lru_cache(maxsize=1)
-def _catalogue() -> str:
+def catalogue_checksums() -> str:
     """The checksums of the shipped catalogue's files."""
     from kochab.sky import shipped_folder
 

@@ -1,9 +1,11 @@
 """One frame of a night: solved, and everything measured of it that the night is made of."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -91,14 +93,19 @@ def measure_frame(path: str, options: SolveOptions, site: Site | None = None) ->
         Where it was taken; None takes the header's word.
     """
     frame = yield from reading(path, options.timeout_s)
-    if str(frame.header.get("IMAGETYP", "")).lower().split(" ")[0].strip("'") in CALIBRATION:
+    if is_calibration(frame.header):
         return NightFrame(path, calibration=True)
     found = yield from solve_open_frame(frame, options)
     return measured(found, site)
 
 
-def measured(found: SolvedFrame, site: Site | None = None) -> NightFrame:
-    """What a solved frame, or one that has no solution, says of the night."""
+def is_calibration(header: Mapping[str, Any]) -> bool:
+    """Whether a header says that its frame is a dark, a flat or a bias."""
+    return str(header.get("IMAGETYP", "")).lower().split(" ")[0].strip("'") in CALIBRATION
+
+
+def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -> NightFrame:
+    """What a solved frame, or one that has no solution, says of the night; with a thumbnail if ``small``."""
     frame, result, hint = found.frame, found.result, found.frame.hint
     kept = NightFrame(
         found.path,
@@ -107,7 +114,7 @@ def measured(found: SolvedFrame, site: Site | None = None) -> NightFrame:
         size=(frame.width, frame.height),
         detections=len(found.detections),
         sharp=sharpness(found.detections),
-        thumbnail=thumbnail(frame),
+        thumbnail=thumbnail(frame) if small else b"",
         camera=hint.camera,
         setup=" ".join(f"{key}={frame.header[key]}" for key in SETUP if key in frame.header),
     )

@@ -9,6 +9,7 @@ from typing import Any
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob
 from kochab.text.translation import in_english
+from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.summary import Night, advice_of
 from kochab.workflows.night.tracking import Tracking
@@ -17,34 +18,38 @@ from kochab.workflows.night.tracking import Tracking
 def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
     """A row a frame, in order of time; None for what is not known."""
     for frame, lost, cloud in zip(night.frames, night.lost, night.cloud, strict=True):
-        sharp, sky = frame.sharp, frame.sky
-        field = sharp.field if sharp else None
-        yield {
-            "file": frame.file,
-            "time_utc": frame.time_utc.isoformat() if frame.time_utc else None,
-            "exposure_s": frame.exposure_s,
-            "solved": frame.solved,
-            "reason": frame.error or frame.reason or None,
-            "ra_deg": _known(frame.ra_deg),
-            "dec_deg": _known(frame.dec_deg),
-            "roll_deg": _known(frame.roll_deg),
-            "scale_arcsec_px": _known(frame.scale_arcsec_px),
-            "stars": frame.detections,
-            **_pair("fwhm_px", sharp.fwhm_px if sharp else None),
-            **_pair("elongation", sharp.elongation if sharp else None),
-            **_pair("trail", sharp.trail if sharp else None),
-            "trail_deg": sharp.trail_deg if sharp else None,
-            **_pair("tilt_px", field.tilt if field else None),
-            "softest": field.softest if field else None,
-            **_pair("curvature_px", field.curvature if field else None),
-            **_pair("lost_mag", lost),
-            **_pair("cloud_mag", cloud),
-            "altitude_deg": sky.altitude_deg if sky else None,
-            "sun_altitude_deg": sky.sun_altitude_deg if sky else None,
-            "moon_altitude_deg": sky.moon_altitude_deg if sky else None,
-            "moon_distance_deg": sky.moon_distance_deg if sky else None,
-            "moon_lit": sky.moon_lit if sky else None,
-        }
+        yield frame_row(frame) | _pair("lost_mag", lost) | _pair("cloud_mag", cloud)
+
+
+def frame_row(frame: NightFrame) -> dict[str, Any]:
+    """What one frame says by itself; None for what is not known."""
+    sharp, sky = frame.sharp, frame.sky
+    field = sharp.field if sharp else None
+    return {
+        "file": frame.file,
+        "time_utc": frame.time_utc.isoformat() if frame.time_utc else None,
+        "exposure_s": frame.exposure_s,
+        "solved": frame.solved,
+        "reason": frame.error or frame.reason or None,
+        "ra_deg": _known(frame.ra_deg),
+        "dec_deg": _known(frame.dec_deg),
+        "roll_deg": _known(frame.roll_deg),
+        "scale_arcsec_px": _known(frame.scale_arcsec_px),
+        "stars": frame.detections,
+        **_pair("fwhm_px", sharp.fwhm_px if sharp else None),
+        **_pair("elongation", sharp.elongation if sharp else None),
+        **_pair("trail", sharp.trail if sharp else None),
+        "trail_deg": sharp.trail_deg if sharp else None,
+        **_pair("tilt_px", field.tilt if field else None),
+        "softest": field.softest if field else None,
+        **_pair("curvature_px", field.curvature if field else None),
+        **dict.fromkeys(("lost_mag", "lost_mag_sigma", "cloud_mag", "cloud_mag_sigma")),  # of a night's frames together
+        "altitude_deg": sky.altitude_deg if sky else None,
+        "sun_altitude_deg": sky.sun_altitude_deg if sky else None,
+        "moon_altitude_deg": sky.moon_altitude_deg if sky else None,
+        "moon_distance_deg": sky.moon_distance_deg if sky else None,
+        "moon_lit": sky.moon_lit if sky else None,
+    }
 
 
 def night_json(night: Night) -> dict[str, Any]:

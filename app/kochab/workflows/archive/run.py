@@ -1,0 +1,227 @@
+"""One run over an archive: chunks of what is left, rows as they come, parts of the dataset, and how far it is."""
+
+import os
+import platform
+import time
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from kochab.core import __version__
+from kochab.core.arrays import Array
+from kochab.core.progress import Progress
+from kochab.workflows.archive.dataset import Dataset
+from kochab.workflows.archive.inputs import Item, items_of
+from kochab.workflows.archive.row import Recipe, Session
+from kochab.workflows.archive.status import duration_text, is_fresh, page_of, summary_of
+from kochab.workflows.solution_json import Json
+
+PART_ROWS, PART_S, STATE_S, PAGE_S = 10_000, 60.0, 5.0, 30.0
+CHUNK_S, MOST_ITEMS = 5.0, 500
+"""A chunk takes so long: what a worker that is lost has to do again."""
+SESSIONS = 1000
+"""Folders whose last frame is remembered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Inputs of one folder for one worker; ``known`` are the hashes that their rows have, "" without."""
+
+    items: tuple[Item, ...]
+    known: tuple[str, ...]
+    recipe: Recipe
+    session: Session | None = None
+
+    def alone(self) -> "list[Chunk]":
+        """A chunk an input."""
+        pairs = zip(self.items, self.known, strict=True)
+        return [Chunk((item,), (known,), self.recipe, self.session) for item, known in pairs]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The rows of a chunk, and what its last frame tells of the next."""
+
+    folder: str
+    rows: list[Json]
+    session: Session | None = None
+
+
+@dataclass(slots=True)
+class Run:
+    """What of ``total`` inputs is left to do, ``left`` as `dataset.left_to_do` gives it, and what came of it.
+
+    ``index`` are the rows that are there; ``workers`` is told in the state.
+    """
+
+    dataset: Dataset
+    recipe: Recipe
+    total: int
+    left: pa.Table
+    index: pa.Table
+    workers: str = "1"
+    most_items: int = MOST_ITEMS
+    done: int = 0
+    solved: int = 0
+    failed: int = 0
+    cpu_s: float = 0.0
+    read_bytes: int = 0
+    _rows: list[Json] = field(default_factory=list)
+    _unchanged: list[Json] = field(default_factory=list)
+    _sessions: "OrderedDict[str, Session]" = field(default_factory=OrderedDict)
+    _there: Array = field(init=False)
+    _new: set[int] = field(default_factory=set)
+    _started: float = field(default_factory=time.monotonic)
+    _since: datetime = field(default_factory=lambda: datetime.now(UTC))
+    _mean_s: float = 0.5
+    _told: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        others = self.index.filter(pc.is_valid(self.index["content"])).select(["url", "content"])
+        others = others.join(self.left.select(["url"]), "url", join_type="left anti")
+        self._there = np.sort(np.array([_short(c) for c in others["content"].to_pylist()], dtype=np.uint64))
+
+    # -- What goes out -------------------------------------------------------------------------
+
+    def chunks(self) -> Iterator[Chunk]:
+        """What is left, folder by folder; each chunk is made when it is asked for, with what is known by then."""
+        waiting: list[tuple[Item, str]] = []
+        known = (value or "" for batch in self.left.to_batches(50_000) for value in batch["known"].to_pylist())
+        for pair in zip(items_of(self.left), known, strict=True):
+            if waiting and (waiting[0][0].folder != pair[0].folder or len(waiting) >= self._chunk_items()):
+                yield self._chunk(waiting)
+                waiting = []
+            waiting.append(pair)
+        if waiting:
+            yield self._chunk(waiting)
+
+    def _chunk_items(self) -> int:
+        return int(np.clip(CHUNK_S / max(self._mean_s, 1e-4), 1, self.most_items))
+
+    def _chunk(self, pairs: list[tuple[Item, str]]) -> Chunk:
+        items, known = zip(*pairs, strict=True)
+        return Chunk(items, known, self.recipe, self._sessions.get(items[0].folder))
+
+    # -- What comes back -----------------------------------------------------------------------
+
+    def take(self, outcome: Outcome) -> None:
+        """Keep the rows of a chunk; those gathered become a part now and then."""
+        if outcome.session is not None:
+            self._sessions[outcome.folder] = outcome.session
+            self._sessions.move_to_end(outcome.folder)
+            if len(self._sessions) > SESSIONS:
+                self._sessions.popitem(last=False)
+        for row in outcome.rows:
+            self.done += 1
+            if row.get("unchanged"):
+                self._unchanged.append(row)
+                continue
+            self.solved += bool(row["solved"])
+            self.failed += row.get("error") is not None
+            self.cpu_s += row.get("cpu_s") or 0.0
+            self.read_bytes += row.get("read_bytes") or 0
+            if wall := row.get("wall_s"):
+                self._mean_s += 0.05 * (wall - self._mean_s)
+            row["copy"] = self._is_copy(row.get("content"))
+            self._rows.append(row)
+        if len(self._rows) + len(self._unchanged) >= PART_ROWS or self._due("part", PART_S):
+            self.flush()
+        if self._due("state", STATE_S):
+            self.tell("running")
+
+    def _is_copy(self, content: str | None) -> bool:
+        """Whether another file of the dataset has this content; 64 bits of it are compared."""
+        if content is None:
+            return False
+        value = _short(content)
+        at = int(np.searchsorted(self._there, np.uint64(value)))
+        there = value in self._new or (at < len(self._there) and int(self._there[at]) == value)
+        self._new.add(value)
+        return there
+
+    def flush(self) -> None:
+        """Write what is gathered as a part."""
+        if self._unchanged:
+            old = self.dataset.old([row["content"] for row in self._unchanged])
+            for row in self._unchanged:
+                fresh = {name: row[name] for name in ("url", "stamp", "table_row", "width", "height")}
+                fresh = {name: value for name, value in fresh.items() if value or name not in ("width", "height")}
+                self._rows.append(old[row["content"]] | fresh | {"done_utc": datetime.now(UTC)})
+        if self._rows:
+            self.dataset.write(self._rows)
+        self._rows, self._unchanged = [], []
+
+    def _due(self, what: str, every_s: float) -> bool:
+        """Whether so long has passed since the last time; the first time is the run's begin."""
+        now = time.monotonic()
+        if now - self._told.setdefault(what, self._started) < every_s:
+            return False
+        self._told[what] = now
+        return True
+
+    # -- How far it is -------------------------------------------------------------------------
+
+    @property
+    def progress(self) -> Progress:
+        """For a line on the terminal."""
+        left = len(self.left)
+        text = f"{self.done} of {left}, {self.solved} solved"
+        text += f", {self.failed} failed" if self.failed else ""
+        if self.done:
+            text += f", {self.rate:.3g} a second, {duration_text((left - self.done) / self.rate)} left"
+        return Progress("solve", self.done / max(left, 1), text)
+
+    @property
+    def rate(self) -> float:
+        """Inputs a second since the beginning."""
+        return self.done / max(time.monotonic() - self._started, 1e-3)
+
+    def state(self, word: str) -> Json:
+        """What `Dataset.write_state` keeps; ``word`` is running, stopped or done."""
+        return {
+            **{"state": word, "host": platform.node(), "pid": os.getpid(), "version": __version__},
+            **{"started_utc": self._since.isoformat(), "updated_utc": datetime.now(UTC).isoformat()},
+            **{"inputs": self.total, "to_do": len(self.left), "done": self.done, "solved": self.solved},
+            **{"failed": self.failed, "rate_s": self.rate, "workers": self.workers, "recipe": self.recipe.digest},
+            **{"cpu_s": self.cpu_s, "read_bytes": self.read_bytes},
+        }
+
+    def tell(self, word: str) -> None:
+        """Write the state, and now and then, or at the end, the page."""
+        self.dataset.write_state(self.state(word))
+        if word != "running" or self._due("page", PAGE_S) or "first" not in self._told:
+            self._told["first"] = 0.0
+            self.dataset.write_page(page_of(summary_of(self.dataset), self.dataset.url))
+
+
+def other_run(dataset: Dataset) -> Json | None:
+    """A run of the same shard that is under way, by another process that still lives as far as we can tell."""
+    state = dataset.states().get(dataset.shard)
+    if state is None or state.get("state") != "running" or not is_fresh(state):
+        return None
+    if state.get("host") == platform.node() and not _lives(state.get("pid")):
+        return None
+    return state
+
+
+def _lives(pid: Any) -> bool:
+    """Whether a process is there; where that can't be asked (Windows), it is taken to be."""
+    if not isinstance(pid, int) or os.name == "nt":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _short(content: str) -> int:
+    return int(content[:16], 16)
