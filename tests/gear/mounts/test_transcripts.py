@@ -274,7 +274,7 @@ def test_ioptron_words() -> None:
         (b":MS1#", b"0"),
         (b":GLS#", b"+0288000050400000021911#"),
         (b":GEP#", b"-0441000002970000001#"),
-        (b":SR9#", b"1"),
+        (b":SR8#", b"1"),  # its "maximum" is not known
         (b":mw#", b""),
         (b":Q#", b"1"),
         (b":qR#", b"1"),

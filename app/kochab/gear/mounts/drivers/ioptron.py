@@ -20,7 +20,8 @@ class Ioptron(SerialMount):
     blind_stop = b"#" + b"".join(protocol.STOPS)
     bauds = (115200, 230400)
     tcp_port = 8899
-    rates_deg_s = (*(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512)), 4.0)
+    # Its ninth, "maximum", differs with the model: how far it would go, nobody could say before.
+    rates_deg_s = tuple(k * SIDEREAL_DEG_S for k in (1, 2, 8, 16, 64, 128, 256, 512))
 
     def start(self) -> None:
         """Its model."""
@@ -97,7 +98,7 @@ class Ioptron(SerialMount):
         self.talk.send(protocol.pulse(direction, milliseconds))
 
     def move(self, direction: Direction, rate_deg_s: float, seconds: float) -> None:
-        """At the nearest of nine rates."""
+        """At the nearest of its eight rates that are known."""
         since = self.talk.stops
         rate = protocol.move_rate(self.nearest_rate(rate_deg_s) + 1)
         self.require_accepted(rate, tr_noop("The mount does not accept this rate."))
