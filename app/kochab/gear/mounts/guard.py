@@ -43,6 +43,7 @@ COARSE_READ_BACK_ARCSEC = 240.0
 SLEWS_DEG_S = 0.1  # the slowest slew that may run on
 FAST_DEG_S = 4.0 * SIDEREAL_DEG_S  # what creeps more slowly shifts a sync by less than it is read back to
 FASTER, OVERRUN = 4.0, 1.25  # multiples of the angle asked for: at an unknown rate; the overrun of any move
+END_LOST_S = 2.0  # so long a move runs on whose end is lost, until it is seen to and is stopped again
 
 T = TypeVar("T")
 
@@ -523,7 +524,9 @@ class Guard:
             self.clock_and_site.compare(self.mount)
         state = self._settled_state() if angle > NUDGE_DEG else self.state()
         here = self.position()
-        plan, preview, region = self.policy.move(action, here, state, direction, angle, OVERRUN)
+        # The mount ends a pulse itself; the bytes that end a move can be lost.
+        farthest = max(angle, rate_deg_s * (seconds + END_LOST_S)) if action == "move" else angle
+        plan, preview, region = self.policy.move(action, here, state, direction, angle, farthest, OVERRUN)
         self._require_allowed(preview, confirmed=True)
         return SupervisedMotion(plan, region, known)
 

@@ -277,7 +277,8 @@ def past_meridian(plan: Plan) -> Findings:
     a mount that reports no side may be a fork.
     """
     side, limit = plan.state.pier_side, plan.limits.past_meridian_deg
-    turns_dec = abs(plan.target_deg[1] - plan.start_deg[1]) > SLACK_DEG
+    decs_deg = np.degrees(np.arcsin(np.concatenate(plan.paths)[:, 2]))
+    turns_dec = float(abs(decs_deg - plan.start_deg[1]).max()) > SLACK_DEG  # over the pole it may end as it began
     if plan.limits.crosses_meridian or side is None or plan.site is None or turns_dec:
         return
     along = np.degrees(np.unwrap(np.radians(plan.path_hour_angles_deg())))
@@ -498,7 +499,14 @@ class MotionPolicy:
         return plan, preview_of(plan, place, place, REST_RULES)
 
     def move(
-        self, action: str, here: Pointing, state: MountState, direction: Direction, angle_deg: float, overrun: float
+        self,
+        action: str,
+        here: Pointing,
+        state: MountState,
+        direction: Direction,
+        angle_deg: float,
+        farthest_deg: float,
+        overrun: float,
     ) -> tuple[Plan, Preview, Floats]:
         """A move or pulse, its preview, and the region where it may be seen.
 
@@ -514,13 +522,19 @@ class MotionPolicy:
             The way it moves.
         angle_deg : float
             How far.
+        farthest_deg : float
+            How far at the most, when the bytes that end it are lost: there, too, it must be within the limits.
         overrun : float
-            How many times as far it may be seen.
+            How many times as far as ``angle_deg`` it may be seen.
         """
         still = self.plan(action, here, state, (here.ra_deg, here.dec_deg))
         plan = with_move(still, direction, angle_deg)
+        preview = preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES)
+        if not preview.refusals:
+            far = with_move(still, direction, farthest_deg)
+            preview = preview_of(far, far.start_deg, far.target_deg, MOVE_RULES)
         (region,) = with_move(plan, direction, overrun * angle_deg).paths
-        return plan, preview_of(plan, plan.start_deg, plan.target_deg, MOVE_RULES), region
+        return plan, preview, region
 
     def tracking(self, here: Pointing, state: MountState, seconds: float = AHEAD_S) -> str:
         """Why it must not track on for so long, on its way to the west; empty when it may, or nothing is known."""
