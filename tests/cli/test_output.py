@@ -45,7 +45,7 @@ UNSOLVED = NoSolution(Reason.TRAILED, "Wait.", "tried", 5, {"total": 3.0}, {"tra
 def test_a_solution_has_the_keys_that_are_promised() -> None:
     out = json.loads(to_line(as_json("a.fits", SOLUTION)))
     assert set(out) >= SOLVED_KEYS
-    assert set(out["camera"]) == {"projection", "focal_px", "cx", "cy", "k1", "k2", "p1", "p2"}
+    assert set(out["camera"]) == {"projection", "focal_px", "cx", "cy", "k1", "k2", "p1", "p2", "aspect"}
     assert set(out["elapsed_ms"]) == {"read", "detect", "identify", "attitude", "total"}
     assert set(out["stars"][0]) == {"x", "y", "id", "name", "mag", "ra_deg", "dec_deg", "residual_px"}
     assert out["solved"] is True

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from kochab.attitude.fit import refine
-from kochab.core.attitude import Attitude, attitude_from
+from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.solution import Identification, Matches
 from kochab.solver import matches as growth
-from kochab.solver.matches import catalogue_sigma_rad, centroid_sigma, extend, stretch
+from kochab.solver.matches import catalogue_sigma_rad, centroid_sigma, extend
 
 CAMERA = Camera.centred(1600, 1000, 7600.0)
 ATTITUDE = attitude_from(84.0, -2.0, 25.0)
@@ -221,54 +221,6 @@ def test_a_catalogue_is_as_good_as_its_places_and_its_motions(mag, place, motion
         assert sigma == pytest.approx(np.hypot(place, motion * years))
 
 
-# -- A frame that is longer one way ---------------------------------------------------------------------
-
-
-def stretched(share, count=120, noise_px=0.0, false=0):
-    """A frame whose x is longer by a share, fitted as if its pixels were square."""
-    side = CAMERA.width
-    xy = scattered(count)
-    middle = np.array([799.5, 499.5])
-    seen = middle + (xy - middle) * [1.0 + share, 1.0]
-    seen += np.random.default_rng(2).normal(0.0, noise_px, seen.shape)
-    column = np.flatnonzero(np.abs(xy[:, 0] - 800.0) < 150.0)  # what a fit of square pixels holds on to
-    catalogue = Places(xy)
-    matches = Matches(column, column, seen[column], catalogue.places[column])
-    fit = refine(matches, CAMERA, ATTITUDE, rounds=1, distortion=False)
-    fit = replace(fit, camera=CAMERA, attitude=Attitude(ATTITUDE.matrix), rms_px=0.002 * side)
-    extra = np.random.default_rng(4).uniform(0.0, [1600.0, 1000.0], (false, 2))
-    detections = Detections.from_list(np.concatenate([seen, extra]), 1600, 1000)
-    return detections, matches, fit, catalogue
-
-
-@pytest.mark.parametrize("share", [0.03, 0.06])
-def test_a_stretched_frame_tells_by_how_much(share) -> None:
-    assert stretch(*stretched(share), 2024.0) == pytest.approx(share, rel=1e-3)
-
-
-def test_a_frame_that_fits_or_is_square_is_not_called_stretched() -> None:
-    """A residual of 0.15 % of the larger side is a good fit; twice the stars must agree with the stretch."""
-    detections, matches, fit, catalogue = stretched(0.05)
-    for rms_px, told in ((0.00149 * 1600, False), (0.00151 * 1600, True)):
-        answer = stretch(detections, matches, replace(fit, rms_px=rms_px), catalogue, 2024.0)
-        assert (answer is not None) is told
-    assert stretch(*stretched(0.0), 2024.0) is None
-
-
-def test_a_stretch_needs_ten_stars() -> None:
-    detections, matches, fit, catalogue = stretched(0.05)
-    for count, told in ((10, True), (9, False)):
-        few = Matches(*(part[:count] for part in (matches.detection, matches.star, matches.xy, matches.vectors)))
-        assert (stretch(detections, few, fit, catalogue, 2024.0) is not None) is told
-
-
-def test_a_stretch_looks_at_twice_the_detections_in_the_field_and_at_no_more_than_half_the_sky() -> None:
-    detections, matches, fit, catalogue = stretched(0.05)
-    stretch(detections, matches, fit, catalogue, 2024.0)
-    ((_, radius, count, year),) = catalogue.asked
-    assert (radius, count, year) == (pytest.approx(np.arctan(DIAGONAL_PX / 7600.0)), 240, 2024.0)
-
-
 def test_the_errors_of_centroids_are_those_of_the_fit(fits) -> None:
     """Every fit on the way knows which stars are faint, except the first, of the identification's stars."""
     xy = scattered(50)
@@ -293,16 +245,3 @@ def test_no_more_than_half_the_sky_is_asked_for() -> None:
         Detections.from_list(xy, 1600, 1000), Identification(matches, wide, ATTITUDE, -12.0, "known"), catalogue, 2024.0
     )
     assert catalogue.asked[0][1] == pytest.approx(np.pi / 2.0)
-    detections, matches, fit, catalogue = stretched(0.05)
-    stretch(detections, matches, replace(fit, camera=replace(wide, cx=400.0)), catalogue, 2024.0)
-    assert catalogue.asked[0][1] == pytest.approx(np.pi / 2.0)
-
-
-@pytest.mark.parametrize(("share", "told"), [(0.012, True), (0.0065, False)])
-def test_a_stretch_is_believed_when_twice_as_many_stars_agree_with_it(share, told) -> None:
-    """A third of the stars agree without it, or six tenths, those near the middle; all of them with it."""
-    detections, matches, fit, catalogue = stretched(share)
-    near = np.count_nonzero(share * np.abs(scattered(120)[:, 0] - 799.5) < 3.2) / 120.0
-    assert bool(near < 0.45) is told
-    answer = stretch(detections, matches, fit, catalogue, 2024.0)
-    assert answer == (pytest.approx(share, rel=1e-2) if told else None)

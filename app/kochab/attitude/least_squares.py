@@ -113,8 +113,7 @@ def project_with_jacobian(camera: Camera, vectors: Floats) -> tuple[Floats, Floa
     np.multiply(jacobian[6], r2, out=jacobian[7])
     jacobian[8, 0] = jacobian[9, 1] = 2.0 * uv
     jacobian[8, 1], jacobian[9, 0] = r2 + 2.0 * square[::-1]
-    f = camera.focal_px
-    shape = np.array([[-f if camera.mirrored else f], [f]])
+    shape = camera.focal_xy_px[:, None]
     jacobian *= shape
     jacobian[4, 0] = jacobian[5, 1] = 1.0
     pixels = shape * bent + np.array([[camera.cx], [camera.cy]])
@@ -137,6 +136,7 @@ def moved(camera: Camera, matrix: Floats, step: Floats) -> tuple[Camera, Floats]
         c.p1 + p1,
         c.p2 + p2,
         c.mirrored,
+        c.aspect,
     )
     return after, small_rotation(np.array([x, y, z])) @ matrix
 
@@ -151,7 +151,7 @@ def sane(camera: Camera) -> bool:
         return True
     w, h = camera.width - 1.0, camera.height - 1.0
     corners = np.array([[0, 0], [w, 0], [w, h], [0, h]])
-    ray = (corners - [camera.cx, camera.cy]) / camera.focal_px
+    ray = (corners - [camera.cx, camera.cy]) / camera.focal_xy_px
     # A corner may lie beyond a lens's circle, where nothing is seen.
     ray = ray * np.minimum(1.0, camera.circle_rad / np.hypot(*ray.T))[:, None]
     ray = ray * np.linspace(0.05, 1.0, 24)[:, None, None]
@@ -355,7 +355,8 @@ def without_distortion(state: FitState) -> FitState:
 
 def undistorted(camera: Camera) -> Camera:
     """The same camera without distortion, its axis in the frame's middle."""
-    return type(camera).centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
+    plain = type(camera).centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
+    return replace(plain, aspect=camera.aspect)
 
 
 def _plain_but(state: FitState, free: Indices) -> FitState:

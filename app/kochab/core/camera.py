@@ -7,8 +7,9 @@ Camera axes: x right, y down, z out along the boresight. A point of the tangent 
     ud = u radial + 2 p1 u v + p2 (r2 + 2 u^2)
     vd = v radial + p1 (r2 + 2 v^2) + 2 p2 u v
 
-and the pixel is ``x = cx + s f ud, y = cy + f vd`` with ``s = -1`` for a mirrored frame, else +1. A mirrored camera's
-x axis therefore points to the left of the screen, so that the attitude stays a proper rotation.
+and the pixel is ``x = cx + s a f ud, y = cy + f vd`` with ``s = -1`` for a mirrored frame, else +1, and ``a`` the
+aspect ratio of an image that was resized, 1 for square pixels. A mirrored camera's x axis therefore points to the left
+of the screen, so that the attitude stays a proper rotation.
 
 Behind a fisheye lens the point is ``(u, v) = theta (X, Y) / hypot(X, Y)``, theta the angle from the boresight: the
 equidistant projection, bent by the same terms (Kannala and Brandt 2006, IEEE Trans. PAMI 28, 1335, whose odd powers of
@@ -28,7 +29,10 @@ FIELDS = 1.5  # how far beside the frame places are told, in half diagonals
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Optics of one frame; lengths in px, pixel (0, 0) is the centre of the first pixel."""
+    """Optics of one frame; lengths in px, pixel (0, 0) is the centre of the first pixel.
+
+    ``focal_px`` counts pixels along y; along x there are ``aspect`` times as many to the same angle.
+    """
 
     projection: ClassVar[str] = "gnomonic"
     widest_deg: ClassVar[float] = 180.0
@@ -44,6 +48,7 @@ class Camera:
     p1: float = 0.0
     p2: float = 0.0
     mirrored: bool = False
+    aspect: float = 1.0
 
     @classmethod
     def centred(cls, width: int, height: int, focal_px: float, mirrored: bool = False) -> "Camera":
@@ -62,18 +67,24 @@ class Camera:
 
     @property
     def scale_arcsec_px(self) -> float:
-        """Pixel scale at the principal point."""
-        return float(np.degrees(1.0 / self.focal_px) * 3600.0)
+        """Pixel scale at the principal point, the mean of both directions."""
+        return float(np.degrees(1.0 / (self.focal_px * self.aspect**0.5)) * 3600.0)
+
+    @property
+    def focal_xy_px(self) -> Floats:
+        """Focal lengths (2,) along the pixels' rows, negative for a mirrored frame, and columns, px."""
+        return np.array([(-self.aspect if self.mirrored else self.aspect) * self.focal_px, self.focal_px])
 
     @property
     def fov_deg(self) -> tuple[float, float]:
         """Width and height of the undistorted field, edge to edge."""
-        w, h = np.degrees(2.0 * np.arctan(np.array([self.width, self.height]) / (2.0 * self.focal_px)))
+        sides = np.array([self.width / self.aspect, self.height])
+        w, h = np.degrees(2.0 * np.arctan(sides / (2.0 * self.focal_px)))
         return float(w), float(h)
 
     @classmethod
     def sides_px(cls, focal_px: float, fov_deg: Floats) -> Floats:
-        """The sides (2,) px of a frame with this focal length and field, as :attr:`fov_deg` says it."""
+        """The sides (2,) of a frame with this focal length and field, in square px, as :attr:`fov_deg` says it."""
         return np.asarray(2.0 * focal_px * np.tan(np.radians(fov_deg) / 2.0))
 
     def project(self, vectors: Floats) -> Floats:
@@ -87,8 +98,7 @@ class Camera:
     def unproject(self, pixels: Floats) -> Floats:
         """Unit vectors (N, 3) in camera axes of pixels (N, 2)."""
         p = np.asarray(pixels, dtype=np.float64)
-        sign = -1.0 if self.mirrored else 1.0
-        uvd = np.stack([sign * (p[..., 0] - self.cx), p[..., 1] - self.cy], axis=-1) / self.focal_px
+        uvd = (p - (self.cx, self.cy)) / self.focal_xy_px
         return self.rays(self._straighten(uvd) if self.distorted else uvd)
 
     def plane(self, vectors: Floats) -> Floats:
@@ -175,8 +185,7 @@ class Camera:
         return uv
 
     def _pixels(self, uvd: Floats) -> Floats:
-        sign = -1.0 if self.mirrored else 1.0
-        return np.stack([self.cx + sign * self.focal_px * uvd[..., 0], self.cy + self.focal_px * uvd[..., 1]], axis=-1)
+        return np.asarray(uvd * self.focal_xy_px + (self.cx, self.cy))
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,12 +199,12 @@ class FisheyeCamera(Camera):
     @property
     def fov_deg(self) -> tuple[float, float]:
         """Width and height of the undistorted field, edge to edge."""
-        w, h = np.degrees(np.array([self.width, self.height]) / self.focal_px)
+        w, h = np.degrees(np.array([self.width / self.aspect, self.height]) / self.focal_px)
         return float(w), float(h)
 
     @classmethod
     def sides_px(cls, focal_px: float, fov_deg: Floats) -> Floats:
-        """The sides (2,) px of a frame with this focal length and field."""
+        """The sides (2,) of a frame with this focal length and field, in square px."""
         return np.asarray(focal_px * np.radians(fov_deg))
 
     def plane(self, vectors: Floats) -> Floats:

@@ -74,8 +74,7 @@ def _cd_matrix(camera: Camera, attitude: Attitude) -> Floats:
     """Degrees of (east, north) on the tangent plane a pixel of (x, y)."""
     matrix = attitude.matrix
     east, north = east_north(attitude.boresight)
-    axes = matrix[:2] * np.array([[-1.0 if camera.mirrored else 1.0], [1.0]])
-    return np.asarray(np.degrees(np.stack([axes @ east, axes @ north]) / camera.focal_px))
+    return np.asarray(np.degrees(np.stack([matrix[:2] @ east, matrix[:2] @ north]) / camera.focal_xy_px))
 
 
 def _sip_cards(camera: Camera) -> list[tuple[str, Any, str]]:
@@ -109,8 +108,7 @@ def _grids(camera: Camera) -> tuple[Floats, Floats]:
     # With fewer than half the points the polynomial would be free over most of the frame.
     if fisheye or np.count_nonzero(seen) > len(seen) // 2:
         pixels, flat = pixels[seen], flat[seen]
-    sign = np.array([-1.0 if camera.mirrored else 1.0, 1.0])
-    return pixels - np.array([camera.cx, camera.cy]), sign * camera.focal_px * flat
+    return pixels - np.array([camera.cx, camera.cy]), camera.focal_xy_px * flat
 
 
 def _fold_radius(camera: Camera) -> float:

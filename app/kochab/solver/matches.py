@@ -174,60 +174,6 @@ def match_errors(
     return np.hypot(sigma_px[matches.detection], catalogue_px), median(catalogue_px)
 
 
-POOR_FIT = 0.0015
-"""Residuals of this RMS, over the frame's larger side, have a cause that the camera model lacks."""
-SAME_PLACE = 0.002
-"""Matches this close, over the larger side, tell which of two models is right."""
-STRETCH_ROUNDS, FEWEST_TO_STRETCH = 8, 10
-
-
-def stretch(detections: Detections, matches: Matches, fit: Fit, catalogue: StarCatalogue, year: float) -> float | None:
-    """By what share a poorly fitted frame is longer one way than across; None when that is not why.
-
-    A stretched image agrees with the sky along a line or in a corner, and a fit of square pixels to
-    that part is turned by as much as the image is stretched: several degrees. So any linear map
-    from where the fit puts the stars to where they are seen is tried, and believed when it makes at
-    least twice as many stars agree.
-
-    Parameters
-    ----------
-    detections : Detections
-        All of the frame.
-    matches : Matches
-        Those that agree with a part of the sky.
-    fit : Fit
-        Of square pixels to them.
-    catalogue : StarCatalogue
-        Where stars are looked up.
-    year : float
-        Epoch of their places, Julian year.
-    """
-    camera = fit.camera
-    side = float(max(camera.width, camera.height))
-    if fit.rms_px < POOR_FIT * side:
-        return None
-    centre, radius = field_centre(camera, fit.attitude)
-    rows = catalogue.brightest(centre, min(radius, np.pi / 2), 2 * len(detections), year)
-    vectors = catalogue.vectors(rows, year) @ fit.attitude.matrix.T
-    before = len(mutual_nearest(detections.xy, camera.project(vectors), SAME_PLACE * side)[0])
-    plain = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)  # distortion may have bent to the stretch
-    expected = plain.project(vectors)
-    seen, place = matches.xy, plain.project(matches.vectors @ fit.attitude.matrix.T)
-    tolerance, linear = POOR_FIT * side * 6.0, np.eye(3)[:, :2]
-    for _ in range(STRETCH_ROUNDS):
-        if len(seen) < FEWEST_TO_STRETCH:
-            return None
-        design = np.column_stack([place, np.ones(len(place))])
-        linear = np.asarray(np.linalg.lstsq(design, seen, rcond=None)[0], dtype=np.float64)
-        moved = expected @ linear[:2] + linear[2]
-        i, j = mutual_nearest(detections.xy, moved, tolerance)
-        seen, place = detections.xy[i], expected[j]
-        tolerance = max(0.8 * tolerance, SAME_PLACE * side)
-    after = len(mutual_nearest(detections.xy, moved, SAME_PLACE * side)[0])
-    longer, shorter = np.linalg.svd(linear[:2], compute_uv=False)
-    return float(longer / shorter - 1.0) if after >= max(2 * before, FEWEST_TO_STRETCH) else None
-
-
 # -- What the catalogue itself may be off by at the frame's epoch -----------------------------------
 # Hipparcos (V < 8, nearly all that are so bright): 1 mas and 1 mas/yr. Tycho-2: 7 mas to V 9 and 60 mas for the
 # faintest at 1991.25, motions to 2.5 mas/yr (Hoeg et al. 2000, A&A 355, L27). Neighbouring motions share an error of

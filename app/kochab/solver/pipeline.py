@@ -262,6 +262,8 @@ def _searches(request: _Request) -> Iterator[Task[Identification | NoSolution]]:
         yield _identify_few(request)
     if _may_climb(request):
         yield _climb(request)
+        if len(detections) >= FEWEST_STARS:
+            yield _stretched_back(request)
 
 
 def _may_climb(request: _Request) -> bool:
@@ -308,6 +310,13 @@ def _climb(request: _Request) -> Task[Identification | NoSolution]:
         return (yield from request.clock.watch(climb(request.detections, request.year)))
 
 
+def _stretched_back(request: _Request) -> Task[Identification | NoSolution]:
+    from kochab.solver.aspect import search_stretched
+
+    with request.clock.stage("identify"):
+        return (yield from request.clock.watch(search_stretched(request.detections, request.year)))
+
+
 @cache
 def _catalogue() -> "Catalogue":
     """One catalogue a process: its table of names is read once."""
@@ -327,12 +336,12 @@ def _identify(request: _Request, hint: Hint | None) -> Task[Identification | NoS
 
 
 def _conclude(request: _Request, found: Identification) -> Solution | NoSolution:
+    from kochab.solver.aspect import fitted
     from kochab.solver.matches import (
         behind_its_lens,
         centroid_sigma,
         extend,
         match_errors,
-        stretch,
         with_catalogue_error,
         with_unknown_date,
     )
@@ -341,27 +350,31 @@ def _conclude(request: _Request, found: Identification) -> Solution | NoSolution
     usable = request.detections.take(slice(0, options.max_stars))
     scale = options.hint.focal_px if options.hint else None
     focal = FocalPrior.of_range(*scale) if scale else None  # the fit drops it if the stars contradict it
-    grow = partial(extend, distortion=options.distortion, focal=focal, worst_px=options.worst_px)
-    matches, fit = behind_its_lens(partial(grow, usable, catalogue=catalogue, year=year), found)
-    # the stars are right even so, but the pointing may be turned by degrees
-    stretched = stretch(usable, matches, fit, catalogue, year)
-    if stretched is not None:
+    more = partial(
+        extend, catalogue=catalogue, year=year, distortion=options.distortion, focal=focal, worst_px=options.worst_px
+    )
+
+    def grow(stars: Detections, start: Identification) -> tuple[Matches, Fit]:
+        return behind_its_lens(partial(more, stars), start)
+
+    matches, fit, stretched = fitted(grow, usable, found, catalogue, year)
+    if stretched is not None:  # the stars are right even so, but the pointing may be turned by degrees
         return NoSolution(
             Reason.DISTORTION_TOO_STRONG,
             tr(
                 "The image is stretched by {stretched:.1f} % in one direction, its pixels are not square: "
                 "resize it back, then solve again.",
-                stretched=100.0 * stretched,
+                stretched=100.0 * stretched.share,
             ),
             tried=tr("{matches} stars matched in a part of the frame", matches=len(matches)),
-            measured={"stretch_share": stretched},
+            measured={"stretch_share": stretched.share},
         )
+    warnings = _stretched_text(fit.camera.aspect)
     seen = matches
-    warnings: tuple[str, ...] = ()
     if options.aberration:
         moment = options.hint.taken_utc if options.hint else None
         if moment is None:
-            warnings = (tr("Aberration is not corrected: the frame has no date."),)
+            warnings += (tr("Aberration is not corrected: the frame has no date."),)
         else:
             errors = match_errors(centroid_sigma(usable), matches, fit.camera.focal_px, catalogue, year)
             seen, fit = geometric_fit(matches, fit, moment, *errors, focal, options.worst_px)
@@ -374,6 +387,18 @@ def _conclude(request: _Request, found: Identification) -> Solution | NoSolution
         attitude = with_unknown_date(attitude, matches, catalogue.vectors(matches.star, year + UNKNOWN_YEAR_SIGMA))
     fit = replace(fit, attitude=attitude)
     return replace(build_solution(matches, fit, found, catalogue), warnings=warnings)
+
+
+def _stretched_text(aspect: float) -> tuple[str, ...]:
+    """What a camera's aspect ratio means for a person."""
+    if aspect == 1.0:
+        return ()
+    share = 100.0 * (max(aspect, 1.0 / aspect) - 1.0)
+    if aspect > 1.0:
+        return (
+            tr("The image is stretched by {share:.1f} % along its width; the solution allows for it.", share=share),
+        )
+    return (tr("The image is stretched by {share:.1f} % along its height; the solution allows for it.", share=share),)
 
 
 def geometric_fit(

@@ -34,7 +34,7 @@ def to_line(value: Json) -> str:
 def _solved(file: str, s: "Solution") -> Json:
     ra, dec = s.ra_dec_deg
     camera, attitude, axis = s.camera, s.centre_attitude, s.attitude
-    terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2")
+    terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2", "aspect")
     return {
         "file": file,
         "solved": True,

@@ -84,6 +84,8 @@ def camera_text(s: Solution) -> str:
     text = tr("f = {focal:.1f} px, no distortion fitted", focal=c.focal_px)
     if c.distorted:
         text = tr("f = {focal:.1f} px, k1 = {k1}", focal=c.focal_px, k1=number(c.k1, "+.4g").replace("-", "−"))
+    if c.aspect != 1.0:
+        text = tr("{camera}, pixels {aspect:.4f} times as tall as wide", camera=text, aspect=c.aspect)
     return tr("fisheye, {camera}", camera=text) if isinstance(c, FisheyeCamera) else text
 
 

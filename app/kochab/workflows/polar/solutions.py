@@ -203,10 +203,14 @@ def _camera(row: Mapping[str, Any]) -> Camera:
         camera_numbers["focal_px"] > 0.0 and (fov_deg > 0.0).all() and (fov_deg < lens.widest_deg).all()
     ):
         raise ValueError("camera")
-    width, height = map(round, lens.sides_px(camera_numbers["focal_px"], fov_deg).tolist())
+    aspect = float(row["camera"].get("aspect", 1.0))
+    if not 0.1 < aspect < 10.0:
+        raise ValueError("camera")
+    sides = lens.sides_px(camera_numbers["focal_px"], fov_deg) * (aspect, 1.0)
+    width, height = map(round, sides.tolist())
     if not 2 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
         raise ValueError("fov_deg")
-    return lens(width, height, **camera_numbers, mirrored=bool(row["mirrored"]))
+    return lens(width, height, **camera_numbers, mirrored=bool(row["mirrored"]), aspect=aspect)
 
 
 def _star(given: Mapping[str, Any]) -> NamedStar:

@@ -1,0 +1,153 @@
+"""Images that were resized: the aspect ratio by the stars, fitted, told, and kept in everything that is made of it."""
+
+import io
+from contextlib import redirect_stdout
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from astropy.io.fits import Header
+from astropy.wcs import WCS
+
+from kochab.attitude.fit import refine
+from kochab.attitude.least_squares import project_with_jacobian
+from kochab.core.attitude import Attitude, apart_deg, radec_deg
+from kochab.core.camera import PROJECTIONS
+from kochab.core.frame import Detections
+from kochab.core.progress import run
+from kochab.core.solution import Matches, Solution
+from kochab.core.wcs import wcs_cards
+from kochab.simulate.random_fields import FieldPlan, random_field
+from kochab.sky import open_catalogue
+from kochab.solver.aspect import resized, stretch
+from kochab.solver.pipeline import solve_detections
+from kochab.workflows.polar.solutions import _camera
+from kochab.workflows.solution_json import _solved
+from kochab.workflows.solution_text import camera_text
+from tests.solver.test_growth import ATTITUDE, CAMERA, DIAGONAL_PX, Places, scattered
+
+
+def field(fov_deg, seed, share):
+    """A random field whose image was made ``share`` longer along its rows; its truth."""
+    truth = random_field(open_catalogue(), np.random.default_rng([3, seed]), FieldPlan(fov_deg, spurious=0.1))
+    return resized(truth.detections, 1.0 + share), truth
+
+
+def off_deg(solution, truth, share):
+    """How far the middle and the corners are from where they truly are, degrees."""
+    side = truth.camera.width - 1.0
+    places = np.array([[side / 2, side / 2], [0.0, 0.0], [side, 0.0], [0.0, side], [side, side]])
+    sky = truth.camera.unproject(places) @ truth.attitude.matrix
+    places[:, 0] = (places[:, 0] + 0.5) * (1.0 + share) - 0.5
+    return [apart_deg(radec_deg(a), radec_deg(b)) for a, b in zip(solution.sky_at(places), sky, strict=True)]
+
+
+# Before, all of these were refused.
+@pytest.mark.parametrize("fov_deg", [8.0, 30.0])
+@pytest.mark.parametrize("share", [0.012, 0.03, -0.03, 0.06, 0.125, 0.2, -0.12])
+def test_a_resized_image_solves_with_its_aspect_ratio(fov_deg, share):
+    found = 0
+    for seed in range(4):
+        detections, truth = field(fov_deg, seed, share)
+        answer = run(solve_detections(detections))
+        if isinstance(answer, Solution):
+            assert answer.camera.aspect == pytest.approx(1.0 + share, rel=2e-3)
+            assert max(off_deg(answer, truth, share)) < 0.004 * fov_deg
+            assert any(
+                f"stretched by {100 * (max(1 + share, 1 / (1 + share)) - 1):.1f}"[:16] in w for w in answer.warnings
+            )
+            found += 1
+    assert found >= 3
+
+
+@pytest.mark.parametrize("fov_deg", [8.0, 30.0])
+def test_square_pixels_stay_square(fov_deg):
+    for seed in range(4):
+        answer = run(solve_detections(field(fov_deg, seed, 0.0)[0]))
+        assert answer.camera.aspect == 1.0
+        assert answer.warnings == ()
+
+
+def test_a_stretched_solution_reads_back_from_its_wcs_json_and_profile():
+    detections, _ = field(8.0, 1, 0.06)
+    solution = run(solve_detections(detections))
+    assert isinstance(solution, Solution)
+    with redirect_stdout(io.StringIO()):
+        wcs = WCS(Header(wcs_cards(solution.camera, solution.attitude)))
+    places = np.array([[0.0, 0.0], [800.0, 20.0], [400.0, 900.0]])
+    for place, (ra, dec) in zip(places, wcs.all_pix2world(places, 0), strict=True):
+        assert apart_deg((ra, dec), radec_deg(solution.sky_at(place[None])[0])) * 3600.0 < 0.1
+    row = _solved("a.png", solution)
+    camera = _camera(row)
+    assert camera.aspect == solution.camera.aspect
+    assert (camera.width, camera.height) == (solution.camera.width, solution.camera.height)
+    assert "times as tall as wide" in camera_text(solution)
+
+
+@pytest.mark.parametrize("lens", PROJECTIONS.values())
+def test_the_derivatives_of_a_stretched_camera(lens):
+    camera = lens(1600, 1000, 900.0, 810.0, 490.0, 0.05, -0.01, 1e-3, -2e-3, True, 1.13)
+    rays = camera.unproject(np.array([[100.0, 120.0], [900.0, 400.0], [1500.0, 900.0]]))
+    seen, slope = project_with_jacobian(camera, rays)
+    np.testing.assert_allclose(seen, camera.project(rays), atol=1e-9)
+    longer = replace(camera, focal_px=camera.focal_px * (1.0 + 1e-6)).project(rays)
+    np.testing.assert_allclose(slope[:, :, 3], (longer - seen) / 1e-6, rtol=1e-4, atol=1e-3)
+
+
+# -- What the map of places tells ---------------------------------------------------------------------
+
+
+def stretched(share, count=120, noise_px=0.0, false=0):
+    """A frame whose x is longer by a share, fitted as if its pixels were square."""
+    side = CAMERA.width
+    xy = scattered(count)
+    middle = np.array([799.5, 499.5])
+    seen = middle + (xy - middle) * [1.0 + share, 1.0]
+    seen += np.random.default_rng(2).normal(0.0, noise_px, seen.shape)
+    column = np.flatnonzero(np.abs(xy[:, 0] - 800.0) < 150.0)  # what a fit of square pixels holds on to
+    catalogue = Places(xy)
+    matches = Matches(column, column, seen[column], catalogue.places[column])
+    fit = refine(matches, CAMERA, ATTITUDE, rounds=1, distortion=False)
+    fit = replace(fit, camera=CAMERA, attitude=Attitude(ATTITUDE.matrix), rms_px=0.002 * side)
+    extra = np.random.default_rng(4).uniform(0.0, [1600.0, 1000.0], (false, 2))
+    detections = Detections.from_list(np.concatenate([seen, extra]), 1600, 1000)
+    return detections, matches, fit, catalogue
+
+
+@pytest.mark.parametrize("share", [0.03, 0.06])
+def test_a_stretched_frame_tells_by_how_much(share) -> None:
+    assert stretch(*stretched(share), 2024.0).share == pytest.approx(share, rel=1e-3)
+
+
+def test_a_frame_that_fits_or_is_square_is_not_called_stretched() -> None:
+    """A residual of 0.05 % of the larger side is a good fit."""
+    detections, matches, fit, catalogue = stretched(0.05)
+    for rms_px, told in ((0.00049 * 1600, False), (0.00051 * 1600, True)):
+        answer = stretch(detections, matches, replace(fit, rms_px=rms_px), catalogue, 2024.0)
+        assert (answer is not None) is told
+    assert stretch(*stretched(0.0), 2024.0).aspect is None
+
+
+def test_a_stretch_needs_ten_stars() -> None:
+    detections, matches, fit, catalogue = stretched(0.05)
+    for count, told in ((10, True), (9, False)):
+        few = Matches(*(part[:count] for part in (matches.detection, matches.star, matches.xy, matches.vectors)))
+        assert (stretch(detections, few, fit, catalogue, 2024.0) is not None) is told
+
+
+def test_a_stretch_looks_at_twice_the_detections_in_the_field_and_at_no_more_than_half_the_sky() -> None:
+    detections, matches, fit, catalogue = stretched(0.05)
+    stretch(detections, matches, fit, catalogue, 2024.0)
+    ((_, radius, count, year),) = catalogue.asked
+    assert (radius, count, year) == (pytest.approx(np.arctan(DIAGONAL_PX / 7600.0)), 240, 2024.0)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.012, True), (0.0065, False)])
+def test_a_stretch_is_sure_when_twice_as_many_stars_agree_with_it(share, told) -> None:
+    """A third of the stars agree without it, or six tenths, those near the middle; all of them with it."""
+    detections, matches, fit, catalogue = stretched(share)
+    near = np.count_nonzero(share * np.abs(scattered(120)[:, 0] - 799.5) < 3.2) / 120.0
+    assert bool(near < 0.45) is told
+    answer = stretch(detections, matches, fit, catalogue, 2024.0)
+    assert answer.share == pytest.approx(share, rel=1e-2)
+    assert answer.sure is told
