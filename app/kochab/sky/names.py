@@ -96,7 +96,7 @@ class StarNames:
 
     def _name(self, hip: int, row: int) -> str:
         name, designation, also = self.table.get(hip, ("", "", ""))
-        first = int(np.searchsorted(self.bright.column("hip"), hip))  # the brightest component
+        first = self._row_of(hip)  # the brightest component
         bright = int(self.bright.column("mag")[first]) < NAMED_TO_V * 1e3
         if name and (bright or name in WELL_KNOWN):
             return name
@@ -104,6 +104,11 @@ class StarNames:
             return printed(designation, also.split(";"))
         hd = int(self.bright.column("hd")[row])
         return f"HD {hd}" if hd else name
+
+    def _row_of(self, hip: int) -> int:
+        """The first row of a HIP number."""
+        numbers = self.bright.column("hip")
+        return int(numbers.searchsorted(numbers.dtype.type(hip)))  # a number of its own type: nothing is copied
 
     def row_called(self, name: str) -> int | None:
         """The bright row of a star called ``name``; None when none is.
@@ -117,7 +122,7 @@ class StarNames:
         if number is not None:
             return number
         hip = self._by_name.get(" ".join(words), self._by_name.get(_plain(key)))
-        return None if hip is None else int(np.searchsorted(self.bright.column("hip"), hip))
+        return None if hip is None else self._row_of(hip)
 
     def _numbered(self, key: str) -> int | None:
         for prefix in ("hip", "hd", "hr", "sao"):
