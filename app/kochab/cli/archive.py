@@ -144,9 +144,12 @@ def _work(args: argparse.Namespace, this: "Run") -> None:
     line(Progress("start", None, f"{len(this.left)} of {this.total} inputs to do"))
     try:
         with _outcomes(args, this) as outcomes:
-            for outcome in outcomes:
-                this.take(outcome)
-                line(this.progress)
+            try:
+                for outcome in outcomes:
+                    this.take(outcome)
+                    line(this.progress)
+            finally:
+                this.flush()  # before workers are waited for
     finally:
         line.clear()
 

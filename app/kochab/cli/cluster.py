@@ -4,6 +4,7 @@ Dask starts, watches and restarts the workers, and gives a lost worker's chunk t
 takes it is found here: its chunk is parted, and the one input that kills a worker which has nothing else is told.
 """
 
+import signal
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -20,7 +21,16 @@ PATIENCE_S = 20
 """To reach a scheduler."""
 WAITING = 2
 """Chunks a worker has in hand or before it: none waits for us, and few are lost with us."""
-SILENCE = {"distributed.logging.distributed": "critical", "logging.distributed": "critical"}
+SETTINGS = {
+    "logging.distributed": "critical",  # a worker that ends is not an event here
+    "distributed.worker.preload": [__name__],
+    "distributed.scheduler.allowed-failures": 1,  # of a chunk; before an input is told it has three times as many
+    "distributed.scheduler.no-workers-timeout": "120s",  # of those here; a cluster of others may make us wait
+    # Dask has workers give memory back at once: the pages of every array are asked for anew, 60 % more processor time.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
+}
+HERE = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50, "memory_limit": 0}
+STARTS = 5
 KILLED = "Its worker process was ended from outside each time, most likely for lack of memory."
 
 
@@ -33,12 +43,9 @@ def cluster(address: str | None, workers: int) -> "Iterator[Client]":
     import dask
     from distributed import Client, LocalCluster
 
-    with dask.config.set(SILENCE):
+    with dask.config.set(SETTINGS):
         if address is None:
-            made: Any = LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50, memory_limit=0
-            )
-            with made, Client(made) as client:
+            with _started(partial(LocalCluster, workers, threads_per_worker=1, **HERE)) as here, Client(here) as client:
                 yield client
             return
         where = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
@@ -49,6 +56,22 @@ def cluster(address: str | None, workers: int) -> "Iterator[Client]":
         with client:
             _check_versions(client)
             yield client
+
+
+def dask_setup(worker: object) -> None:
+    """What Dask calls in a worker that starts here: Ctrl-C is the business of whoever asked for the work."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _started(make: Callable[[], Any]) -> Any:
+    """A cluster; made again where a worker was ended while it started."""
+    for left in reversed(range(STARTS)):
+        try:
+            return make()
+        except RuntimeError:
+            if not left:
+                raise
+    raise AssertionError
 
 
 def _plain(error: Exception) -> str:
@@ -111,6 +134,7 @@ def _rounds(
 ) -> Generator[Outcome, None, None]:
     """Outcomes of what ``take`` gives; chunks that ended their workers go to ``again`` in parts, or to ``killers``."""
     from distributed import KilledWorker, as_completed
+    from distributed.scheduler import NoValidWorkerError
 
     waiting: dict[str, Chunk] = {}
     done = as_completed()
@@ -127,6 +151,8 @@ def _rounds(
         chunk = waiting.pop(future.key)
         try:
             yield future.result()
+        except NoValidWorkerError:
+            raise UsageError("All workers ended and none could be started again.") from None
         except KilledWorker:
             (again.extend if len(chunk.items) > 1 else killers.extend)(chunk.alone())
         fill()

@@ -63,6 +63,7 @@ COST = {
 }
 SCHEMA = pa.schema([*(IDENTITY | ANSWER | MEASURES | COST).items()])
 """The columns of the dataset."""
+NAMES = frozenset(SCHEMA.names)
 FORMAT = 1
 """Raised when a column changes its meaning: older rows are then made anew."""
 BLOCK = 1 << 20
@@ -331,7 +332,7 @@ def _frame_row(item: Item, source: _Source, recipe: Recipe, session: Session | N
         frame = replace(frame, hint=merged_hint(own, hint) or own)
     found = yield from solve_open_frame(frame, recipe.options)
     night = measured(found, recipe.site, small=False)
-    kept = {name: value for name, value in frame_row(night).items() if name in SCHEMA.names and name not in row}
+    kept = {name: value for name, value in frame_row(night).items() if name in NAMES and name not in row}
     row |= kept | {"setup": night.setup, "hinted": hint is not None, **_level(found.detections)}
     if there := night.site or recipe.site or own.site:
         row |= {"latitude_deg": there.latitude_deg, "longitude_deg": there.longitude_deg}
@@ -356,7 +357,7 @@ def _answer(result: Solution | NoSolution, stars: int) -> Json:
         sigmas = ("sigma_x_arcsec", "sigma_y_arcsec", "sigma_roll_arcsec")
         told |= dict(zip(sigmas, told["sigma_arcsec"], strict=True)) | {"width": result.camera.width}
         told |= {"height": result.camera.height, "reason": None}
-    return {name: value for name, value in told.items() if name in SCHEMA.names}
+    return {name: value for name, value in told.items() if name in NAMES}
 
 
 def _after(result: Solution | NoSolution, camera: str, session: Session | None) -> Session | None:

@@ -1,0 +1,124 @@
+"""``kochab archive`` on Dask: workers that are killed, inputs that kill them, Ctrl-C, a scheduler of somebody else's.
+
+Each test starts a cluster of real processes, which takes two seconds: there are few.
+"""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from kochab.cli.cluster import cluster, on_cluster
+from kochab.solver import SolveOptions
+from kochab.workflows.archive.inputs import Item
+from kochab.workflows.archive.row import Recipe
+from kochab.workflows.archive.run import Chunk
+from tests.cli.archive_inputs import CENTRES, archive, ends_for_poison, rows_of, told_as_lost, write_lists
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+KOCHAB = [sys.executable, "-m", "kochab", "archive"]
+KILLS = 4
+
+
+def started(out: Path, *arguments, env=None) -> subprocess.Popen:
+    """The command in a session of its own, once the first rows are there."""
+    process = subprocess.Popen(
+        [*KOCHAB, *map(str, arguments), "--out", out, "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, **(env or {})},
+    )
+    state = out / "_kochab" / "run-all.json"
+    until = time.monotonic() + 100
+    while process.poll() is None and time.monotonic() < until:
+        if state.exists() and json.loads(state.read_text() or "{}").get("done"):
+            break
+        time.sleep(0.02)
+    return process
+
+
+def workers_of(process) -> list[psutil.Process]:
+    """The processes that Dask has made for it."""
+    below = psutil.Process(process.pid).children(recursive=True)
+    return [child for child in below if "spawn_main" in " ".join(child.cmdline())]
+
+
+def test_every_input_has_one_row_though_workers_are_killed(tmp_path) -> None:
+    write_lists(tmp_path / "lists.parquet", CENTRES * 120, group=100)
+    process = started(tmp_path / "out", tmp_path / "lists.parquet", "--workers", 2)
+    chance, killed = random.Random(3), 0
+    while process.poll() is None and killed < KILLS:
+        if there := workers_of(process):
+            chance.choice(there).kill()
+            killed += 1
+        time.sleep(chance.uniform(0.1, 0.6))
+    told = json.loads(process.communicate(timeout=200)[0])
+    assert killed == KILLS
+    assert (told["done"], told["solved"]) == (720, 720)
+    assert sorted(rows_of(tmp_path / "out")) == [f"lists.parquet#{k:09d}" for k in range(720)]
+
+
+def test_what_kills_every_worker_is_told_and_costs_no_other_its_row() -> None:
+    names = ["a", "b", "poison", "c", "d", "e", "f", "g"]
+    recipe = Recipe(SolveOptions())
+    chunks = [
+        Chunk(tuple(Item(name, "", 0) for name in names[k : k + 4]), ("",) * 4, recipe) for k in range(0, len(names), 4)
+    ]
+    with cluster(None, 2) as client:
+        outcomes = list(on_cluster(client, iter(chunks), ends_for_poison, told_as_lost))
+    rows = [row for outcome in outcomes for row in outcome.rows]
+    assert sorted(row["url"] for row in rows) == sorted(names)
+    assert [row["url"] for row in rows if "error" in row] == ["poison"]
+
+
+def test_ctrl_c_ends_it_with_the_rows_it_has_and_without_a_word_of_dask(tmp_path) -> None:
+    write_lists(tmp_path / "lists.parquet", CENTRES * 500, group=100)
+    out = tmp_path / "out"
+    process = started(out, tmp_path / "lists.parquet", "--workers", 2)
+    below = psutil.Process(process.pid).children(recursive=True)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    told, error = process.communicate(timeout=100)
+    assert process.returncode == 130
+    assert 0 < json.loads(told)["done"] < 3000
+    assert len(rows_of(out)) == json.loads(told)["done"]
+    assert "Traceback" not in error
+    psutil.wait_procs(below, timeout=30)
+    assert not [child for child in below if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+
+
+def test_a_scheduler_of_somebody_elses_is_used(tmp_path, capsys) -> None:
+    write_lists(tmp_path / "lists.parquet")
+    file = tmp_path / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    made = "from distributed.cli import dask_scheduler, dask_worker\nimport sys\n"
+    command = [sys.executable, "-c", made + "sys.exit(getattr(globals()[sys.argv.pop(1)], 'main')())"]
+    there = [
+        subprocess.Popen(
+            [*command, "dask_scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", file], **quiet
+        ),
+        subprocess.Popen(
+            [*command, "dask_worker", "--nworkers", "1", "--nthreads", "1", "--no-dashboard", "--scheduler-file", file],
+            **quiet,
+        ),
+    ]
+    try:
+        until = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        told = archive(capsys, tmp_path / "lists.parquet", "--out", tmp_path / "out", "--dask", file)
+    finally:
+        for process in there:
+            process.terminate()
+        for process in there:
+            process.wait(30)
+    assert told["solved"] == len(CENTRES)
+    assert json.loads((tmp_path / "out" / "_kochab" / "run-all.json").read_text())["workers"] == str(file)
