@@ -1,8 +1,9 @@
-"""The telescope as an ASCOM Alpaca device: ITelescopeV3 over HTTP, its management, and discovery by UDP 32227.
+"""The telescope as an ASCOM Alpaca device: ITelescopeV4 over HTTP, its management, and discovery by UDP 32227.
 
 Coordinates are of date (``EquatorialSystem`` 1, topocentric). What no camera or guard offers (guiding, moving an axis,
-parking) is refused as "not implemented", as the standard wants it. Facts: ASCOM Alpaca API Reference 12; the error
-numbers and which parameters a method takes are those of its published tables.
+parking) is refused as "not implemented", as the standard wants it. V4 only adds to V3, whose programs set ``Connected``
+and read each property by itself, as before. Facts: ASCOM Alpaca API Reference 12 and Platform 7's ``ITelescopeV4``; the
+error numbers and which parameters a method takes are those of their published tables.
 """
 
 import json
@@ -58,7 +59,7 @@ CONSTANT: Mapping[str, Any] = {
     "description": "Where the camera or the mount points, by Kochab",
     "driverinfo": f"Kochab {__version__}",
     "driverversion": __version__.rpartition(".")[0] or __version__,
-    "interfaceversion": 3,
+    "interfaceversion": 4,
     "name": "Kochab",
     "supportedactions": [],
 }  # fmt: skip
@@ -74,9 +75,12 @@ ABSENT = frozenset(
     }
 )  # fmt: skip
 """What there is in the standard and not here; of what can be read, the writing of it."""
-ANYTIME = frozenset({"connected", "description", "driverinfo", "driverversion", "interfaceversion", "name", "action",
-                     "supportedactions"})  # fmt: skip
+ANYTIME = frozenset({"connect", "connected", "connecting", "disconnect", "description", "driverinfo", "driverversion",
+                     "interfaceversion", "name", "action", "supportedactions"})  # fmt: skip
 """What is answered without a connection."""
+STATE = ("Altitude", "AtHome", "AtPark", "Azimuth", "Declination", "IsPulseGuiding", "RightAscension", "SideOfPier",
+         "SiderealTime", "Slewing", "Tracking", "UTCDate")  # fmt: skip
+"""The operational properties of a telescope; ``DeviceState`` tells those that there are, under these names."""
 
 
 class Fault(Exception):  # noqa: N818 (an answer of the protocol)
@@ -207,11 +211,15 @@ class AlpacaTelescope:
             body["Value"] = value
         return Response(json.dumps(body).encode())
 
-    # -- ITelescopeV3 ------------------------------------------------------------------------------
+    # -- ITelescopeV4 ------------------------------------------------------------------------------
 
     def _get(self, name: str, given: Mapping[str, str]) -> Any:
         if name == "connected":
             return bool(self._connected)
+        if name == "connecting":
+            return False  # "connect" has connected when it comes back
+        if name == "devicestate":
+            return self._state()
         if name in ("axisrates", "canmoveaxis"):
             if _whole(given, "axis", None) not in (0, 1, 2):
                 raise Fault(INVALID_VALUE, "Axis is 0, 1 or 2.")
@@ -226,10 +234,22 @@ class AlpacaTelescope:
             raise Fault(NOT_IMPLEMENTED, f"{name} is not implemented.")
         raise BadRequest(f"There is no property {name}.")
 
+    def _state(self) -> list[Json]:
+        """What a program would else ask one by one; what there is not, or not yet, is left out."""
+        told = []
+        for name in STATE:
+            try:
+                told.append({"Name": name, "Value": self._get(name.lower(), {})})
+            except Fault:
+                continue
+        return [*told, {"Name": "TimeStamp", "Value": self._gets["utcdate"]()}]
+
     def _put(self, name: str, given: Mapping[str, str]) -> Any:
         match name:
             case "connected":
                 return self._connect(_truth(given, "Connected"), given.get("ClientID", "0"))
+            case "connect" | "disconnect":
+                return self._connect(name == "connect", given.get("ClientID", "0"))
             case "action":
                 raise Fault(ACTION_NOT_IMPLEMENTED, "There are no actions.")
             case "abortslew":
