@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +13,7 @@ from kochab.cli.batch import outcomes_of, with_file_name
 from kochab.cli.options import SEARCH, add_options, named, options_of
 from kochab.cli.output import ProgressLine, tell
 from kochab.cli.process import say
-from kochab.cli.solve import frames_in
+from kochab.cli.solve import frames_in, tables_of
 from kochab.core.errors import UsageError, printable
 from kochab.core.progress import Progress, Task
 from kochab.workflows.solution_json import Json
@@ -42,6 +43,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("frames", nargs="+", metavar="FOLDER", help="a folder of frames, or frames")
     parser.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="where the page goes (default: here)")
     add_options(parser, "--json", "--site", *SEARCH, "--profile", "--workers", "--overwrite")
+    about = "elements of satellites (TLE, OMM), asteroids and comets to name what crossed; may be repeated"
+    parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=about)
     parser.set_defaults(run=run)
 
 
@@ -62,10 +65,13 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.out} is not a folder.")
     targets = {ending: args.out / f"{name}-night.{ending}" for ending in ("html", "csv", "json")}
     refuse_overwriting(targets.values(), files, args.overwrite)
+    if args.elements:
+        tables_of(tuple(args.elements))  # a file that cannot be read is told before anything is measured
     measured: list[NightFrame] = []
     stopped = False
     try:
-        _measure(files, options_of(args), args.site, args.workers, measured)
+        work = partial(measure_one, options=options_of(args), site=args.site, elements=tuple(args.elements))
+        _measure(files, work, args.workers, measured)
     except KeyboardInterrupt:
         stopped = True
         if not measured:
@@ -81,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure(
-    files: list[str], options: "SolveOptions", site: "Site | None", workers: int, into: "list[NightFrame]"
+    files: list[str], work: "Callable[[FrameOfNight], Task[Json]]", workers: int, into: "list[NightFrame]"
 ) -> None:
     """Measure the files one after another, each into the list as it is done.
 
@@ -89,10 +95,8 @@ def _measure(
     ----------
     files : list of str
         The frames.
-    options : SolveOptions
-        How they are solved.
-    site : Site or None
-        Where they were taken; None for what each header says.
+    work : callable
+        Measures one.
     workers : int
         Processes at most.
     into : list of NightFrame
@@ -100,7 +104,6 @@ def _measure(
     """
     from kochab.workflows.night.frame import NightFrame
 
-    work = partial(measure_one, options=options, site=site)
     line = ProgressLine("night")
     with closing(outcomes_of(work, [FrameOfNight(file) for file in files], workers)) as outcomes:
         for outcome in outcomes:
@@ -114,11 +117,27 @@ def _measure(
     line.clear()
 
 
-def measure_one(item: FrameOfNight, options: "SolveOptions", site: "Site | None") -> Task[Json]:
-    """One frame as the batch hands it on."""
+def measure_one(
+    item: FrameOfNight, options: "SolveOptions", site: "Site | None", elements: tuple[Path, ...] = ()
+) -> Task[Json]:
+    """One frame as the batch hands it on.
+
+    Parameters
+    ----------
+    item : FrameOfNight
+        Its file.
+    options : SolveOptions
+        How it is solved.
+    site : Site or None
+        Where it was taken; None for what the header says.
+    elements : tuple of Path
+        Files of elements beside those that the user keeps.
+    """
+    from kochab.sky.elements import kept_elements
     from kochab.workflows.night.frame import measure_frame
 
-    return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site))}
+    more = [*tables_of(elements), *kept_elements()]
+    return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site, more))}
 
 
 def _write(night: "Night", name: str, targets: dict[str, Path]) -> None:
@@ -140,6 +159,8 @@ def _summary(night: "Night") -> Json:
 
 def text_of(night: "Night", page: str) -> str:
     """For a person: a few lines, and where the page is."""
+    from kochab.text.angle_text import AngleStyle, radec_text
+    from kochab.workflows.night.events import words_of
     from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, advice_of
 
     solved = len(night.frames) - len(night.unsolved)
@@ -154,10 +175,16 @@ def text_of(night: "Night", page: str) -> str:
     if night.shape:
         softer = f"softest {night.shape.softest}" if night.shape.tilt_chance < NO_TILT else "not sure"
         lines.append(f"tilt     {night.shape.tilt.text()} px, {softer}")
-    for one in night.tracking:
-        drift = f"RA {one.ra_arcsec_h.text('+')}, Dec {one.dec_arcsec_h.text('+')} arcsec an hour"
-        lines.append(f"drift    {drift} ({len(one.frames)} frames, {one.hours:.1f} h)")
+    for held in night.tracking:
+        drift = f"RA {held.ra_arcsec_h.text('+')}, Dec {held.dec_arcsec_h.text('+')} arcsec an hour"
+        lines.append(f"drift    {drift} ({len(held.frames)} frames, {held.hours:.1f} h)")
     lines += [f"{event.time_utc:%H:%M:%S} {event.text}" for event in night.events]
+    for k, one in night.crossings:
+        if night.frames[k].time_utc is None:  # those with a time stand among the events
+            lines.append(f"{Path(night.frames[k].file).name}: {words_of(one)}")
+    for thing in night.strangers:
+        place = radec_text(thing.sights[0].ra_deg, thing.sights[0].dec_deg, AngleStyle.SEXAGESIMAL)
+        lines.append(f"object   {thing.name or thing.kind}, V {thing.mag.text()}, {place}, {len(thing.frames)} frames")
     if night.polar:
         lines.append(f"polar    {night.polar.words} ({night.polar.where})")
     if any(night.lost):

@@ -9,7 +9,7 @@ from kochab.core.arrays import Floats, Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.simulate.exposure import AttitudeAt, ExposureLight, StarPaths, background, electrons, starlight
-from kochab.simulate.night_sky import DARK_MAG, LocalSky, Weather
+from kochab.simulate.night_sky import DARK_MAG, EXTINCTION, LocalSky, Weather, airmass
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
 from kochab.simulate.visitors import Visitor, light_of
 from kochab.sky import Catalogue
@@ -144,6 +144,11 @@ class SkyCamera:
 
         span = (start, start + exposure_s)
         places, mags, seconds = light_of(self.visitors, project, self.optics, span, 0.4 * self.config.fwhm_px)
+        if not len(places):
+            return places, mags
+        middle = start + exposure_s / 2.0
+        directions = self.optics.unproject(places) @ attitude_at(middle)
+        mags = mags + EXTINCTION * airmass(directions) + self.weather.cloud_mag(directions, middle)
         return places, electrons(mags, self.config.zero_point_e_s, 1.0) * seconds
 
     def hint(self, start: float, exposure_s: float) -> Hint:

@@ -11,12 +11,28 @@ from typing import Any
 
 import numpy as np
 
+from kochab.core.attitude import unit, unit_vectors
 from kochab.core.progress import run as finish
 from kochab.lab.bench import BenchResult, Goal, Report, Row
-from kochab.lab.bench.night_made import ALL, CLOUD_FRAMES, Faults, MadeNight, made_night
+from kochab.lab.bench.night_made import (
+    ALL,
+    ASTEROID,
+    ASTEROID_MAG,
+    CLOUD_FRAMES,
+    CROSSED,
+    FWHM_PX,
+    NEW_STAR_MAG,
+    UNKNOWN_ARCSEC_H,
+    UNKNOWN_BODY_MAG,
+    Faults,
+    MadeNight,
+    made_night,
+)
 from kochab.solver import SolveOptions
+from kochab.workflows.night.crossings import Crossing, CrossingKind
 from kochab.workflows.night.frame import measure_frame
 from kochab.workflows.night.measure import Measure
+from kochab.workflows.night.strangers import StrangerKind
 from kochab.workflows.night.summary import NO_TILT, Night, advice_of, night_of
 
 FRAMES = 45
@@ -24,6 +40,12 @@ HEALTHY, QUICK_HEALTHY = 12, 2
 SEEDS, QUICK_SEEDS = 6, 1
 PULL = 4.0
 """Uncertainties within which a planted number has to be found."""
+FLYING = {
+    "satellite": CrossingKind.SATELLITE,
+    "unlisted satellite": CrossingKind.UNLISTED,
+    "meteor": CrossingKind.METEOR,
+    "aircraft": CrossingKind.AIRCRAFT,
+}
 ALONE = {
     "tilt": Faults(tilt_px=ALL.tilt_px),
     "cloud": Faults(cloud_mag=ALL.cloud_mag),
@@ -65,7 +87,7 @@ def planted(name: str, seed: int, faults: Faults) -> list[Row]:
         for step in made_night(Path(folder), seed, faults, FRAMES):
             made = step if isinstance(step, MadeNight) else None
         assert made is not None
-        night = night_of([finish(measure_frame(file, SolveOptions())) for file in made.files])
+        night = night_of([finish(measure_frame(file, SolveOptions(), more=made.elements)) for file in made.files])
         rows: list[Row] = [{"night": name, **row} for row in compared(night, made, faults)]
     clean = faults == Faults(dither_px=faults.dither_px)
     calm = advice_of(night).startswith("Nothing stands out")
@@ -77,10 +99,10 @@ def planted(name: str, seed: int, faults: Faults) -> list[Row]:
 def compared(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str, Any]]:
     """A row a fault that is planted or could be invented."""
     true = 2.0 * math.hypot(*faults.tilt_px)
-    yield _row("FWHM, px", 2.8, night.fwhm, night.fwhm is not None)
+    yield _row("FWHM, px", FWHM_PX, night.fwhm, night.fwhm is not None)
     tilted = night.shape is not None and night.shape.tilt_chance < NO_TILT
     yield _row("tilt, px", true, night.shape.tilt if night.shape and (tilted or true) else None, tilted)
-    clouded = {int(Path(night.frames[k].file).stem[-3:]) for k in night.clouded}
+    clouded = {_frame_of(night, k) for k in night.clouded}
     wanted = set(range(*CLOUD_FRAMES)) if faults.cloud_mag else set()
     lost = [night.cloud[k] for k in night.clouded]
     row = _row("cloud, mag", faults.cloud_mag, _mean([one for one in lost if one]), bool(clouded))
@@ -90,6 +112,58 @@ def compared(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str
     slip = 60.0 * faults.slip_arcmin * math.cos(math.radians(night.frames[0].dec_deg))
     row = _row("slipped clutch, arcsec", slip, knocks[0].size if knocks else None, bool(knocks))
     yield {**row, "found": len(knocks) == 1 and knocks[0].axis == "RA" if slip else bool(knocks)}
+    yield from _crossed(night, made, faults)
+    yield from _among_the_stars(night, made, faults)
+
+
+def _crossed(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str, Any]]:
+    """Each thing that flew by, in its own frame, and what was seen beside."""
+    left = [(_frame_of(night, k), one) for k, one in night.crossings]
+    for name, kind in FLYING.items():
+        if name not in faults.crossing:
+            continue
+        mine = [(k, one) for k, one in left if k == CROSSED[name]]
+        left = [(k, one) for k, one in left if k != CROSSED[name]]
+        right = len(mine) == 1 and mine[0][1].kind is kind
+        if right and kind is CrossingKind.SATELLITE:
+            right = mine[0][1].name == made.places[name]["name"]
+        row = _row(f"{name}, off in arcsec", 0.0, _beside(mine[0][1], made.places[name]) if mine else None, right)
+        yield {**row, "planted": True}
+    yield {"fault": "another streak", "planted": False, "found": bool(left)}
+
+
+def _beside(one: Crossing, place: dict[str, Any]) -> Measure | None:
+    """How far the middle of a streak lies beside the great circle that was drawn, arcsec."""
+    if "ends" not in place:
+        return Measure(one.off_arcsec, 0.0)
+    pole = np.cross(*place["ends"])
+    vectors = np.array([unit_vectors(*end) for end in one.ends_deg])
+    off = np.degrees(np.arcsin(unit(vectors.sum(axis=0)) @ (pole / np.linalg.norm(pole)))) * 3600.0
+    return Measure(abs(float(off)), one.sigma_arcsec)
+
+
+def _among_the_stars(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str, Any]]:
+    """The asteroid, the unknown body and the new star, and what was told beside them."""
+    left = list(night.strangers)
+    wanted = [(ASTEROID, StrangerKind.BODY, ASTEROID_MAG)] * faults.asteroid
+    wanted += [("new star", StrangerKind.NEW_STAR, NEW_STAR_MAG)] * ("new star" in faults.crossing)
+    wanted += [("unknown body", StrangerKind.UNKNOWN_BODY, UNKNOWN_BODY_MAG)] * ("unknown body" in faults.crossing)
+    for name, kind, mag in wanted:
+        mine = [one for one in left if one.kind is kind and (kind is not StrangerKind.BODY or one.name == name)]
+        left = [one for one in left if one not in mine]
+        yield _row(f"{name}, V", mag, mine[0].mag if mine else None, len(mine) == 1)
+        if kind is StrangerKind.UNKNOWN_BODY:
+            rate = Measure(math.hypot(*(r.value for r in mine[0].rate_arcsec_h)), mine[0].rate_arcsec_h[0].sigma)
+            yield _row(f"{name}, arcsec/h", UNKNOWN_ARCSEC_H, rate if mine else None, len(mine) == 1)
+        elif "at" in made.places.get(name, {}) and mine:
+            there = unit_vectors(mine[0].sights[0].ra_deg, mine[0].sights[0].dec_deg)
+            off = float(np.degrees(np.linalg.norm(there - made.places[name]["at"]))) * 3600.0
+            yield {**_row(f"{name}, off in arcsec", 0.0, Measure(off, mine[0].sigma_arcsec), True), "planted": True}
+    yield {"fault": "another object", "planted": False, "found": bool(left)}
+
+
+def _frame_of(night: Night, k: int) -> int:
+    return int(Path(night.frames[k].file).stem[-3:])
 
 
 def _mean(values: list[Measure]) -> Measure | None:
@@ -99,7 +173,7 @@ def _mean(values: list[Measure]) -> Measure | None:
 
 
 def _row(fault: str, true: float, told: Measure | None, found: bool) -> dict[str, Any]:
-    off = (told.value - true) / told.sigma if told and true and told.sigma > 0.0 else None
+    off = (told.value - true) / told.sigma if told and told.sigma > 0.0 else None
     value, sigma = (told.value, told.sigma) if told else (None, None)
     return {
         "fault": fault,

@@ -35,6 +35,7 @@ BEFORE_MIDNIGHT_S = 4.8 * 3600.0
 """When a night begins: satellites are still in the Sun."""
 ASTEROID, ASTEROID_DEG, ASTEROID_MAG = "4 Vesta", (20.29, 1.45), 8.0
 """Where it stands in that night; the planted nights look beside it."""
+FWHM_PX = 2.8
 EXPOSURE_S, EVERY_S = 30.0, 40.0
 WORM_S = 2.0 / 15.041 * 3600.0
 
@@ -143,7 +144,7 @@ def night_config(seed: int, faults: Faults, rng: np.random.Generator) -> RigConf
         seed=seed,
         start_unix=start,
         mount=MountConfig(hour_gear=gear),
-        camera=CameraConfig(fwhm_px=2.8, tilt_px=faults.tilt_px, faintest=12.0, zero_point_e_s=1e7),
+        camera=CameraConfig(fwhm_px=FWHM_PX, tilt_px=faults.tilt_px, faintest=12.0, zero_point_e_s=1e7),
         weather=night_sky.WeatherConfig(banks=bank if faults.cloud_mag else ()),
         start_deg=place,
         events=(slip,) if faults.slip_arcmin else (),

@@ -1,9 +1,12 @@
-"""What happened at one moment of the night, in order: the field jumped, the mount flipped."""
+"""What happened at one moment of the night, in order: the field jumped, the mount flipped, something crossed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from kochab.text.angle_text import angle_text
+from kochab.text.translation import tr
+from kochab.workflows.night.crossings import Crossing, CrossingKind
 from kochab.workflows.night.tracking import JumpKind, Tracking
 
 
@@ -16,9 +19,24 @@ class Event:
     text: str
 
 
-def events_of(tracking: Sequence[Tracking]) -> tuple[Event, ...]:
+def events_of(tracking: Sequence[Tracking], crossings: Sequence[tuple[datetime, Crossing]] = ()) -> tuple[Event, ...]:
     """All events in order of time; dithers are none."""
-    return tuple(sorted(_of_jumps(tracking), key=lambda event: event.time_utc))
+    found = [*_of_jumps(tracking), *(Event(time, str(one.kind), words_of(one)) for time, one in crossings)]
+    return tuple(sorted(found, key=lambda event: event.time_utc))
+
+
+def words_of(one: Crossing) -> str:
+    """What crossed, in a sentence."""
+    long = angle_text(one.length_deg)
+    if one.kind is CrossingKind.SATELLITE:
+        return tr(
+            "{name} crossed, {off} from its predicted path.", name=one.name, off=angle_text(one.off_arcsec / 3600)
+        )
+    if one.kind is CrossingKind.AIRCRAFT:
+        return tr("An aircraft crossed: strobes, or lights side by side.")
+    if one.kind is CrossingKind.METEOR:
+        return tr("Meteor candidate: a streak of {long} that brightens and fades in the frame.", long=long)
+    return tr("A satellite or aircraft crossed ({long}) that is in none of the elements.", long=long)
 
 
 def _of_jumps(tracking: Sequence[Tracking]) -> Iterator[Event]:

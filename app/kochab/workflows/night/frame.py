@@ -1,6 +1,6 @@
 """One frame of a night: solved, and everything measured of it that the night is made of."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from io import BytesIO
@@ -16,8 +16,11 @@ from kochab.core.solution import Solution
 from kochab.frames import reading
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.polar.sighting import Sighting
+from kochab.sky.solar_system import Moving
 from kochab.solver import SolveOptions
+from kochab.workflows.night.crossings import Crossing, crossings_of
 from kochab.workflows.night.sharpness import Sharpness, sharpness
+from kochab.workflows.night.strangers import Sights, sights_of
 from kochab.workflows.night.transparency import StarLight
 from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
 
@@ -78,9 +81,13 @@ class NightFrame:
     camera: str = ""
     setup: str = ""
     calibration: bool = False
+    crossings: tuple[Crossing, ...] = ()
+    sights: Sights | None = None
 
 
-def measure_frame(path: str, options: SolveOptions, site: Site | None = None) -> Task[NightFrame]:
+def measure_frame(
+    path: str, options: SolveOptions, site: Site | None = None, more: Sequence[Moving] = ()
+) -> Task[NightFrame]:
     """Read, solve and measure one frame; raises `FrameError` where it cannot be read.
 
     Parameters
@@ -91,12 +98,19 @@ def measure_frame(path: str, options: SolveOptions, site: Site | None = None) ->
         How it is solved.
     site : Site or None
         Where it was taken; None takes the header's word.
+    more : sequence of Moving
+        Bodies and satellites whose elements people gave, beside the shipped ones.
     """
     frame = yield from reading(path, options.timeout_s)
     if is_calibration(frame.header):
         return NightFrame(path, calibration=True)
     found = yield from solve_open_frame(frame, options)
-    return measured(found, site)
+    kept, solution = measured(found, site), found.result
+    if not isinstance(solution, Solution):
+        return kept
+    crossings = yield from crossings_of(frame, found.detections, solution, kept.time_utc, kept.site, more)
+    sights = yield from sights_of(solution, found.detections, kept.time_utc, kept.site, more)
+    return replace(kept, crossings=crossings, sights=sights)
 
 
 def is_calibration(header: Mapping[str, Any]) -> bool:

@@ -5,6 +5,7 @@ from collections import Counter
 from html import escape
 from pathlib import Path
 
+from kochab.text.angle_text import AngleStyle, angle_text, false_alarm_text, radec_text
 from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.drawings import sharpness_map, timeline
 from kochab.workflows.night.measure import Measure
@@ -45,6 +46,7 @@ polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); st
 .civil { fill: #9cc0ee; opacity: .6; } .day { fill: #cfe3fb; opacity: .8; }
 table { border-collapse: collapse; width: 100%; } th { text-align: left; font-weight: 500; }
 td, th { padding: 6px 12px 6px 0; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; }
+.wide { font-size: 14px; }
 .event { stroke: #c0392b; stroke-dasharray: 3 3; } .events td:first-child { width: 96px; color: var(--soft); }
 .frames { display: grid; grid-template-columns: repeat(3, 1fr); gap: 14px; } figure { margin: 0; }
 figure img { width: 100%; border-radius: 6px; display: block; background: #000; }
@@ -68,6 +70,10 @@ def night_page(night: Night, name: str) -> str:
         parts.append(f"<section><h2>{escape(heading)}</h2>{drawn}</section>")
     if night.events:
         parts.append(_events(night))
+    if night.crossings:
+        parts.append(_crossings(night))
+    if night.strangers:
+        parts.append(_strangers(night))
     if night.shape and night.fwhm:
         parts.append(_field(night))
     if night.tracking:
@@ -137,6 +143,41 @@ def _events(night: Night) -> str:
     rows = (f"<tr><td>{one.time_utc:%H:%M:%S}</td><td>{escape(one.text)}</td></tr>" for one in night.events)
     heading = tr("What happened (UTC)")
     return f'<section><h2>{escape(heading)}</h2><table class="events">{"".join(rows)}</table></section>'
+
+
+def _crossings(night: Night) -> str:
+    """What left a streak: where it began and ended, a row each."""
+    heads = (tr("Frame"), tr("What"), tr("From, to: RA, Dec (J2000)"), tr("Length"), tr("Beside its line"))
+    rows = []
+    for k, one in night.crossings:
+        ends = " – ".join(radec_text(*place, AngleStyle.SEXAGESIMAL) for place in one.ends_deg)
+        sure = f"± {number(one.sigma_arcsec, '.1f')}″"
+        name = Path(night.frames[k].file).name
+        rows.append((name, one.name or tr(one.kind), ends, angle_text(one.length_deg), sure))
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    heading = escape(tr("What crossed the field"))
+    return f'<section><h2>{heading}</h2><table class="wide"><tr>{head}</tr>{body}</table></section>'
+
+
+def _strangers(night: Night) -> str:
+    """Bodies, and what no catalogue has, a row each."""
+    heads = (tr("What"), tr("V"), tr("RA, Dec (J2000), first seen"), tr("Moves (″/h)"), tr("Frames"), tr("Sure"))
+    rows = []
+    for one in night.strangers:
+        place = radec_text(one.sights[0].ra_deg, one.sights[0].dec_deg, AngleStyle.SEXAGESIMAL)
+        rates = ", ".join(rate.text("+") for rate in one.rate_arcsec_h) if one.rate_arcsec_h[0].sigma < 1e6 else "–"
+        if one.off_arcsec:
+            sure = tr("{off}″ from its elements", off=one.off_arcsec.text())
+        else:
+            sure = tr("by chance: {odds}", odds=false_alarm_text(one.log10_chance))
+        what = one.name or tr(one.kind)
+        at = f"{place} ± {number(one.sigma_arcsec, '.1f')}″"
+        rows.append((what, one.mag.text(), at, rates, str(len(one.frames)), sure))
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    heading = escape(tr("Among the stars"))
+    return f"<section><h2>{heading}</h2><table class='wide'><tr>{head}</tr>{body}</table></section>"
 
 
 def _field(night: Night) -> str:

@@ -11,10 +11,12 @@ from kochab.polar.drift import Drift, measure_drift, stretches_of
 from kochab.polar.error import Knob, angle_in_words
 from kochab.polar.measure import MeasureSettings
 from kochab.text.translation import number, tr, tr_n
+from kochab.workflows.night.crossings import Crossing, not_repeated
 from kochab.workflows.night.events import Event, events_of
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
+from kochab.workflows.night.strangers import Stranger, strangers_of
 from kochab.workflows.night.tracking import FEWEST, Place, Tracking, tracking_of
 from kochab.workflows.night.transparency import losses
 
@@ -46,6 +48,7 @@ class Night:
 
     ``lost`` is light against the clear frames, magnitudes; ``cloud`` the same without what airmass takes. ``fwhm`` is
     the median of the frames, px; ``focus`` its change an hour, px.
+    ``crossings`` are streaks, each with the frame it is in; ``strangers`` what stood among the stars and is none.
     ``polar`` is the axis by drift. ``asked`` is how many frames there are to measure.
     """
 
@@ -59,11 +62,14 @@ class Night:
     tracking: tuple[Tracking, ...]
     polar: Drift | None
     asked: int
+    crossings: tuple[tuple[int, Crossing], ...] = ()
+    strangers: tuple[Stranger, ...] = ()
 
     @property
     def events(self) -> tuple[Event, ...]:
         """What happened, in order of time."""
-        return events_of(self.tracking)
+        passed = [(self.frames[k].time_utc, one) for k, one in self.crossings]
+        return events_of(self.tracking, [(time, one) for time, one in passed if time])
 
     @property
     def clouded(self) -> list[int]:
@@ -128,7 +134,15 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         tuple(tracking_of(places)),
         _polar(ordered),
         asked,
+        tuple(_crossings(ordered)),
+        strangers_of([f.sights for f in ordered], [f.time_utc for f in ordered]),
     )
+
+
+def _crossings(frames: Sequence[NightFrame]) -> Iterator[tuple[int, Crossing]]:
+    """Streaks that are not in several frames at one place."""
+    kept = not_repeated([frame.crossings for frame in frames], max((f.size[0] for f in frames), default=0))
+    return ((k, one) for k, found in enumerate(kept) for one in found)
 
 
 def _median(values: list[Measure]) -> Measure | None:

@@ -4,6 +4,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator
+from datetime import datetime
 from typing import Any
 
 from kochab.polar.drift import Drift
@@ -76,6 +77,42 @@ def night_json(night: Night) -> dict[str, Any]:
             "events": [
                 {"time_utc": one.time_utc.isoformat(), "kind": one.kind, "text": one.text} for one in night.events
             ],
+            "crossings": [
+                {
+                    "file": night.frames[k].file,
+                    "time_utc": _time(night.frames[k].time_utc),
+                    "kind": str(one.kind),
+                    "name": one.name or None,
+                    "from_deg": list(one.ends_deg[0]),
+                    "to_deg": list(one.ends_deg[1]),
+                    "from_px": list(one.ends_px[0]),
+                    "to_px": list(one.ends_px[1]),
+                    "length_deg": one.length_deg,
+                    "sigma_arcsec": one.sigma_arcsec,
+                    "snr": one.snr,
+                    "whole": one.whole,
+                    "off_arcsec": _known(one.off_arcsec),
+                    "chance": _known(one.chance),
+                }
+                for k, one in night.crossings
+            ],
+            "strangers": [
+                {
+                    "kind": str(one.kind),
+                    "name": one.name or None,
+                    "frames": len(one.frames),
+                    "first_utc": _time(night.frames[one.frames[0]].time_utc),
+                    "ra_deg": one.sights[0].ra_deg,
+                    "dec_deg": one.sights[0].dec_deg,
+                    "sigma_arcsec": one.sigma_arcsec,
+                    **_pair("ra_arcsec_h", one.rate_arcsec_h[0]),
+                    **_pair("dec_arcsec_h", one.rate_arcsec_h[1]),
+                    **_pair("mag", one.mag),
+                    **_pair("off_arcsec", one.off_arcsec),
+                    "log10_chance": _known(one.log10_chance),
+                }
+                for one in night.strangers
+            ],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
             "clouded": [night.frames[k].file for k in night.clouded],
@@ -129,6 +166,10 @@ def _polar(drift: Drift) -> dict[str, Any]:
 
 def _pair(name: str, one: Measure | None) -> dict[str, float | None]:
     return {name: _known(one.value) if one else None, f"{name}_sigma": _known(one.sigma) if one else None}
+
+
+def _time(time: datetime | None) -> str | None:
+    return time.isoformat() if time else None
 
 
 def _known(value: float) -> float | None:
