@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,13 +21,14 @@ from kochab.polar.error import Knob
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.pole import Pole
 from kochab.polar.report import History
-from kochab.polar.tutor import Instruction
+from kochab.polar.tutor import Instruction, TutorStep
 from kochab.simulate.practice import PracticeNight
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, through, tonight
+from kochab.window.polar.alignment_run import PracticeAdjuster
 from kochab.window.polar.bolts_view import KEYS, MOTORS
 from kochab.window.polar.history import writing
 from kochab.workflows.polar.measure import MountTurner
-from kochab.workflows.polar.update import PolarButton, PolarControls
+from kochab.workflows.polar.update import PolarButton, PolarControls, TurnInstruction
 from kochab.workflows.session.alignment import (
     AlignmentRequest,
     AlignmentTools,
@@ -42,6 +44,7 @@ from tests.window.test_night import assert_red
 
 LIMIT_S = 200
 SITE = Site(47.0, 8.0, 450.0)
+MOST_CLICKS = 12  # the first is Begin
 QUICK = 6.0  # simulated seconds a second
 
 
@@ -83,7 +86,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     _, view = polar(nights)
     view.setup.frames.exposure.setValue(1.0)
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
-    stages, words, obeyed, answers, pictures = [], [], [], [], []
+    stages, words, obeyed, answers, pictures, clicks = [], [], [], [], [], []
     view.begin()
 
     def person():
@@ -95,6 +98,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
             obeyed.append(asked)
             words.append(view.alignment.state.words)
             assert view.buttons.turn_for_me.isVisible()
+            clicks.extend([asked] * view.buttons.turn_for_me.isEnabled())
             view.buttons.turn_for_me.click()
             answers.append((view.message.text(), view.buttons.turn_for_me.isEnabled()))
             pictures.append(view.room.frame.picture)
@@ -105,6 +109,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     assert any(picture is not None for picture in pictures), "the live frame is the room"
     assert view.room.frame.picture is None, "and gone with the practice"
     assert nights.true_arcsec < 30.0
+    assert 1 + len(clicks) <= MOST_CLICKS, "the hand goes on at a bolt by itself"
     assert view.alignment.state.error.total_arcsec == pytest.approx(nights.true_arcsec, abs=15.0)
     assert stages.count("adjust") >= 1
     assert stages[-2:] != ["adjust", "done"]  # it measured once more by itself
@@ -119,6 +124,25 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     assert view.history.chart.series
     # The practice telescope is gone with it.
     assert view.alignment.adjuster is None
+
+
+def test_practice_hands_go_on_at_a_bolt_until_it_is_good_or_comes_back():
+    done = []
+    hands = PracticeAdjuster(SimpleNamespace(do=done.append))
+
+    def asked(knob, turns, **more):
+        return AlignmentState("adjust", instruction=Instruction(TutorStep.TURN, "", knob, turns, **more))
+
+    assert not hands.goes_on(asked(Knob.ALTITUDE, 0.25)), "a person lays the hand on it first"
+    hands.turn(asked(Knob.ALTITUDE, 0.25))
+    assert hands.goes_on(asked(Knob.ALTITUDE, 1.0))
+    assert not hands.goes_on(asked(Knob.ALTITUDE, -0.5)), "comes back"
+    assert not hands.goes_on(asked(Knob.AZIMUTH, 0.25)), "the other bolt"
+    assert not hands.goes_on(asked(Knob.ALTITUDE, 1.0, stray=True)), "something went wrong: a person looks first"
+    assert not hands.goes_on(AlignmentState("adjust")), "nothing is asked for"
+    hands.turn(AlignmentState("turn", turn_instruction=TurnInstruction("turn", None, "", Direction.WEST, 60.0)))
+    assert not hands.goes_on(asked(Knob.ALTITUDE, 1.0)), "the hand was at the RA axis"
+    assert len(done) == 2
 
 
 @pytest.mark.parametrize("hand", [AxisTurnedBy.PERSON, AxisTurnedBy.MOUNT])

@@ -63,6 +63,11 @@ class RunningAlignment(QObject):
         """Whether motors turn the adjusters."""
         return self.request is not None and bool(self.request.adjusters)
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether the practice telescope's bolt that was turned last is to be turned on, the same way."""
+        return self.adjuster is not None and self.adjuster.goes_on(self.state)
+
     def begin(self, request: AlignmentRequest) -> None:
         """Start it; KochabError says why it cannot start now."""
         run = self._new_run(request)

@@ -123,6 +123,11 @@ SLACK_TURNS = 1.0 / 360.0
 TURNED = {Knob.ALTITUDE: tr_noop("Adjusted altitude."), Knob.AZIMUTH: tr_noop("Adjusted azimuth.")}
 
 
+def _motion(asked: Instruction) -> tuple[Knob | None, bool]:
+    """What a hand does: at which bolt, and whether clockwise."""
+    return asked.knob, asked.turns > 0.0
+
+
 class PracticeAdjuster:
     """Turns what the screen asks for on the practice telescope.
 
@@ -133,13 +138,24 @@ class PracticeAdjuster:
         self._practice = practice
         self._random = random.Random()
         self._arcmin = {knob: self._random.uniform(*ARCMIN_A_TURN) * self._random.choice((-1.0, 1.0)) for knob in Knob}
+        self._at: tuple[Knob | None, bool] | None = None  # the bolt that the hand is at, and whether clockwise
+
+    def goes_on(self, state: AlignmentState) -> bool:
+        """Whether the hand is asked to go on at the bolt that it is at, the same way.
+
+        Nobody at a real mount says again and again that a bolt was turned: one turns on and watches the number.
+        """
+        asked = state.instruction
+        return state.hand_needed and asked is not None and not asked.stray and self._at == _motion(asked)
 
     def turn(self, state: AlignmentState) -> str:
         """Make the turn that is asked for, and say what was turned; empty where nothing is asked for."""
         if state.turn_instruction is not None:
+            self._at = None
             return self._turn_axis(state.turn_instruction)
         if state.instruction is None or state.instruction.knob is None:
             return ""
+        self._at = _motion(state.instruction)
         return self._turn_bolt(state.instruction, state.instruction.knob)
 
     def _turn_axis(self, asked: TurnInstruction) -> str:

@@ -35,9 +35,8 @@ class AlignmentButtons:
         )
         self.start = button(tr("&Begin"), do["begin"], "main", tr("Measure, adjust, and measure again"))
         self.done = button(tr("&Done"), turned, "main", tr("I have made this turn (Space)"))
-        self.turn_for_me = button(
-            tr("Turn it &for me"), do["turn"], "main", tr("Let the practice telescope make this turn")
-        )
+        tip = tr("Let practice hands make this turn, and go on while the same bolt is asked for")
+        self.turn_for_me = button(tr("Turn it &for me"), do["turn"], "main", tip)
         self.at_bolts = button(tr("Big digits"), do["bolts"], tip=tr("Full screen, readable from three metres (F7)"))
         tip = tr("Sound cues at the mount: {description}", description=sounds)
         self.sound = button(tr("So&unds"), do["sounds"], tip=tip)

@@ -249,7 +249,9 @@ class PolarView(View):
         asked = after.turn_instruction is not before.turn_instruction or after.instruction is not before.instruction
         if self._said.role != "wrong" and (asked or after.stage != before.stage):
             self._said = Message()  # what was said is over
-        if after.hand_needed and not before.hand_needed and self._has_focus():
+        if after.instruction is not before.instruction and self.alignment.goes_on:
+            self.turn_practice()
+        elif after.hand_needed and not before.hand_needed and self._has_focus():
             # Space presses the button that confirms the turn.
             self._show()  # a button that waits takes no focus
             (self.buttons.turn_for_me if self.alignment.adjuster is not None else self.buttons.done).setFocus()
