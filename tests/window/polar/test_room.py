@@ -5,12 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kochab.core.frame import Frame
+from kochab.core.progress import run
 from kochab.polar.error import Knob
 from kochab.polar.measure import PolarFinding, PolarFindingKind
 from kochab.polar.tutor import Instruction, TutorStep
+from kochab.window.image.frame_image import prepare
 from kochab.window.polar.error_display import AxisTarget
+from kochab.window.polar.first_steps import STEPS
 from kochab.window.polar.messages import Message, all_known, most_urgent
 from kochab.window.polar.room import KnobCard, NumberCard, standing_of
+from kochab.window.polar.setup import DRIFT_ADVICE
+from kochab.workflows.session.alignment import AxisTurnedBy
 from kochab.workflows.session.alignment_state import AlignmentState
 from tests.window.polar_cases import adjusting, error
 
@@ -127,3 +133,42 @@ def test_numbers_and_picture_of_a_telescope_that_is_gone_are_not_left(polar):
     view._show()
     assert view.room.number.total.text() == "–"
     assert view.room.frame.picture is None
+
+
+@pytest.mark.parametrize("size", [(800, 560), (1024, 700), (1366, 768), (1600, 1000)])
+def test_before_the_first_frame_the_room_says_how_it_goes_and_leads_to_the_set_up(qtbot, polar, size):
+    commands, view = polar()
+    commands.window.resize(*size)
+    qtbot.wait(50)
+    room, first = view.room, view.room.first
+    qtbot.waitUntil(first.isVisible)
+    assert [step.text() for step in first.steps] == list(STEPS)
+    assert room.rect().contains(first.geometry())
+    assert not first.geometry().intersects(room.bar.geometry())
+    assert not first.geometry().intersects(room.strip.geometry().translated(room.over.pos()))
+    first.set_up.click()
+    assert view.tabs.currentWidget().widget() is view.setup
+    view.setup.axis.hand.setCurrentText(AxisTurnedBy.NOBODY)
+    assert [step.text() for step in first.steps if step.isVisible()] == [DRIFT_ADVICE], "nobody turns a bolt"
+    room.frame.show_picture(run(prepare(Frame(np.arange(48.0, dtype=np.float32).reshape(6, 8)))))
+    room.show_state(AlignmentState(), 0.0, 30.0)
+    assert not first.isVisible(), "the frame is the room"
+
+
+@pytest.mark.parametrize("wide", [180, 250, 400])
+def test_nothing_is_drawn_over_the_names_of_the_plots_directions(qtbot, wide):
+    target = AxisTarget()
+    qtbot.addWidget(target)
+    target.resize(wide, 190)
+    # An axis far to the left, and its way there: it once was drawn over "anticlockwise".
+    target.show_state(replace(adjusting(10.0, -900.0), live=True, trail=((-900.0, 400.0), (-900.0, -400.0))))
+    target._names = lambda *drawn: None
+    drawn = target.grab().toImage()
+    del target._names
+    named = target.grab().toImage()
+    ground = drawn.pixel(1, 1)
+    changed = [
+        (x, y) for x in range(named.width()) for y in range(named.height()) if named.pixel(x, y) != drawn.pixel(x, y)
+    ]
+    assert changed, "there are names"
+    assert all(drawn.pixel(x, y) == ground for x, y in changed)

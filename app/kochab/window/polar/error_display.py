@@ -31,6 +31,7 @@ from kochab.workflows.session.alignment_state import AlignmentState
 
 # Of the drawing's edge; the last is 90 degrees.
 REACHES_ARCSEC = (22.0, 45.0, 90.0, 200.0, 450.0, 1200.0, 2700.0, 6000.0, 14400.0, 43200.0, 324000.0)
+LEFT, RIGHT = tr_noop("◂ anticlockwise"), tr_noop("clockwise ▸")
 LEAST_RING_PX = 12.0  # smaller rings are left out
 LEAST_ELLIPSE_PX = 2.5
 
@@ -78,12 +79,13 @@ class AxisTarget(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.fillRect(self.rect(), QColor(colours.surface))
         line = QFontMetricsF(self.font()).height()
-        box = QRectF(self.rect()).adjusted(4, line + 4, -4, -line - 4)
+        below = 1 if self._names_fit() else 2  # lines
+        box = QRectF(self.rect()).adjusted(4, line + 4, -4, -below * line - 4)
         radius = min(box.width(), box.height()) / 2.0
         scale = radius / self.reach_arcsec
         painter.translate(box.center())  # the pole is at (0, 0) from here on
         self._rings(painter, scale, radius, colours)
-        self._names(painter, radius, line, colours)
+        self._names(painter, box, line, colours)
         painter.setClipRect(box.translated(-box.center()))
         # While the axis is followed live, even the last measurement is an older place.
         for before in self.state.measured[:-1] if not self.state.live else self.state.measured:
@@ -112,14 +114,23 @@ class AxisTarget(QWidget):
         painter.drawLine(-8, 0, 8, 0)
         painter.drawLine(0, -8, 0, 8)
 
-    def _names(self, painter: QPainter, radius: float, line: float, colours: Colours) -> None:
+    def _names(self, painter: QPainter, box: QRectF, line: float, colours: Colours) -> None:
         painter.setPen(QColor(colours.muted))
         middle = Qt.AlignmentFlag.AlignCenter
-        painter.drawText(QRectF(-100, -radius - line - 2, 200, line), middle, tr("too high"))
-        painter.drawText(QRectF(-100, radius + 2, 200, line), middle, tr("too low"))
-        side = QRectF(6 - self.width() / 2.0, -2.2 * line, self.width() - 12, line)
-        painter.drawText(side, Qt.AlignmentFlag.AlignRight, tr("clockwise"))
-        painter.drawText(side, Qt.AlignmentFlag.AlignLeft, tr("anticlockwise"))
+        top, bottom = (edge - box.center().y() for edge in (box.top(), box.bottom()))
+        painter.drawText(QRectF(-100, top - line - 2, 200, line), middle, tr("too high"))
+        painter.drawText(QRectF(-100, bottom + 2, 200, line), middle, tr("too low"))
+        # In the lower corners, where no ring and no axis is drawn.
+        lowest = bottom + (2 if self._names_fit() else line + 2)
+        side = QRectF(6 - self.width() / 2.0, lowest, self.width() - 12, line)
+        painter.drawText(side, Qt.AlignmentFlag.AlignRight, tr(RIGHT))
+        painter.drawText(side, Qt.AlignmentFlag.AlignLeft, tr(LEFT))
+
+    def _names_fit(self) -> bool:
+        """Whether the names of three directions fit beside each other below the drawing."""
+        metrics = QFontMetricsF(self.font())
+        side = max(metrics.horizontalAdvance(tr(name)) for name in (LEFT, RIGHT))
+        return 2.0 * side + metrics.horizontalAdvance(tr("too low")) + 28 <= self.width()
 
     def _ellipse(self, painter: QPainter, scale: float, error: PolarError, pen: QPen) -> None:
         long, short, angle = error.with_systematics.ellipse_arcsec()

@@ -1,5 +1,7 @@
 """The Polar room: the live frame, and over it one number, a card for each knob, one message and four buttons."""
 
+from collections.abc import Callable
+
 from PySide6.QtCore import QEvent, QObject, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QSizePolicy, QWidget
@@ -8,6 +10,7 @@ from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import dropped_files
 from kochab.window.polar.bolts_painting import Spinner
+from kochab.window.polar.first_steps import LOW_PX, FirstSteps
 from kochab.window.polar.live_frame import LiveFrame
 from kochab.window.polar.messages import Message
 from kochab.window.services import Services
@@ -148,11 +151,11 @@ class MessageStrip(QFrame):
 
 
 class PolarRoom(Page):
-    """Fills the middle of the window; ``buttons`` lie at its lower edge."""
+    """Fills the middle of the window; ``buttons`` lie at its lower edge, ``set_up`` shows what can be chosen."""
 
     files_dropped = Signal(object)  # list[Path]
 
-    def __init__(self, services: Services, buttons: QHBoxLayout) -> None:
+    def __init__(self, services: Services, buttons: QHBoxLayout, set_up: Callable[[], None]) -> None:
         super().__init__()
         self.frame = LiveFrame(services)
         self.number = NumberCard()
@@ -166,8 +169,10 @@ class PolarRoom(Page):
         self.bar.setParent(self)
         buttons.setContentsMargins(8, 6, 8, 6)
         self.bar.setLayout(buttons)
+        self.first = FirstSteps(set_up)
+        self.first.setParent(self)
         column((self.frame, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
-        for over in (self.over, self.bar):
+        for over in (self.first, self.over, self.bar):
             over.raise_()
             over.installEventFilter(self)
 
@@ -183,6 +188,8 @@ class PolarRoom(Page):
             card.setVisible(state.error is not None)
             card.show_state(state, goal_arcsec)
         self.frame.show_state(state)
+        self.first.set_up.setEnabled(not state.running)
+        self._place()
 
     def minimumSizeHint(self) -> QSize:
         """Wide enough for the buttons."""
@@ -215,3 +222,14 @@ class PolarRoom(Page):
         wide = min(OVER_PX, inside.width())
         high = min(self._column.heightForWidth(wide), bar.top() - GAP_PX - inside.top())
         self.over.setGeometry(QRect(inside.topLeft(), QSize(wide, high)))
+        self._place_first(inside)
+
+    def _place_first(self, inside: QRect) -> None:
+        """Before the first frame the way there is shown, below the cards or beside them."""
+        over = self.over.geometry()
+        below = QRect(inside.left(), over.top() + self._column.minimumHeightForWidth(over.width()), over.width(), 0)
+        below.translate(0, GAP_PX)
+        below.setBottom(self.bar.y() - GAP_PX)
+        self.first.drawing.setVisible(below.height() >= LOW_PX)
+        fits = self.first.place(below) or self.first.place(inside.adjusted(over.width() + GAP_PX, 0, 0, 0))
+        self.first.setVisible(fits and self.frame.picture is None)

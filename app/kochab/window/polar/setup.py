@@ -286,6 +286,11 @@ class AlignmentSetupPanel(Page):
         return tr(SENTENCES[self.frames.chosen], pole=pole, goal=goal, hand=tr(HANDS[self.axis.turned_by]))
 
     @property
+    def other_steps(self) -> tuple[str, ...]:
+        """How it goes where no bolt is turned: from files, or by the drift of a mount that nobody turns."""
+        return (self.advice.text(),) if self._drifts or self.frames.chosen is FrameSource.FILES else ()
+
+    @property
     def guess(self) -> str:
         """Where the axis of a tripod on the same marks stands, after another night; empty without one."""
         if self.frames.chosen is not FrameSource.PRACTICE:

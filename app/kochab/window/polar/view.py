@@ -72,7 +72,7 @@ class PolarView(View):
             "tonight": lambda: self.tabs.setCurrentIndex(TONIGHT),
         }
         self.buttons = AlignmentButtons(self.press, calls, self.cues.description)
-        self.room = PolarRoom(services, self.buttons.row())
+        self.room = PolarRoom(services, self.buttons.row(), calls["set_up"])
         self._said = Message()  # the answer to what a person did last
         self._answered: object = None  # the turn that was made, and when: its frame is awaited
         self._answered_s = 0.0
@@ -293,6 +293,7 @@ class PolarView(View):
         if self.bolts.isVisible():
             self.bolts.show_state(state, now_s)
         self.buttons.show_state(self.alignment, self._waiting)
+        self.room.first.say(self.setup.other_steps)
         message = most_urgent(state, self._said)
         self.room.strip.show_message(message if message.text else Message(self.setup.sentence))
 
