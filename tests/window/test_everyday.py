@@ -1,7 +1,9 @@
 """What a person meets on an ordinary evening: menus, long names, several files, old answers."""
 
 import numpy as np
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QToolButton
 
 from kochab.sky.layer import MARKS
 from kochab.text.angle_text import breakable, short_name, unbroken
@@ -208,3 +210,30 @@ def test_the_layers_button_is_one_button(qtbot) -> None:
     qtbot.addWidget(menu)
     qtbot.addWidget(made := button_of(menu.menuAction(), menu))
     assert made.popupMode() == QToolButton.ToolButtonPopupMode.InstantPopup
+
+
+def test_layers_are_one_click_away_and_stay_open_while_they_are_switched(qtbot, opened):
+    """Every switch of a layer closed the menu: five layers were ten clicks."""
+    window, commands = opened
+    menu = window.menus.layers
+    made = next(b for b in window.workspace.findChildren(QToolButton) if b.accessibleName() == "Layers")
+    qtbot.waitUntil(made.isVisible)
+    seen = []
+
+    def person():
+        seen.append(menu.isVisible())
+        for name in ("grid", "names"):
+            action = commands.actions[name]
+            before = action.isChecked()
+            qtbot.mouseClick(menu, Qt.MouseButton.LeftButton, pos=menu.actionGeometry(action).center())
+            seen.extend((menu.isVisible(), action.isChecked() is not before))
+        menu.setActiveAction(commands.actions["grid"])
+        qtbot.keyClick(menu, Qt.Key.Key_Space)
+        seen.append(menu.isVisible())
+        qtbot.keyClick(menu, Qt.Key.Key_Escape)
+        seen.append(not menu.isVisible())
+
+    QTimer.singleShot(200, person)
+    qtbot.mouseClick(made, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: len(seen) == 7)
+    assert all(seen), seen

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QSize, Qt
-from PySide6.QtGui import QAction, QActionGroup
+from PySide6.QtGui import QAction, QActionGroup, QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QMainWindow, QMenu, QMenuBar, QSizePolicy, QToolBar, QToolButton, QWidget
 
 from kochab.sky.layer import MARKS
@@ -49,7 +49,8 @@ class Menus:
             "colour",
             "",
         )
-        self.layers = view.addMenu(tr("La&yers"))
+        self.layers = StayingMenu(tr("La&yers"), view)
+        view.addMenu(self.layers)
         _fill(self.layers, actions, *MARKS, "", "layers")
         _fill(view, actions, "", "details", "tab_solution", "tab_stars", "tab_hints", "log", "atlas", "")
         self.themes = _choices(window, view.addMenu(tr("&Theme")), THEME_TITLES)
@@ -75,6 +76,26 @@ class Menus:
         if menu is self.recent and paths:
             menu.addSeparator()
             menu.addAction(self._clear)
+
+
+class StayingMenu(QMenu):
+    """Stays open while its switches are switched: one looks at several, and at what they do."""
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if not self._switch(self.actionAt(event.position().toPoint())):
+            super().mouseReleaseEvent(event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        pressed = event.key() in (Qt.Key.Key_Space, Qt.Key.Key_Return, Qt.Key.Key_Enter)
+        if not (pressed and self._switch(self.activeAction())):
+            super().keyPressEvent(event)
+
+    def _switch(self, action: QAction | None) -> bool:
+        """Switch it, if it is a switch that can be used."""
+        switches = action is not None and action.isCheckable() and action.isEnabled()
+        if action is not None and switches:
+            action.trigger()
+        return switches
 
 
 class Rail(QToolBar):
@@ -114,9 +135,12 @@ class Rail(QToolBar):
 def button_of(action: QAction, menu: QMenu | None = None) -> QToolButton:
     """A small button over the image that triggers ``action``, or opens ``menu``, which is then the action's."""
     made = QToolButton()
-    made.setDefaultAction(action)
-    made.setMenu(menu)  # type: ignore[arg-type]  # None is no menu
-    # Afterwards: in Qt 6.7 an action with a menu gives its button an arrow of its own, which is drawn black.
+    if menu is None:
+        made.setDefaultAction(action)
+    else:  # by its text: with the menu's own action Qt opens another menu, in which this one is the only row
+        made.setText(action.text().replace("&", ""))
+        made.setMenu(menu)
+    # Afterwards: in Qt 6.7 a menu gives its button an arrow of its own, which is drawn black.
     made.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
     _tell(made, action)
     made.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
