@@ -237,3 +237,14 @@ def test_layers_are_one_click_away_and_stay_open_while_they_are_switched(qtbot, 
     qtbot.mouseClick(made, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: len(seen) == 7)
     assert all(seen), seen
+
+
+def test_a_broken_file_leaves_a_way_on(qtbot, make_window, engine, tmp_path, monkeypatch):
+    window, commands = make_window(engine)
+    commands.files.open(tmp_path / "gone.fits")
+    card = window.workspace.card
+    qtbot.waitUntil(card.open.isVisible)
+    asked = []
+    monkeypatch.setattr("kochab.window.frame.files.ask_frames", lambda *_: asked.append(True) or [])
+    card.open.click()
+    assert asked

@@ -30,6 +30,7 @@ class Card(QFrame):
 
     hints_wanted = Signal()
     again_wanted = Signal()
+    open_wanted = Signal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -49,7 +50,8 @@ class Card(QFrame):
         self.again = button(tr("Solve agai&n"), self.again_wanted.emit)
         self.hints = button(tr("H&ints…"), self.hints_wanted.emit, tip=tr("Give a pixel scale, a field or a position"))
         self.copy = button(tr("Copy re&port"), self._copy)
-        buttons = grid((self.again, self.hints), (self.copy,), across=8, down=6, stretch=(0, 0, 1))
+        self.open = button(tr("Open an&other…"), self.open_wanted.emit)
+        buttons = grid((self.again, self.hints), (self.copy,), (self.open,), across=8, down=6, stretch=(0, 0, 1))
         state = (self.title, self.text, self.advice, self._numbers, buttons)
         column(*state, self.old, *self._pointing, on=self, spacing=4, margins=(12, 10, 12, 10))
         self._say(tr("No image"), tr("Open an image of the night sky."))
@@ -117,8 +119,9 @@ class Card(QFrame):
             b.setVisible(True)
 
     def show_error(self, title: str, sentence: str) -> None:
-        """A file that cannot be read, or a fault."""
+        """A file that cannot be read, or a fault; another may be opened."""
         self._say(title, sentence, role="bad")
+        self.open.setVisible(True)
 
     def show_stopped(self) -> None:
         self._say(tr("Cancelled"), "")
@@ -131,7 +134,7 @@ class Card(QFrame):
         show_text(self.text, breakable(text))
         show_text(self.advice, advice)
         clear_layout(self._numbers)
-        for b in (self.again, self.hints, self.copy):
+        for b in (self.again, self.hints, self.copy, self.open):
             b.setVisible(False)
         self.setAccessibleName(title)
         self.setAccessibleDescription(f"{text} {advice}".strip())

@@ -151,6 +151,7 @@ class Commands(QObject):
         files.blink.named.connect(bar.show_name)
         parts.looks.changed.connect(files.films.redraw)
         parts.presenter.hints_wanted.connect(actions["tab_hints"].trigger)
+        panes.card.open_wanted.connect(actions["open"].trigger)
         parts.picker.hovered.connect(parts.window.status.place.setText)
         panes.view.menu_wanted.connect(parts.menu.show)
         panes.strip.changed.connect(lambda _: actions["stretch"].setChecked(panes.strip.auto.isChecked()))
