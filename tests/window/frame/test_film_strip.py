@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QDialog, QTableWidget
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
 from kochab.window.frame.batch import FileState, images_in
-from kochab.window.frame.film_strip import ORDERS
+from kochab.window.frame.film_strip import ORDERS, alike_at_first
 from kochab.workflows.solution_text import CSV_TITLES, RESULT_TITLES
 from tests.window.fakes import FakeEngine, FakeSolved, no_solution, star_field
 from tests.window.test_night import assert_red
@@ -83,6 +83,43 @@ def test_files_that_are_dropped_together_are_all_solved_and_the_first_is_open(st
     assert films.bar.isHidden()
     assert films.solve.isHidden()
     assert window.workspace.card.ra.isVisible()
+
+
+def test_names_on_the_strip_tell_the_files_of_a_night_apart(qtbot, make_window, tmp_path):
+    """Each of them read "Light_…1.fit"."""
+    named = [f"Light_M 42_300.0s_Bin1_ISO800_20240105-2201{k:02}_{k:04}.fits" for k in (7, 48)]
+    for name in named:
+        (tmp_path / name).touch()
+    _, commands = make_window(ByName())
+    commands.files.open_all([tmp_path / name for name in named])
+    qtbot.waitUntil(lambda: done(commands))
+    films = commands.films
+    assert [text.replace("\n", "") for text in shown(films)] == ["…220107_0007.fits", "…220148_0048.fits"]
+    metrics, item = films.list.fontMetrics(), films.list.visualItemRect(films.list.item(0))
+    for line in "\n".join(shown(films)).split("\n"):
+        assert metrics.horizontalAdvance(line) < item.width()
+    assert item.height() >= 64 + 2 * metrics.lineSpacing()
+    assert films.list.height() >= item.height()
+    below = films.list.visualItemRect(films.list.item(1))  # which is not the chosen one
+    below.adjust(4, 64 + 8, -4, -4)
+    drawn = films.list.viewport().grab(below).toImage()
+    ground = drawn.pixel(0, drawn.height() - 1)
+    inked = [y for y in range(drawn.height()) if any(drawn.pixel(x, y) != ground for x in range(drawn.width()))]
+    assert inked[-1] - inked[0] > 1.3 * metrics.lineSpacing(), "both lines are drawn"
+
+
+@pytest.mark.parametrize(
+    ("names", "alike"),
+    [
+        (["Light_M42_0001.fits", "Light_M42_0002.fits"], len("Light_M42_")),
+        (["a.fits", "a.png"], 0),
+        (["Light_M42_0001.fits"], 0),
+        (["Horsehead.fits", "Horseshoe.fits"], 0),
+        ([], 0),
+    ],
+)
+def test_what_all_names_begin_with_is_left_out(names, alike):
+    assert alike_at_first(names) == alike
 
 
 def test_a_folder_stands_for_its_images(files):

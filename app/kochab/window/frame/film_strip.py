@@ -1,11 +1,11 @@
 """The film strip below the image: many files with their states, the table of their results, and blinking."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QRectF, QSize, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QIcon, QPainter, QPen, QPixmap
+from PySide6.QtGui import QColor, QFontMetrics, QIcon, QPainter, QPen, QPixmap
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QDialog,
@@ -37,6 +37,9 @@ ORDERS: dict[str, Callable[[FileState], object]] = {
     tr_noop("failed first"): lambda f: (not f.failed, f.result is not None),  # and then those that wait
 }
 BADGE_PX, BLINK_MS = 16, 800
+MARGIN_PX, EDGE_PX = 32, 18  # beside a small picture, and of that what a name may not use
+ALIKE = 8  # letters with which all names begin; so many and more are left out
+APART = " _-."  # where a name is parted
 PATH = Qt.ItemDataRole.UserRole
 
 
@@ -67,6 +70,7 @@ class FilmStrip(QFrame):
         self.list.setWrapping(False)
         self.list.setUniformItemSizes(True)
         self.list.setTextElideMode(Qt.TextElideMode.ElideMiddle)
+        self.list.setWordWrap(True)  # else the second line of a name is not drawn
         self.list.setHorizontalScrollMode(QAbstractItemView.ScrollMode.ScrollPerPixel)
         self.list.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.setIconSize(QSize(WIDTH, HEIGHT))
@@ -85,10 +89,13 @@ class FilmStrip(QFrame):
         """Show the files anew, in the order and with the filter that are set."""
         self.list.clear()
         files = sorted(self._batch.files.values(), key=self.order.currentData())
-        size = QSize(WIDTH + 16, HEIGHT + self.fontMetrics().height() + 12)
+        metrics = self.list.fontMetrics()
+        size = QSize(WIDTH + MARGIN_PX, HEIGHT + 2 * metrics.lineSpacing() + 20)
+        alike = alike_at_first([state.path.name for state in files])
         for state in files:
             if state.failed or not self.failed.isChecked():
-                item = QListWidgetItem(state.path.name, self.list)
+                name = f"…{state.path.name[alike:]}" if alike else state.path.name
+                item = QListWidgetItem(in_two_lines(name, metrics, size.width() - EDGE_PX), self.list)
                 item.setData(PATH, state.path)
                 item.setSizeHint(size)
                 self._dress(item, state)
@@ -154,9 +161,29 @@ class FilmStrip(QFrame):
         self.solve.setVisible(self._batch.at is None and done < len(files))
 
     def _dress(self, item: QListWidgetItem, state: FileState) -> None:
-        item.setIcon(QIcon(_film(state)))
+        picture = _film(state)
+        icon = QIcon(picture)
+        icon.addPixmap(picture, QIcon.Mode.Selected)  # else it is tinted, and its badge is hard to tell
+        item.setIcon(icon)
         item.setToolTip(f"{state.path}\n{state.words}")
         item.setData(Qt.ItemDataRole.AccessibleTextRole, f"{state.path.name}, {state.words}")
+
+
+def alike_at_first(names: Sequence[str]) -> int:
+    """With how many letters all names begin, whole words of them; 0 where that is not worth leaving out."""
+    first, last = min(names, default=""), max(names, default="")  # what these two share, all do
+    alike = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
+    ends = max(first.rfind(letter, 0, alike) for letter in APART) + 1
+    return ends if ends >= ALIKE else 0
+
+
+def in_two_lines(name: str, metrics: QFontMetrics, width_px: int) -> str:
+    """A name as it is, or in two lines, with the middle of the second left out where it is too long for that."""
+    if metrics.horizontalAdvance(name) <= width_px:
+        return name
+    fits = next((k - 1 for k in range(2, len(name)) if metrics.horizontalAdvance(name[:k]) > width_px), len(name))
+    first = max((k for k in range(fits // 2, fits + 1) if name[k - 1 : k] in (*APART,)), default=fits)
+    return f"{name[:first]}\n{metrics.elidedText(name[first:], Qt.TextElideMode.ElideMiddle, width_px)}"
 
 
 def _film(state: FileState) -> QPixmap:
