@@ -7,8 +7,10 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pyarrow.fs
 import pytest
+from astropy.io import fits
 
 from tests.cli.archive_inputs import rows_of
 from tests.cli.test_night import planted
@@ -54,6 +56,9 @@ def test_s3_holds_the_frames_and_the_table(s3, tmp_path) -> None:
     for bucket in ("plates", "tables"):
         client.create_bucket(Bucket=bucket)
     planted(tmp_path, frames=3)
+    dark = fits.PrimaryHDU(np.zeros((800, 1000), np.int16))
+    dark.header["IMAGETYP"] = "Dark Frame"
+    dark.writeto(tmp_path / "dark.fits")
     for file in tmp_path.glob("*.fits"):
         client.upload_file(str(file), "plates", f"2026/{file.name}")
 
@@ -68,6 +73,9 @@ def test_s3_holds_the_frames_and_the_table(s3, tmp_path) -> None:
         access_key="nobody", secret_key="nothing", endpoint_override=f"127.0.0.1:{port}", scheme="http"
     )
     rows = rows_of("tables/night", filesystem=storage)
+    # Of a dark only the header is fetched.
+    assert (rows["dark.fits"]["kind"], rows["dark.fits"]["read_bytes"]) == ("calibration", 28800)
+    assert rows.pop("dark.fits")["size_bytes"] == (tmp_path / "dark.fits").stat().st_size
     assert [row["url"] for row in rows.values()] == [f"s3://plates/2026/light_{k:02d}.fits" for k in range(3)]
     assert all(row["solved"] and row["read_bytes"] == row["size_bytes"] > 0 for row in rows.values())
     keys = [found["Key"] for found in client.list_objects_v2(Bucket="tables")["Contents"]]
@@ -80,6 +88,6 @@ def test_s3_holds_the_frames_and_the_table(s3, tmp_path) -> None:
     client.upload_file(str(tmp_path / "light_00.fits"), "plates", "2026/light_00.fits")
     client.upload_file(str(tmp_path / "light_00.fits"), "plates", "2026/light_01.fits")
     told = asked("s3://plates/2026/*.fits", "--out", "s3://tables/night")
-    assert (told["before"], told["done"]) == (2, 1)
+    assert (told["before"], told["done"]) == (3, 1)
     assert rows_of("tables/night", filesystem=storage)["light_01.fits"]["copy"]
-    assert asked("status", "s3://tables/night")["rows"] == 3
+    assert asked("status", "s3://tables/night")["rows"] == 4

@@ -5,8 +5,10 @@ takes it is found here: its chunk is parted, and the one input that kills a work
 """
 
 import signal
+import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -25,18 +27,52 @@ SETTINGS = {
     "logging.distributed": "critical",  # a worker that ends is not an event here
     "distributed.worker.preload": [__name__],
     "distributed.scheduler.allowed-failures": 1,  # of a chunk; before an input is told it has three times as many
-    "distributed.scheduler.no-workers-timeout": "120s",  # of those here; a cluster of others may make us wait
     # Dask has workers give memory back at once: the pages of every array are asked for anew, 60 % more processor time.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
 }
 HERE = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50, "memory_limit": 0}
-STARTS = 5
+STARTS, POLL_S, LOOK_S, RESTART_S, LOST_S = 5, 0.02, 1.0, 10.0, 300.0
 KILLED = "Its worker process was ended from outside each time, most likely for lack of memory."
 
 
+@dataclass(slots=True)
+class Workers:
+    """A client of a cluster; of one that is ``here`` the workers are kept as many as ``count``."""
+
+    client: "Client"
+    here: Any = None
+    count: int = 0
+    _whole: float = field(default_factory=time.monotonic)
+    _looked: float = 0.0
+    _spares: int = 0
+
+    @property
+    def threads(self) -> int:
+        """How many chunks are worked on at once."""
+        return sum(self.client.nthreads().values())
+
+    def keep(self) -> None:
+        """Start a worker for one that is gone for good: Dask starts those again that end, but not twice in a moment.
+
+        Raises UsageError when there has been none for `LOST_S`.
+        """
+        now = time.monotonic()
+        if self.here is None or now - self._looked < LOOK_S:
+            return
+        self._looked = now
+        short = self.count - len(self.client.nthreads())
+        if short <= 0:
+            self._whole, self._spares = now, 0
+        elif short == self.count and now - self._whole > LOST_S:
+            raise UsageError("All workers ended, and none could be started again.")
+        elif now - self._whole > RESTART_S * (self._spares + 1):
+            self._spares += 1
+            self.here.scale(len(self.here.worker_spec) + short)
+
+
 @contextmanager
-def cluster(address: str | None, workers: int) -> "Iterator[Client]":
-    """A client of so many processes here, or of the scheduler at an address or in a scheduler file.
+def cluster(address: str | None, workers: int) -> "Iterator[Workers]":
+    """So many processes here, or the workers of the scheduler at an address or in a scheduler file.
 
     Raises UsageError where there is none, or where its workers have another Kochab.
     """
@@ -46,7 +82,7 @@ def cluster(address: str | None, workers: int) -> "Iterator[Client]":
     with dask.config.set(SETTINGS):
         if address is None:
             with _started(partial(LocalCluster, workers, threads_per_worker=1, **HERE)) as here, Client(here) as client:
-                yield client
+                yield Workers(client, here, workers)
             return
         where = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
         try:
@@ -55,7 +91,7 @@ def cluster(address: str | None, workers: int) -> "Iterator[Client]":
             raise UsageError("No Dask scheduler at {address}: {why}.", address=address, why=_plain(error)) from None
         with client:
             _check_versions(client)
-            yield client
+            yield Workers(client)
 
 
 def dask_setup(worker: object) -> None:
@@ -100,13 +136,13 @@ def version() -> str:
 
 
 def on_cluster(
-    client: "Client", chunks: Iterator[Chunk], work: Callable[[Chunk], Outcome], lost: Callable[[Chunk], Outcome]
+    workers: Workers, chunks: Iterator[Chunk], work: Callable[[Chunk], Outcome], lost: Callable[[Chunk], Outcome]
 ) -> Generator[Outcome, None, None]:
     """What ``work`` makes of every chunk, in the order in which they end; close it to stop.
 
     Parameters
     ----------
-    client : Client
+    workers : Workers
         Of the cluster.
     chunks : Iterator[Chunk]
         Asked for as workers become free.
@@ -117,16 +153,16 @@ def on_cluster(
     """
     again: list[Chunk] = []
     suspects: list[Chunk] = []
-    yield from _rounds(client, lambda: again.pop() if again else next(chunks, None), work, again, suspects)
+    yield from _rounds(workers, lambda: again.pop() if again else next(chunks, None), work, again, suspects)
     # One at a time, each with the cluster to itself: who shared a worker with the culprit is cleared.
     for suspect in suspects:
         once, guilty = iter([suspect]), list[Chunk]()
-        yield from _rounds(client, partial(next, once, None), work, [], guilty)
+        yield from _rounds(workers, partial(next, once, None), work, [], guilty)
         yield from map(lost, guilty)
 
 
 def _rounds(
-    client: "Client",
+    workers: Workers,
     take: Callable[[], Chunk | None],
     work: Callable[[Chunk], Outcome],
     again: list[Chunk],
@@ -134,25 +170,27 @@ def _rounds(
 ) -> Generator[Outcome, None, None]:
     """Outcomes of what ``take`` gives; chunks that ended their workers go to ``again`` in parts, or to ``killers``."""
     from distributed import KilledWorker, as_completed
-    from distributed.scheduler import NoValidWorkerError
 
     waiting: dict[str, Chunk] = {}
     done = as_completed()
 
     def fill() -> None:
-        room = WAITING * max(sum(client.nthreads().values()), 1)
+        room = WAITING * max(workers.threads, 1)
         while len(waiting) < room and (chunk := take()) is not None:
-            future = client.submit(work, chunk, pure=False)
+            future = workers.client.submit(work, chunk, pure=False)
             waiting[future.key] = chunk
             done.add(future)
 
     fill()
-    for future in done:
+    while waiting:
+        if not done.has_ready():
+            time.sleep(POLL_S)
+            workers.keep()
+            continue
+        future = next(done)
         chunk = waiting.pop(future.key)
         try:
             yield future.result()
-        except NoValidWorkerError:
-            raise UsageError("All workers ended and none could be started again.") from None
         except KilledWorker:
             (again.extend if len(chunk.items) > 1 else killers.extend)(chunk.alone())
         fill()

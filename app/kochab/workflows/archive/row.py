@@ -4,11 +4,12 @@ import hashlib
 import json
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import cache, lru_cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,12 @@ from kochab.core.frame import Detections, Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames import reading
+from kochab.frames.fits import read_header
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import merged_hint, solve_detections, with_doubts
 from kochab.text.translation import in_english
 from kochab.workflows.archive.inputs import Item
-from kochab.workflows.night.frame import is_calibration, measured
+from kochab.workflows.night.frame import is_calibration, measured, setup_of
 from kochab.workflows.night.measure import median_of
 from kochab.workflows.night.table import frame_row
 from kochab.workflows.solution_json import Json, as_json
@@ -66,11 +68,11 @@ SCHEMA = pa.schema([*(IDENTITY | ANSWER | MEASURES | COST).items()])
 NAMES = frozenset(SCHEMA.names)
 FORMAT = 1
 """Raised when a column changes its meaning: older rows are then made anew."""
-BLOCK = 1 << 20
 SAME_SCALE, OF_FIELD = 0.01, 1.5
 """Frames of one session agree in scale to this, and in place to so many widths of the field."""
-CALIBRATION = "calibration frame"
-UNREACHABLE = "The storage cannot be reached"
+CALIBRATION_ROW: Json = {"kind": "calibration", "solved": False, "reason": "calibration frame"}
+HEAD_BYTES, WORTH_A_LOOK_BYTES = 10 * 2880, 1_000_000
+"""Of a FITS file in a storage that is not a disk the header is fetched first, if it has so many bytes."""
 
 
 class UnreachableError(KochabError):
@@ -160,9 +162,10 @@ def row_of(item: Item, recipe: Recipe, session: Session | None = None, known: st
     yield Progress("fetch", None, item.url)
     with in_english(), _fetched(item, recipe.tries) as source:
         row: Json = asdict(item) | {"content": source.content, "read_bytes": source.size, "tries": source.tries}
-        if source.content == known:
+        if known and source.content == known:
             return row | {"unchanged": True}, session
-        row |= {"size_bytes": source.size, "recipe": recipe.digest, "version": __version__, "quarantined": False}
+        row |= {"content": source.content or None, "size_bytes": item.size_bytes or source.size}
+        row |= {"recipe": recipe.digest, "version": __version__, "quarantined": False}
         work = _list_row if source.stars is not None or _is_list(item) else _frame_row
         try:
             found, after = yield from work(item, source, recipe, session)
@@ -206,13 +209,14 @@ def table_of(rows: Sequence[Json]) -> pa.Table:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Source:
-    """A file here, or the stars of a list, with the SHA-256 of its content."""
+    """A file here, the stars of a list, or a header alone, with the SHA-256 of its content, "" of a header."""
 
     path: Path
     content: str
     size: int
     tries: int
     stars: Detections | None = None
+    header: Mapping[str, Any] | None = None
 
 
 def _is_list(item: Item) -> bool:
@@ -229,27 +233,35 @@ def _fetched(item: Item, tries: int) -> Iterator[_Source]:
         return
     fs, path = fsspec.core.url_to_fs(item.url)
     if "file" in (fs.protocol if isinstance(fs.protocol, tuple) else (fs.protocol,)):
-        (content, size), tried = _persistently(lambda: _copied(fs, path, None), item.url, tries)
+        (content, size), tried = _persistently(lambda: _hashed(Path(path)), item.url, tries)
         yield _Source(Path(path), content, size, tried)
+        return
+    head, _ = _persistently(lambda: _calibration_header(fs, path, item.size_bytes), item.url, tries)
+    if head:
+        yield _Source(Path(path), "", HEAD_BYTES, 1, header=head)
         return
     with tempfile.TemporaryDirectory(prefix="kochab-archive-") as folder:
         here = Path(folder, path.rpartition("/")[2] or "frame")
-        (content, size), tried = _persistently(lambda: _copied(fs, path, here), item.url, tries)
+        _, tried = _persistently(lambda: fs.get_file(path, str(here)), item.url, tries)
+        content, size = _hashed(here)
         yield _Source(here, content, size, tried)
 
 
-def _copied(fs: Any, path: str, target: Path | None) -> tuple[str, int]:
-    """Read a file whole, into ``target`` where there is one; its SHA-256 and size."""
-    digest, size = hashlib.sha256(), 0
-    with ExitStack() as stack:
-        source = stack.enter_context(fs.open(path, "rb", block_size=BLOCK, cache_type="readahead"))
-        out = stack.enter_context(open(target, "wb")) if target is not None else None
-        while block := source.read(BLOCK):
-            digest.update(block)
-            size += len(block)
-            if out is not None:
-                out.write(block)
-    return digest.hexdigest(), size
+def _hashed(path: Path) -> tuple[str, int]:
+    """SHA-256 and size of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest(), file.tell()
+
+
+def _calibration_header(fs: Any, path: str, size_bytes: int) -> dict[str, Any]:
+    """The header of a large FITS file that is a dark, a flat or a bias: the rest is not fetched; else empty."""
+    if size_bytes < WORTH_A_LOOK_BYTES or not path.lower().endswith((".fits", ".fit", ".fts")):
+        return {}
+    with suppress(FrameError):  # whatever is wrong with it is told when it is read
+        header = read_header(BytesIO(fs.cat_file(path, start=0, end=HEAD_BYTES)))
+        if header is not None and is_calibration(header.values):
+            return header.values
+    return {}
 
 
 def _persistently(read: Callable[[], Any], url: str, tries: int) -> tuple[Any, int]:
@@ -319,6 +331,8 @@ def _list_row(item: Item, source: _Source, recipe: Recipe, session: Session | No
 
 
 def _frame_row(item: Item, source: _Source, recipe: Recipe, session: Session | None) -> Task[Measured]:
+    if source.header is not None:
+        return CALIBRATION_ROW | {"setup": setup_of(source.header)}, session
     frame = yield from reading(source.path, recipe.options.timeout_s)
     own = frame.hint
     row: Json = {
@@ -326,7 +340,7 @@ def _frame_row(item: Item, source: _Source, recipe: Recipe, session: Session | N
         **{"width": frame.width, "height": frame.height},
     }
     if is_calibration(frame.header):
-        return row | {"kind": "calibration", "solved": False, "reason": CALIBRATION}, session
+        return row | CALIBRATION_ROW | {"setup": setup_of(frame.header)}, session
     hint = session.hint((frame.width, frame.height), own.camera) if session else None
     if hint:
         frame = replace(frame, hint=merged_hint(own, hint) or own)

@@ -118,6 +118,11 @@ def is_calibration(header: Mapping[str, Any]) -> bool:
     return str(header.get("IMAGETYP", "")).lower().split(" ")[0].strip("'") in CALIBRATION
 
 
+def setup_of(header: Mapping[str, Any]) -> str:
+    """Camera, filter, gain and binning as a header has them."""
+    return " ".join(f"{key}={header[key]}" for key in SETUP if key in header)
+
+
 def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -> NightFrame:
     """What a solved frame, or one that has no solution, says of the night; with a thumbnail if ``small``."""
     frame, result, hint = found.frame, found.result, found.frame.hint
@@ -130,7 +135,7 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
         sharp=sharpness(found.detections),
         thumbnail=thumbnail(frame) if small else b"",
         camera=hint.camera,
-        setup=" ".join(f"{key}={frame.header[key]}" for key in SETUP if key in frame.header),
+        setup=setup_of(frame.header),
     )
     if not isinstance(result, Solution):
         return replace(kept, reason=str(result.reason))
