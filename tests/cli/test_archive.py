@@ -8,12 +8,14 @@ import signal
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime
 
 import fsspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from astropy.io import fits
 from fsspec.implementations.memory import MemoryFileSystem
 
 from kochab.cli import archive as command
@@ -383,3 +385,52 @@ def test_ctrl_c_leaves_what_is_done_and_the_next_run_goes_on(frames, tmp_path, c
     assert went_on["before"] == told["done"]
     assert len(rows_of(out)) == 40
     assert sum(not row["copy"] for row in rows_of(out).values()) == 4
+
+
+# -- How far it is -----------------------------------------------------------------------------
+
+
+def test_the_status_counts_rows_and_names_what_is_quarantined(frames, tmp_path, capsys) -> None:
+    shutil.copyfile(frames / "light_00.fits", tmp_path / "a.fits")
+    shutil.copyfile(frames / "spoilt.fits", tmp_path / "<b>.fits")
+    fits.writeto(tmp_path / "empty.fits", np.full((400, 600), 300, np.uint16))
+    dark = fits.PrimaryHDU(np.zeros((400, 600), np.uint16))
+    dark.header["IMAGETYP"] = "DARK"
+    dark.writeto(tmp_path / "d.fits")
+    out = tmp_path / "out"
+    archive(capsys, tmp_path / "*.fits", "--out", out, "--workers", "1")
+    told = archive(capsys, "status", out)
+    assert (told["rows"], told["solved"], told["calibration"], told["quarantined"]) == (4, 1, 1, 1)
+    assert sum(told["unsolved"].values()) == 1
+    assert told["quarantine"][0]["url"].endswith("/<b>.fits")
+    assert told["runs"]["all"]["state"] == "done"
+    page = (out / "_kochab" / "status.html").read_text()
+    assert "&lt;b&gt;.fits" in page
+    assert "<b>.fits" not in page
+    assert "http-equiv" not in page
+
+
+def test_the_page_of_a_run_reloads_itself_and_one_that_fell_silent_is_told(done, capsys) -> None:
+    state = json.loads((done / "_kochab" / "run-all.json").read_text())
+    going = state | {
+        "state": "running",
+        "updated_utc": datetime.now(UTC).isoformat(),
+        "to_do": 100,
+        "done": 4,
+        "rate_s": 2.0,
+    }
+    (done / "_kochab" / "run-1of2.json").write_text(json.dumps(going))
+    (done / "_kochab" / "run-2of2.json").write_text(json.dumps(going | {"updated_utc": "2020-01-01T00:00:00+00:00"}))
+    (done / "_kochab" / "run-3of2.json").write_text('{"state": 7, "done": "many", "updated_utc": []}')
+    (done / "_kochab" / "run-4of2.json").write_text("[[[")
+    told = archive(capsys, "status", done)
+    assert {name: run["state"] for name, run in told["runs"].items()} == {
+        "1of2": "running",
+        "2of2": "lost",
+        "3of2": "7",
+        "all": "done",
+    }
+    assert (told["to_do"], told["rate_s"]) == (96, 2.0)
+    page = (done / "_kochab" / "status.html").read_text()
+    assert '<meta http-equiv="refresh" content="10">' in page
+    assert "2 a second, 48 s left" in page

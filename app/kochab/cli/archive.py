@@ -257,6 +257,7 @@ def _status_text(url: str, summary: Json) -> str:
 
     lines = [url, f"{summary['rows']} rows, {summary['solved']} solved"]
     lines += [f"{count} {reason}" for reason, count in summary["unsolved"].items()]
+    lines += [f"{summary['calibration']} darks, flats and biases"] * bool(summary["calibration"])
     lines += [f"{summary['quarantined']} quarantined"] * bool(summary["quarantined"])
     lines += [f"  {one['error']}" for one in summary["quarantine"][:5]]
     lines += [f"{summary['to_retry']} could not be reached; the next run tries again"] * bool(summary["to_retry"])

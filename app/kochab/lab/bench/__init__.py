@@ -143,6 +143,7 @@ Bench = Callable[[bool, Report], BenchResult]
 """``run(quick, report)``: measures, a small part of it when ``quick``."""
 
 BENCHES: dict[str, str] = {
+    "archive": "kochab.lab.bench.archive:run",
     "detect": "kochab.lab.bench.detect:run",
     "detectors": "kochab.lab.bench.detectors:run",
     "identify": "kochab.lab.bench.identify:run",

@@ -7,7 +7,7 @@ from typing import Any
 
 import pyarrow.compute as pc
 
-from kochab.text.translation import number, tr, tr_noop
+from kochab.text.translation import number, tr, tr_n, tr_noop
 from kochab.workflows.archive.dataset import Dataset
 from kochab.workflows.night.page import STYLE
 from kochab.workflows.solution_json import Json
@@ -22,10 +22,10 @@ STATES = {
 }
 REFRESH_S = 10
 LISTED = 50
-_COLUMNS = ("url", "solved", "reason", "error", "quarantined", "copy", "cpu_s", "read_bytes", "wall_s")
+_COLUMNS = ("url", "solved", "reason", "error", "quarantined", "copy", "kind", "cpu_s", "read_bytes", "wall_s")
 MORE_STYLE = """
 .progress { height: 14px; background: var(--tile); border: 1px solid var(--line); border-radius: 8px; overflow: hidden;
- margin: 24px 0 8px; } .progress i { display: block; height: 100%; background: var(--accent); }
+ margin: 24px 0 16px; } .progress i { display: block; height: 100%; background: var(--accent); }
 td.number, th.number { text-align: right; } td.file { overflow-wrap: anywhere; }
 """
 
@@ -54,7 +54,9 @@ def summary_of(dataset: Dataset) -> Json:
     """What the rows and the runs of a dataset say together."""
     table = dataset.table(_COLUMNS)
     solved = table.filter(pc.fill_null(table["solved"], False))
-    unsolved = Counter(reason for reason in table["reason"].to_pylist() if reason)
+    calibration = pc.fill_null(pc.equal(table["kind"], "calibration"), False)
+    lights = table.filter(pc.invert(calibration))
+    unsolved = Counter(reason for reason in lights["reason"].to_pylist() if reason)
     broken = table.filter(pc.is_valid(table["error"]))
     poison = broken.filter(pc.fill_null(broken["quarantined"], False))
     runs = {name: _run(state) for name, state in dataset.states().items()}
@@ -62,6 +64,7 @@ def summary_of(dataset: Dataset) -> Json:
     return {
         "rows": len(table),
         "solved": len(solved),
+        "calibration": len(table) - len(lights),
         "copies": pc.sum(pc.fill_null(table["copy"], False)).as_py() or 0,
         "unsolved": dict(unsolved.most_common()),
         "to_retry": len(broken) - len(poison),
@@ -102,7 +105,9 @@ def page_of(summary: Json, url: str) -> str:
         rows = [(escape(tr(reason)), str(count)) for reason, count in summary["unsolved"].items()]
         parts.append(_table(tr("Not solved"), (tr("Reason"), tr("Frames")), rows))
     if summary["quarantine"]:
-        rows = [(escape(one["error"]), "") for one in summary["quarantine"]]
+        rows = [
+            (f'{escape(o["error"])}<br><span class="note">{escape(o["url"])}</span>', "") for o in summary["quarantine"]
+        ]
         more = summary["quarantined"] - len(rows)
         parts.append(_table(tr("Quarantined files"), (tr("Why"), ""), rows))
         if more > 0:
@@ -112,7 +117,14 @@ def page_of(summary: Json, url: str) -> str:
         rows = []
         for name, run in summary["runs"].items():
             word = tr(STATES.get(run["state"], run["state"]))
-            rows.append((escape(f"{name}: {word}, {run['workers']}, {run['host']}"), f"{run['done']} / {run['to_do']}"))
+            told = tr(
+                "{shard}: {state}, workers: {workers}, from {host}",
+                shard=name,
+                state=word,
+                workers=run["workers"],
+                host=run["host"],
+            )
+            rows.append((escape(told), f"{run['done']} / {run['to_do']}"))
         parts.append(_table(tr("Runs"), (tr("Shard"), tr("Done")), rows))
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -134,10 +146,15 @@ def _headline(summary: Json, running: bool) -> str:
 
 
 def _tiles(summary: Json) -> list[str]:
-    rows = max(summary["rows"], 1)
-    share = tr("{share} % of all", share=number(100 * summary["solved"] / rows, ".1f"))
+    rows = max(summary["rows"] - summary["calibration"], 1)
+    share = tr("{share} % of the light frames", share=number(100 * summary["solved"] / rows, ".1f"))
     tiles = [(tr("Solved"), str(summary["solved"]), share)]
-    tiles.append((tr("Not solved"), str(sum(summary["unsolved"].values())), ""))
+    besides = (
+        tr_n("and {n} calibration frame", "and {n} calibration frames", summary["calibration"])
+        if summary["calibration"]
+        else ""
+    )
+    tiles.append((tr("Not solved"), str(sum(summary["unsolved"].values())), besides))
     tiles.append((tr("Quarantined"), str(summary["quarantined"]), tr("tried again when the file changes")))
     if summary["to_retry"]:
         tiles.append((tr("Not reached"), str(summary["to_retry"]), tr("the next run tries again")))

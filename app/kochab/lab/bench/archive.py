@@ -1,0 +1,307 @@
+"""``kochab bench archive``: what a frame costs in an archive, on one worker and on two, and when workers are killed.
+
+Whole commands, their rows read by pyarrow. Star lists are 33 stars with errors of 0.1 px at random places, frames 1.5
+megapixels of 16 bits as FITS, rendered from the catalogue. The rate of a run is that of the inputs between the first
+and the last tenth, without its start; processor time is a median, which the first frame of a worker leaves alone.
+Workers are killed with SIGKILL at random times, from the first rows on. S3 is moto's server, where moto and s3fs are
+installed; its log counts the requests. Whether two workers are twice as fast as one is only told when nothing else uses
+the machine; by processor time it is always.
+"""
+
+import json
+import os
+import random
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.errors import UsageError
+from kochab.lab.bench import BenchResult, Goal, Report, Row
+from kochab.lab.bench.serve import KOCHAB, SMALL, rendered
+from kochab.sky import open_catalogue
+
+LISTS, FEW_LISTS, QUICK_LISTS = 100_000, 6_000, 2_000
+FRAMES, QUICK_FRAMES, S3_FRAMES = 400, 60, 40
+KILLS, KILL_S, QUICK_KILL_S = 20, (2.0, 20.0), (0.3, 1.5)
+"""How many workers are killed, and the pause before each, s."""
+LIST_PX, LIST_FOCAL_PX, NOISE_PX = (1600, 1000), 7600.0, 0.1
+TWICE = 1.8
+QUIET_PERCENT = 10.0
+"""Of the processor that others may use while speed on the wall is measured."""
+NEEDED = ("distributed", "pyarrow", "fsspec", "psutil")
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """One command: seconds on the wall and of all its processes, their peak of memory together, and its rows.
+
+    ``busy`` is the share of the processors that others used just before, percent; ``kills`` how many workers ended.
+    """
+
+    wall_s: float
+    cpu_s: float
+    peak_mb: float
+    rows: Any
+    busy: float
+    kills: int = 0
+
+
+def run(quick: bool, report: Report) -> BenchResult:
+    """Measure star lists and frames, lose workers, and count requests."""
+    if missing := [name for name in NEEDED if find_spec(name) is None]:
+        raise UsageError(f"bench archive needs {', '.join(missing)}: pip install 'kochab-astro[archive]'.")
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory(prefix="kochab-bench-") as name:
+        folder = Path(name)
+        few, many = QUICK_LISTS if quick else FEW_LISTS, QUICK_LISTS if quick else LISTS
+        frames = QUICK_FRAMES if quick else FRAMES
+        write_lists(folder / "few.parquet", few)
+        write_frames(folder / "frames", frames)
+        for what, given, count in (("star lists", "few.parquet", few), ("1.5 MP frames", "frames", frames)):
+            for workers in (1, 2):
+                report(f"{count} {what}, {workers} workers ...")
+                out = folder / f"{workers}-{given}"
+                rows.append(row(what, workers, count, archived(folder / given, out, workers)))
+        report(f"the {count} frames again ...")
+        rows.append(row("frames that are done", 2, frames, archived(folder / "frames", folder / "2-frames", 2)))
+        report(f"{many} star lists, {KILLS} workers killed ...")
+        write_lists(folder / "many.parquet", many)
+        pauses = QUICK_KILL_S if quick else KILL_S
+        rows.append(
+            row("star lists, workers killed", 2, many, killed(folder / "many.parquet", folder / "many", pauses))
+        )
+        if find_spec("moto") and find_spec("s3fs"):
+            report(f"{S3_FRAMES} frames on S3 ...")
+            write_frames(folder / "s3", S3_FRAMES)
+            rows.append(on_s3(folder))
+    return BenchResult("archive", rows, goals(rows))
+
+
+# -- What is put in ----------------------------------------------------------------------------
+
+
+def write_lists(path: Path, count: int) -> None:
+    """A Parquet table of so many star lists at random places."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    chance, catalogue = np.random.default_rng(7), open_catalogue()
+    camera = Camera.centred(*LIST_PX, LIST_FOCAL_PX)
+    lists = []
+    for _ in range(count):
+        dec = float(np.degrees(np.arcsin(chance.uniform(-1.0, 1.0))))
+        attitude = attitude_from(float(chance.uniform(0.0, 360.0)), dec, float(chance.uniform(0.0, 360.0)))
+        stars = catalogue.brightest(attitude.boresight, np.radians(7.2), 60)
+        xy = camera.project(catalogue.vectors(stars, 2016.0) @ attitude.matrix.T)
+        inside = ((xy > 0.0) & (xy < np.array(LIST_PX) - 1.0)).all(axis=1)
+        lists.append(np.clip(xy[inside] + chance.normal(0.0, NOISE_PX, (int(inside.sum()), 2)), 0.0, None))
+    sizes = {name: [size] * count for name, size in zip(("width", "height"), LIST_PX, strict=True)}
+    places = {name: [xy[:, k].tolist() for xy in lists] for k, name in enumerate("xy")}
+    pq.write_table(pa.table(places | sizes), path, row_group_size=1000)
+
+
+def write_frames(folder: Path, count: int) -> None:
+    """One frame so many times, each with another pixel changed."""
+    folder.mkdir()
+    content = bytearray(rendered(folder / "00000.fits", *SMALL).read_bytes())
+    for k in range(1, count):
+        content[len(content) // 2 + 2 * k] ^= 1
+        (folder / f"{k:05d}.fits").write_bytes(content)
+
+
+# -- Commands ----------------------------------------------------------------------------------
+
+
+def archived(given: Path | str, out: Path | str, workers: int, storage: Mapping[str, Any] | None = None) -> Ran:
+    """The command from its start to its end.
+
+    Parameters
+    ----------
+    given, out : Path or str
+        Its input and its dataset.
+    workers : int
+        Processes.
+    storage : Mapping or None
+        ``environment`` of the command and ``filesystem`` for pyarrow; None for files here.
+    """
+    return _watched(given, out, workers, lambda process: 0, storage or {})
+
+
+def killed(given: Path, out: Path, pauses: tuple[float, float]) -> Ran:
+    """The same on two workers, one of which is killed now and then once the first rows are there."""
+    import psutil
+
+    chance = random.Random(11)
+    state = out / "_kochab" / "run-all.json"
+    due = [0.0]
+
+    def kill(process: Any) -> int:
+        if time.monotonic() < due[0] or not (state.exists() and json.loads(state.read_text() or "{}").get("done")):
+            return 0
+        below = [child for child in process.children(recursive=True) if "spawn_main" in " ".join(child.cmdline())]
+        due[0] = time.monotonic() + chance.uniform(*pauses)
+        if not below:
+            return 0
+        try:
+            chance.choice(below).kill()
+        except psutil.Error:
+            return 0
+        return 1
+
+    return _watched(given, out, 2, kill, {})
+
+
+def _watched(
+    given: Path | str, out: Path | str, workers: int, often: Callable[[Any], int], storage: Mapping[str, Any]
+) -> Ran:
+    """Run a command; ``often`` is called ten times a second until it has returned `KILLS` in sum."""
+    import psutil
+    import pyarrow.parquet as pq
+
+    busy = psutil.cpu_percent(1.0)
+    started, before, peak, kills = time.perf_counter(), os.times(), 0.0, 0
+    command = [*KOCHAB, "archive", str(given), "--out", str(out), "--workers", str(workers), "--json"]
+    environment = {**os.environ, **storage.get("environment", {})}
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment) as process:
+        seen = psutil.Process(process.pid)
+        while process.poll() is None:
+            try:
+                peak = max(peak, _memory_mb([seen, *seen.children(recursive=True)]))
+                kills += often(seen) if kills < KILLS else 0
+            except (psutil.Error, json.JSONDecodeError):  # one ended, or the state is being replaced
+                pass
+            time.sleep(0.1)
+    after = os.times()
+    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    table = pq.read_table(str(out).removeprefix("s3://"), filesystem=storage.get("filesystem"))
+    return Ran(time.perf_counter() - started, cpu, peak, table, busy, kills)
+
+
+def _memory_mb(processes: Sequence[Any]) -> float:
+    """What processes hold alone (USS): mapped files that they share are counted for none."""
+    return float(sum(process.memory_full_info().uss for process in processes)) / 1e6
+
+
+@contextmanager
+def _s3(log: Path) -> Iterator[dict[str, Any]]:
+    """Moto's server: what a command and pyarrow need to know of it."""
+    import pyarrow.fs
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    keys = {"AWS_ACCESS_KEY_ID": "nobody", "AWS_SECRET_ACCESS_KEY": "nothing", "AWS_DEFAULT_REGION": "us-east-1"}
+    with log.open("wb") as told:
+        server = subprocess.Popen([sys.executable, "-m", "moto.server", "-p", str(port)], stdout=told, stderr=told)
+        try:
+            until = time.monotonic() + 60.0
+            while time.monotonic() < until:
+                with socket.socket() as line:
+                    if line.connect_ex(("127.0.0.1", port)) == 0:
+                        break
+                time.sleep(0.05)
+            there = pyarrow.fs.S3FileSystem(
+                access_key="nobody",
+                secret_key="nothing",
+                endpoint_override=f"127.0.0.1:{port}",
+                scheme="http",
+                allow_bucket_creation=True,
+            )
+            yield {"environment": keys | {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}"}, "filesystem": there}
+        finally:
+            server.terminate()
+            server.wait(30)
+
+
+def on_s3(folder: Path) -> dict[str, Any]:
+    """Frames in one bucket, the table in another; with the requests a frame."""
+    log = folder / "moto.log"
+    with _s3(log) as storage:
+        for bucket in ("frames", "tables"):
+            storage["filesystem"].create_dir(bucket)
+        for file in sorted((folder / "s3").iterdir()):
+            with storage["filesystem"].open_output_stream(f"frames/{file.name}") as out:
+                out.write(file.read_bytes())
+        before = _requests(log)
+        ran = archived("s3://frames", "s3://tables/a", 1, storage)
+        after = _requests(log)
+    return row("1.5 MP frames on S3", 1, S3_FRAMES, ran) | {"requests": (after - before) / S3_FRAMES}
+
+
+def _requests(log: Path) -> int:
+    return log.read_text("utf-8", "replace").count(" HTTP/1.1")
+
+
+# -- What comes out ----------------------------------------------------------------------------
+
+
+def row(what: str, workers: int, inputs: int, ran: Ran) -> dict[str, Any]:
+    """One command's numbers; processor milliseconds are of an input, ``all_ms`` with what starts and gathers.
+
+    Parameters
+    ----------
+    what : str
+        What was put in.
+    workers : int
+        Processes.
+    inputs : int
+        How many were put in.
+    ran : Ran
+        What came of it.
+    """
+    urls = ran.rows["url"].to_pylist()
+    ended = np.sort(np.array([when.timestamp() for when in ran.rows["done_utc"].to_pylist()]))
+    first, last = len(ended) // 10, len(ended) - 1 - len(ended) // 10
+    return {
+        "inputs": what,
+        "workers": workers,
+        "count": inputs,
+        "astray": abs(inputs - len(set(urls))) + len(urls) - len(set(urls)),
+        "solved": sum(ran.rows["solved"].to_pylist()),
+        "kills": ran.kills,
+        "wall_s": ran.wall_s,
+        "rate_s": (last - first) / max(ended[last] - ended[first], 1e-9),
+        "cpu_ms": 1e3 * float(np.median(ran.rows["cpu_s"].to_pylist())),
+        "all_ms": 1e3 * ran.cpu_s / inputs,
+        "peak_mb": ran.peak_mb,
+        "read_kb": float(np.mean(ran.rows["read_bytes"].to_pylist())) / 1e3,
+        "busy": ran.busy,
+    }
+
+
+def goals(rows: Sequence[Row]) -> list[Goal]:
+    """Every input one row, whatever happens; and two workers nearly twice as fast as one."""
+    found = {(one["inputs"], one["workers"]): one for one in rows}
+
+    def of(what: str, workers: int, name: str) -> float | None:
+        one = found.get((what, workers))
+        return None if one is None else float(one[name])
+
+    lost = ("star lists, workers killed", 2)
+    out = [
+        Goal.at_least("workers killed at random times", of(*lost, "kills"), KILLS),
+        Goal.at_least("star lists put in meanwhile", of(*lost, "count"), LISTS),
+        Goal.at_most("of these without exactly one row", of(*lost, "astray"), 0),
+        Goal.at_most("frames on S3 without exactly one row", of("1.5 MP frames on S3", 1, "astray"), 0),
+    ]
+    for what in ("star lists", "1.5 MP frames"):
+        one, two = found.get((what, 1)), found.get((what, 2))
+        if not one or not two:
+            continue
+        quiet = max(one["busy"], two["busy"]) <= QUIET_PERCENT
+        faster = two["rate_s"] / one["rate_s"] if quiet else None
+        out.append(Goal.at_least(f"{what}: two workers, times as fast as one", faster, TWICE))
+        out.append(Goal.at_least(f"{what}: the same by processor time", 2.0 * one["cpu_ms"] / two["cpu_ms"], TWICE))
+    return out

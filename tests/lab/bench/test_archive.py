@@ -1,0 +1,71 @@
+"""The bench of archives: what it counts in a table, what it makes of it, and a small run."""
+
+from datetime import UTC, datetime, timedelta
+
+import pyarrow as pa
+import pytest
+
+from kochab.lab.bench import archive
+from kochab.lab.bench.archive import Ran, archived, goals, row, write_lists
+
+START = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def table(urls, step_s=0.5):
+    count = len(urls)
+    return pa.table(
+        {
+            "url": urls,
+            "done_utc": [START + timedelta(seconds=step_s * k) for k in range(count)],
+            "solved": [True] * count,
+            "cpu_s": [9.0, *[0.02] * (count - 1)],
+            "read_bytes": [3000] * count,
+        }
+    )
+
+
+def test_inputs_without_a_row_and_rows_too_many_are_counted() -> None:
+    urls = [f"u{k}" for k in range(20)]
+    found = row("x", 1, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0))
+    assert (found["astray"], found["solved"]) == (0, 20)
+    assert found["rate_s"] == pytest.approx(2.0)
+    assert (found["cpu_ms"], found["all_ms"], found["read_kb"]) == (20.0, 200.0, 3.0)
+    assert row("x", 1, 20, Ran(1, 1, 1, table(urls[1:]), 0))["astray"] == 1
+    assert row("x", 1, 20, Ran(1, 1, 1, table([*urls, "u3", "u3"]), 0))["astray"] == 2
+    assert row("x", 1, 20, Ran(1, 1, 1, table([*urls[1:], "u3"]), 0))["astray"] == 2
+
+
+def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
+    def one(what, workers, rate, cpu, busy, **more):
+        return {"inputs": what, "workers": workers, "rate_s": rate, "cpu_ms": cpu, "busy": busy, **more}
+
+    rows = [
+        one("star lists", 1, 100.0, 9.0, 2.0),
+        one("star lists", 2, 190.0, 9.5, 1.0),
+        one("1.5 MP frames", 1, 20.0, 40.0, 2.0),
+        one("1.5 MP frames", 2, 25.0, 50.0, 80.0),
+        one("star lists, workers killed", 2, 1.0, 1.0, 0.0, kills=20, count=100_000, astray=1),
+    ]
+    found = {goal.name: (goal.value, goal.met) for goal in goals(rows)}
+    assert found["star lists: two workers, times as fast as one"] == (1.9, True)
+    assert found["1.5 MP frames: two workers, times as fast as one"] == (None, None)
+    assert found["1.5 MP frames: the same by processor time"] == (1.6, False)
+    assert found["of these without exactly one row"] == (1.0, False)
+    assert found["frames on S3 without exactly one row"] == (None, None)
+
+
+def test_a_small_archive_is_measured(tmp_path) -> None:
+    write_lists(tmp_path / "lists.parquet", 12)
+    ran = archived(tmp_path / "lists.parquet", tmp_path / "out", 1)
+    found = row("star lists", 1, 12, ran)
+    assert (found["astray"], found["solved"], found["kills"]) == (0, 12, 0)
+    assert found["cpu_ms"] > 0.5
+    assert found["all_ms"] > found["cpu_ms"]
+
+
+def test_frames_differ_in_a_pixel(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(archive, "SMALL", (300, 200, 8.0))
+    archive.write_frames(tmp_path / "f", 3)
+    contents = [path.read_bytes() for path in sorted((tmp_path / "f").iterdir())]
+    assert len(set(contents)) == 3
+    assert len({len(content) for content in contents}) == 1
