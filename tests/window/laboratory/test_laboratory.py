@@ -20,6 +20,7 @@ from kochab.lab.laboratory.comparison import REGISTRIES, ComparedPart
 from kochab.window.application import build
 from kochab.window.frame.session import WorkflowEngine
 from kochab.window.laboratory.setup import Hints, StarSource
+from kochab.window.laboratory.view import TimeLeft
 from kochab.window.shell.welcome import samples
 from tests.window.fakes import assert_no_threads_left
 from tests.window.test_night import assert_red
@@ -508,3 +509,27 @@ def test_a_frame_that_nobody_solved_has_no_truth(qtbot, lab):
     assert scene.truth is None
     assert not scene.hint(True, True).helps
     assert scene.hint(False, False) is None
+
+
+def test_the_time_left_is_said_once_the_pace_is_known():
+    left = TimeLeft()
+
+    def at(now_s, share, stage="laboratory"):
+        return left.words(Progress(stage, share), now_s)
+
+    assert at(100.0, 0.0) == at(101.0, 0.3) == "", "a second says little"
+    assert at(110.0, 0.10) == "about 90 s left"
+    assert at(160.0, 0.60) == "about 40 s left"
+    assert at(199.9, 0.999) == "about 5 s left"
+    assert at(200.0, None, "preparing") == at(230.0, 0.01, "preparing") == "", "another stage has a pace of its own"
+    assert at(260.0, 0.10, "preparing") == "about 9 min left", "a tenth in a minute"
+    assert at(400.0, 0.02, "preparing") == "", "it began anew"
+
+
+def test_a_run_says_how_long_it_will_take(lab, monkeypatch):
+    ticks = iter(range(0, 10_000, 10))
+    monkeypatch.setattr("kochab.window.laboratory.view.time.monotonic", lambda: next(ticks))
+    _, view = lab()
+    view._progressed(Progress("laboratory", 0.0, "patterns"))
+    view._progressed(Progress("laboratory", 0.1, "patterns"))
+    assert view.status.text() == "patterns, about 90 s left"

@@ -1,6 +1,8 @@
 """The Laboratory: methods, detectors or estimators on the open frame or a simulated field."""
 
 import json
+import math
+import time
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Qt, Signal
@@ -22,6 +24,30 @@ from kochab.window.view import View
 from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
 
 READY = tr_noop("Compare methods on the same stars, or plot how they cope with worse data.")
+
+
+STEADY_S, STEADY_SHARE, STEP_S = 2.0, 0.03, 5.0
+"""How long, and up to which share, nothing is said of the time that is left; then it is said in steps."""
+
+
+class TimeLeft:
+    """How long a run will take from here, at the pace it has had since its stage began."""
+
+    def __init__(self) -> None:
+        self._stage, self._begun_s, self._begun_share = "", 0.0, 0.0
+
+    def words(self, progress: Progress, now_s: float) -> str:
+        """The time left, with the present time in seconds on any clock; empty before it can be said."""
+        share = progress.fraction or 0.0
+        if progress.stage != self._stage or share < self._begun_share:
+            self._stage, self._begun_s, self._begun_share = progress.stage, now_s, share
+        took_s, done = now_s - self._begun_s, share - self._begun_share
+        if took_s < STEADY_S or done < STEADY_SHARE:
+            return ""
+        left_s = took_s * (1.0 - share) / done
+        if left_s >= 100.0:
+            return tr("about {minutes} min left", minutes=math.ceil(left_s / 60.0))
+        return tr("about {seconds:.0f} s left", seconds=STEP_S * max(1, math.ceil(left_s / STEP_S)))
 
 
 class _Relay(QObject):
@@ -53,6 +79,7 @@ class LaboratoryView(View):
         self.png.setAccessibleName(tr("Export as PNG"))
         self.tabs.currentChanged.connect(self._enable_export)
         self.job: Job | None = None
+        self._left = TimeLeft()
         self._relay = _Relay(self)
         self._lay_out()
         if kept := services.settings.table("laboratory"):
@@ -131,6 +158,7 @@ class LaboratoryView(View):
 
     def _start(self, task: Task[object], tab: int) -> None:
         self.tabs.setCurrentIndex(tab)
+        self._left = TimeLeft()
         self.job = job = self._services.jobs.run(task, "laboratory")
         job.progressed.connect(self._progressed)
         job.succeeded.connect(lambda _: self._done(tab))
@@ -150,8 +178,9 @@ class LaboratoryView(View):
     def _progressed(self, progress: Progress) -> None:
         self.bar.show_share(progress.fraction)
         doing = progress.detail
-        preparing = progress.stage == PREPARING
-        self._say(tr("Building the small-field index: {doing}", doing=doing) if preparing else doing, "muted")
+        if progress.stage == PREPARING:
+            doing = tr("Building the small-field index: {doing}", doing=doing)
+        self._say(", ".join(filter(None, (doing, self._left.words(progress, time.monotonic())))), "muted")
 
     def _idle(self) -> None:
         self._show_running(False)
