@@ -30,6 +30,7 @@ from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.dropped_pair import DroppedPair
 from kochab.window.shell.help_book import Help
 from kochab.window.shell.layout import Layout
+from kochab.window.shell.lost_field import LostField
 from kochab.window.shell.main_window import MainWindow
 from kochab.window.shell.tools import Tools
 from kochab.window.shell.views import Views
@@ -110,6 +111,7 @@ class Commands(QObject):
         for command in COMMANDS:
             if command.letter:
                 parts.actions[command.name].triggered.connect(lambda on, c=command: self._say_switched(c, on))
+        self._lost_field = LostField(parts.window, parts.window.say)
         self._connect_frame()
         self._connect_window()
         self._show_recent()

@@ -10,6 +10,7 @@ from kochab.window.dialogs import dropped_files
 from kochab.window.frame.workspace import Workspace
 from kochab.window.panels.log_panel import LogPanel
 from kochab.window.shell.actions import make_actions
+from kochab.window.shell.lost_field import typed_in
 from kochab.window.shell.menus import Menus, Rail, button_of
 from kochab.window.shell.status import Status, TopBar
 from kochab.window.shell.welcome import Sample, Welcome
@@ -90,7 +91,8 @@ class MainWindow(QMainWindow):
     def show_frame_page(self) -> None:
         self._page = self.workspace
         self.pages.setCurrentWidget(self.workspace)
-        self.workspace.view.setFocus()
+        if not typed_in(self.focusWidget()):  # letters that follow would be keys of the view
+            self.workspace.view.setFocus()
 
     def take_frame(self) -> None:
         """A camera's frame has come: it takes the welcome page's place, but not that of a view's room."""
