@@ -333,8 +333,9 @@ def test_a_driver_just_turned_on_is_believed_when_it_has_read_its_mount_however_
             with line, suppress(OSError):
                 line.recv(1000)
                 line.sendall(OFF.encode())
-                while b"newSwitchVector" not in line.recv(1 << 16):
-                    pass
+                while b"newSwitchVector" not in (heard := line.recv(1 << 16)):
+                    if not heard:  # gone
+                        return
                 line.sendall(ON.encode())
                 time.sleep(0.75)
                 line.sendall(tells.encode())
