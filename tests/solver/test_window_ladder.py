@@ -14,7 +14,10 @@ from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason, Solution
 from kochab.frames import read_frame
 from kochab.identification.patterns import Patterns
+from kochab.lab.bench.reach import roof
+from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.simulate.whole_skies import RADII, whole_sky
+from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions, pipeline, window_ladder
 from kochab.solver.pipeline import solve_detections, solve_frame
 from tests.solver.fields import YEAR, photograph
@@ -77,6 +80,23 @@ def test_captions_and_roofs_hide_no_sky(kind, monkeypatch):
     monkeypatch.setattr(pipeline, "_may_climb", lambda request: False)
     alone = [isinstance(run(solve_detections(d)), Solution) for d, _ in lists]
     assert sum(alone) < sum(right)
+
+
+@pytest.mark.parametrize("quarters", range(4))
+def test_a_roof_on_any_side_hides_no_sky(quarters):
+    """The windows with most stars are then full of lights: before, half of the roofs at the foot of a frame did."""
+    rng, found = np.random.default_rng([20261127, quarters]), 0
+    for _ in range(8):
+        field = random_field(open_catalogue(), rng, FieldPlan(24.0, missing=0.0, spurious=0.0))
+        hidden = roof(field.detections, rng)
+        xy, side = hidden.xy, hidden.width
+        for _ in range(quarters):
+            xy = np.stack([side - 1 - xy[:, 1], xy[:, 0]], axis=1)
+        answer = run(solve_detections(Detections.from_list(xy, side, side, hidden.flux)))
+        if isinstance(answer, Solution):
+            assert apart_deg(answer.ra_dec_deg, field.attitude.ra_dec_deg) < 0.05
+            found += 1
+    assert found >= 7
 
 
 def solved(projection, field_deg, seed):

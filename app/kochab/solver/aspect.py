@@ -222,7 +222,7 @@ ASPECTS = (1.06, 1.0 / 1.06, 1.125, 1.0 / 1.125, 1.19, 1.0 / 1.19)
 """A pattern bears 4 % of a stretch: these reach from 3 to 23 %, as between frames of 5:4, 4:3, 3:2 and 16:9."""
 QUICKEST = 3
 """The last of the windows' stages finds 3 of 96 more, at three times the cost."""
-WINDOWS = 7
+WINDOWS = 9
 """As many searches went before, in windows of the frame: chance counts them."""
 
 

@@ -2,8 +2,8 @@
 
 Captions, roofs, streaks and trees fill the list of a frame's brightest detections, and strong distortion bends its
 patterns; a window of half the frame has its own brightest stars and hardly any distortion. The middle is asked first,
-then where most stars are. What a window finds is believed when another agrees, or when chance is out of the question;
-then :func:`kochab.solver.matches.extend` grows it star by star over the whole frame.
+then where most stars are, then above what a roof may hide. What a window finds is believed when another agrees, or when
+chance is out of the question; then :func:`kochab.solver.matches.extend` grows it star by star over the whole frame.
 """
 
 import math
@@ -26,6 +26,8 @@ from kochab.text.translation import tr
 
 MIDDLE, REST = (0.5, 0.7, 0.35, 0.25), 0.5
 """Sides of the windows over the frame's: four in the middle, eight at the edges."""
+ALONG = 0.6
+"""Part of the frame above roofs and trees, or beside them."""
 FEWEST_IN_WINDOW = 8
 MOST_AT_EDGES = 3
 """So many windows at the edges are asked, those with most stars."""
@@ -106,14 +108,21 @@ def climb(detections: Detections, year: float) -> Task[Identification | NoSoluti
 
 
 def _windows(detections: Detections) -> Iterator[_Window]:
-    """The middle in four sizes, then the fullest at the edges."""
+    """The middle in four sizes, the fullest at the edges, what is above a roof, and what lies opposite many lights."""
     size = np.array([detections.width, detections.height], dtype=np.float64)
     middle = (size - 1.0) / 2.0
-    yield from (w for w in (_window(detections, middle, size * share) for share in MIDDLE) if _enough(w))
-    steps = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
-    beside = [_window(detections, middle + np.array(s) * size * (1.0 - REST) / 2.0, size * REST) for s in steps]
+    yield from filter(_enough, (_window(detections, middle, size * share) for share in MIDDLE))
+    steps = [np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
+    beside = [_window(detections, middle + step * size * (1.0 - REST) / 2.0, size * REST) for step in steps]
     fullest = sorted(filter(_enough, beside), key=lambda w: -len(w.numbers))
     yield from fullest[:MOST_AT_EDGES]
+    right, below = np.count_nonzero(detections.xy > middle, axis=0) - len(detections) / 2.0
+    emptier = (-np.sign(right), 0.0) if abs(right) > abs(below) else (0.0, -np.sign(below))
+    for side in dict.fromkeys([(0.0, -1.0), (float(emptier[0]), float(emptier[1]))]):
+        share = 1.0 - (1.0 - ALONG) * np.abs(side)
+        window = _window(detections, middle + np.array(side) * size * (1.0 - ALONG) / 2.0, size * share)
+        if _enough(window) and any(side):
+            yield window
 
 
 def _enough(window: _Window) -> bool:
