@@ -358,3 +358,5 @@ def test_a_driver_just_turned_on_is_believed_when_it_has_read_its_mount_however_
         else:
             with pytest.raises(NoAnswerError, match="does not report where it points"):
                 open_mount("indi", address, site=SITE, clock=now)
+        with suppress(OSError):  # closed alone, it goes on listening for the thread that waits there
+            ear.shutdown(socket.SHUT_RDWR)
