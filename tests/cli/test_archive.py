@@ -20,6 +20,7 @@ from fsspec.implementations.memory import MemoryFileSystem
 
 from kochab.cli import archive as command
 from kochab.cli.main import main
+from kochab.workflows.archive.dataset import Dataset
 from tests.cli.archive_inputs import CENTRES, SIZE, archive, rows_of, stars_of, write_lists
 from tests.cli.test_night import CENTRE, DRIFT, MINUTES, planted
 
@@ -198,6 +199,10 @@ def test_star_lists_of_a_table_are_rows_and_shards_part_them(tmp_path, capsys) -
     ]
     assert sum(one["inputs"] for one in sums) == len(CENTRES)
     assert all(one["inputs"] for one in sums)
+    first = Dataset.at(str(tmp_path / "out"), (0, 2))
+    assert len(first.parts()) == 2
+    assert len(first.index()) == sums[0]["inputs"]  # a shard looks at no part of its fellows
+    assert len(Dataset.at(str(tmp_path / "out"), (0, 3)).index()) == len(CENTRES)  # whose parts another sharding made
     rows = rows_of(tmp_path / "out")
     for k, centre in enumerate(CENTRES):
         row = rows[f"lists.parquet#{k:09d}"]

@@ -120,7 +120,7 @@ def _prepared(args: argparse.Namespace) -> "Run":
             host=other.get("host"),
         )
     index = dataset.index()
-    where = dataset.table(("url",), condition) if condition is not None else None
+    where = dataset.table(("url",), condition, own=True) if condition is not None else None
     left = left_to_do(inputs, index, recipe.digest, where)
     workers = _workers(args)
     return Run(dataset, recipe, len(inputs), left, index, args.dask or f"{workers} here", 1 if workers == 1 else 500)

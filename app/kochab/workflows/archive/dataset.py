@@ -82,6 +82,13 @@ class Dataset:
             return []
         return sorted(name for name in self.fs.ls(self.path, detail=False) if _PART.search(name))
 
+    def own_parts(self) -> list[str]:
+        """The parts that may have rows of this shard's inputs: all but those of its fellows."""
+        fellow = re.compile(rf"part-\d+of{self.shard.partition('of')[2]}-")
+        mine = f"part-{self.shard}-"
+        names = ((name, name.rpartition("/")[2]) for name in self.parts())
+        return [name for name, last in names if self.shard == "all" or last.startswith(mine) or not fellow.match(last)]
+
     def write(self, rows: Sequence[Json]) -> str:
         """A part with these rows, whole or not at all; its name."""
         return self._put(table_of(rows))
@@ -95,14 +102,16 @@ class Dataset:
         self.fs.mv(draft, f"{self.path}/{name}")
         return name
 
-    def table(self, columns: Sequence[str], condition: Condition | None = None) -> pa.Table:
+    def table(self, columns: Sequence[str], condition: Condition | None = None, own: bool = False) -> pa.Table:
         """Some columns of the newest row of every URL, those that meet a condition; and ``part``, where it lies.
+
+        With ``own`` parts that can't have rows of this shard are left out.
 
         Raises UsageError when a part is damaged.
         """
         names = list(dict.fromkeys([*columns, "url", "done_utc", *(condition.columns if condition else ())]))
         try:
-            found = _newest(self._read(self.parts(), names))
+            found = _newest(self._read(self.own_parts() if own else self.parts(), names))
         except (pa.ArrowException, OSError) as error:
             why = str(error).splitlines()[0]
             raise UsageError("{url} has a part that cannot be read: {why}.", url=self.url, why=why) from None
@@ -150,12 +159,12 @@ class Dataset:
     # -- What is left to do --------------------------------------------------------------------
 
     def index(self) -> pa.Table:
-        """What is needed to tell what is done, of the newest row of every URL."""
-        return self.table(_INDEX)
+        """What is needed to tell what is done, of the newest row of every URL of this shard."""
+        return self.table(_INDEX, own=True)
 
     def old(self, contents: Sequence[str]) -> dict[str, Json]:
         """Whole rows by content."""
-        found = self.table(SCHEMA.names, Condition(("content",), pc.field("content").isin(list(contents))))
+        found = self.table(SCHEMA.names, Condition(("content",), pc.field("content").isin(list(contents))), own=True)
         return {row["content"]: row for row in found.to_pylist()}
 
     # -- The state of a run --------------------------------------------------------------------
