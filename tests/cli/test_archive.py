@@ -184,6 +184,39 @@ def test_its_help_needs_none_of_its_packages() -> None:
     assert done.stdout.strip().endswith("LOADED []"), done.stderr
 
 
+def test_streaks_and_unlisted_sources_are_listed_where_they_are_asked_for(frames, tmp_path, capsys) -> None:
+    with fits.open(frames / "light_00.fits") as hdus:
+        header, pixels = hdus[0].header, hdus[0].data.astype(float)
+    y, x = np.mgrid[0:600, 0:900]  # no star of magnitude 11.5 within 40 px of that place
+    star, ends = (450.3, 120.6), np.array([(150.0, 500.0), (800.0, 420.0)])
+    pixels += 3e4 * np.exp(-((x - star[0]) ** 2 + (y - star[1]) ** 2) / 2 / 1.36**2)
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    away, far = (
+        (x - ends[0, 0]) * -along[1] + (y - ends[0, 1]) * along[0],
+        (x - ends[0, 0]) * along[0] + (y - ends[0, 1]) * along[1],
+    )
+    pixels += 400 * np.exp(-(away**2) / 2 / 1.36**2) * ((far > 0) & (far < np.hypot(*(ends[1] - ends[0]))))
+    fits.writeto(tmp_path / "a.fits", np.clip(pixels, 0, 65535).astype(np.uint16), header)
+
+    # By hand: 14 arcsec a pixel, north up, east left.
+    def sky(place):
+        north = CENTRE[1] + (299.5 - place[1]) * 14 / 3600
+        return CENTRE[0] - (place[0] - 449.5) * 14 / 3600 / np.cos(np.radians(north)), north
+
+    archive(capsys, tmp_path / "a.fits", "--out", tmp_path / "plain", "--workers", "1")
+    assert rows_of(tmp_path / "plain")["a.fits"]["streaks"] is None
+    archive(capsys, tmp_path / "a.fits", "--out", tmp_path / "out", "--workers", "1", "--objects")
+    row = rows_of(tmp_path / "out")["a.fits"]
+    (unlisted,) = row["unlisted"]
+    assert (unlisted["ra_deg"], unlisted["dec_deg"]) == pytest.approx(sky(star), abs=2e-3)
+    assert (unlisted["x"], unlisted["y"]) == pytest.approx(star, abs=0.1)
+    (streak,) = row["streaks"]
+    found = sorted([(streak["ra1_deg"], streak["dec1_deg"]), (streak["ra2_deg"], streak["dec2_deg"])], reverse=True)
+    assert np.abs(np.array(found) - [sky(end) for end in ends]).max() < 0.03
+    assert streak["whole"]
+    assert streak["length_deg"] == pytest.approx(np.hypot(*(ends[1] - ends[0])) * 14 / 3600, rel=0.03)
+
+
 # -- Tables and star lists ---------------------------------------------------------------------
 
 

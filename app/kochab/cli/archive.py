@@ -47,6 +47,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="COLUMN=VALUE",
         help="do these rows again and nothing else: solved=false, fwhm_px>5, error!=null; may be repeated",
     )
+    about = "look for streaks, Solar System bodies and unlisted sources too: about twice the time"
+    parser.add_argument("--objects", action="store_true", help=about)
     parser.add_argument("--dask", metavar="ADDRESS", help="Dask scheduler tcp://HOST:PORT, or its scheduler file")
     parser.add_argument("--shard", type=_shard, default=(0, 1), metavar="I/N", help="the I-th of N parts, for cron")
     parser.add_argument("--width", type=whole(*PIXELS), metavar="W", help="frame of star lists x,y[,flux], px")
@@ -106,7 +108,7 @@ def _prepared(args: argparse.Namespace) -> "Run":
     from kochab.workflows.archive.row import Recipe
     from kochab.workflows.archive.run import Run, other_run
 
-    recipe = Recipe(options_of(args, args.detector), args.site, args.retries + 1)
+    recipe = Recipe(options_of(args, args.detector), args.site, args.retries + 1, args.objects)
     condition = condition_of(args.where) if args.where else None
     dataset = Dataset.at(args.out, args.shard)
     size = (args.width, args.height) if args.width else None

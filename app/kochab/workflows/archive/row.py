@@ -31,6 +31,7 @@ from kochab.solver import SolveOptions
 from kochab.solver.pipeline import merged_hint, solve_detections, with_doubts
 from kochab.text.translation import in_english
 from kochab.workflows.archive.inputs import Item
+from kochab.workflows.archive.objects import COLUMNS, objects_of
 from kochab.workflows.night.frame import is_calibration, measured, setup_of
 from kochab.workflows.night.measure import median_of
 from kochab.workflows.night.table import frame_row
@@ -63,7 +64,7 @@ COST = {
     **{"done_utc": _T, "tries": _I, "read_bytes": _I, "wall_s": _F, "cpu_s": _F},
     **{f"{stage}_ms": _F for stage in ("read", "detect", "identify", "attitude")},
 }
-SCHEMA = pa.schema([*(IDENTITY | ANSWER | MEASURES | COST).items()])
+SCHEMA = pa.schema([*(IDENTITY | ANSWER | MEASURES | COLUMNS | COST).items()])
 """The columns of the dataset."""
 NAMES = frozenset(SCHEMA.names)
 FORMAT = 1
@@ -81,11 +82,15 @@ class UnreachableError(KochabError):
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How frames are solved, where they were taken if headers don't say, and how often a file is asked for."""
+    """How frames are solved, where they were taken if headers don't say, and how often a file is asked for.
+
+    With ``objects`` streaks, bodies of the Solar System and unlisted sources are looked for.
+    """
 
     options: SolveOptions
     site: Site | None = None
     tries: int = 3
+    objects: bool = False
 
     @property
     def digest(self) -> str:
@@ -100,7 +105,7 @@ def _digest(recipe: Recipe) -> str:
 
     own = chosen()
     parts = [FORMAT, __version__, catalogue_checksums(), own.title if own else ""]
-    parts += [asdict(recipe.options), asdict(recipe.site) if recipe.site else None]
+    parts += [asdict(recipe.options), asdict(recipe.site) if recipe.site else None, recipe.objects]
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
@@ -352,6 +357,8 @@ def _frame_row(item: Item, source: _Source, recipe: Recipe, session: Session | N
         row |= {"latitude_deg": there.latitude_deg, "longitude_deg": there.longitude_deg}
     if night.light is not None and (zero := median_of(night.light.excess_mag)):
         row |= {"zero_point_mag": zero.value, "zero_point_mag_sigma": zero.sigma}
+    if recipe.objects:
+        row |= yield from objects_of(found, night, recipe.site)
     result = with_doubts(found.result, recipe.options, own)
     return row | _answer(result, len(found.detections)), _after(result, own.camera, session)
 
