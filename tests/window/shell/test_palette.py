@@ -1,7 +1,9 @@
 """The search palette: three groups from the first letter, and what each Enter does."""
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtGui import QColor, QImage, QRegion
+from PySide6.QtWidgets import QWidget
 
 from kochab.core.frame import Site
 from kochab.window.atlas.dialog import Atlas
@@ -155,3 +157,23 @@ def test_what_is_found_after_it_was_closed_is_told_to_nobody(qtbot, palette):
     qtbot.waitUntil(lambda: bool(gone))
     assert commands.session.jobs.join()
     qtbot.wait(50)  # a signal that is still queued would reach labels that are gone
+
+
+@pytest.mark.parametrize("theme", ["dark", "light", "night"])
+def test_its_round_corners_show_what_is_behind_it(qtbot, palette, theme):
+    """In the light theme white corners stood out on the dark image."""
+    box, commands = palette
+    commands.appearance.use_night(theme == "night")
+    if theme != "night":
+        commands.appearance.use_theme(theme)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
+    seen = QImage(box.size(), QImage.Format.Format_ARGB32)
+    seen.fill(QColor("magenta"))
+    box.render(seen, QPoint(), QRegion(), QWidget.RenderFlag.DrawChildren | QWidget.RenderFlag.DrawWindowBackground)
+    right, low = seen.width() - 1, seen.height() - 1
+    for x, y in ((0, 0), (right, 0), (0, low), (right, low)):
+        assert seen.pixelColor(x, y) == QColor("magenta")
+    assert seen.pixelColor(right // 2, low // 2) != QColor("magenta")
+    commands.appearance.use_night(False)
+    commands.appearance.use_theme("dark")
+    qtbot.waitUntil(lambda: commands.appearance.settled)

@@ -145,6 +145,7 @@ class Palette(QDialog):
         self._names: Completion | None = None
         self.setWindowTitle(tr("Search"))
         self.setObjectName("palette")
+        self.setAttribute(Qt.WidgetAttribute.WA_TranslucentBackground)  # its round corners show what is behind
         self._around = self._look_around()
         self._build()
         self._read()
