@@ -16,9 +16,10 @@ from PySide6.QtWidgets import QApplication
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.camera import Camera, ChartCamera
 from kochab.core.frame import Hint, Site
+from kochab.sky.milky_way import MilkyWay
 from kochab.window.atlas.dialog import Atlas
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
-from kochab.window.atlas.sky_painting import paint_frame
+from kochab.window.atlas.sky_painting import paint_frame, paint_glow
 from kochab.window.image.screen_image import Viewport
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
@@ -332,3 +333,39 @@ def test_the_milky_way_glows_behind_the_stars(atlas, opened):
     opened[1].appearance.use_theme("night")
     assert list(ground(305.0, 38.0)[1:]) == [0, 0]
     opened[1].appearance.use_theme("dark")
+
+
+class Counted(MilkyWay):
+    """Counts the directions that are asked for."""
+
+    __slots__ = ("asked",)
+
+    def brightness(self, vectors):
+        object.__setattr__(self, "asked", len(vectors))
+        return super().brightness(vectors)
+
+
+@pytest.mark.parametrize("field", [180.0, 60.0, 12.0])
+def test_the_glow_of_a_4k_chart_asks_for_no_more_places_than_its_clouds_have(qapp, monkeypatch, field):
+    """At 4K every fifth pixel was a third of a million places, most of the time that a chart takes to draw."""
+    longitude, latitude = np.radians(np.arange(360) + 0.5), np.arange(180) - 89.5
+    clouds = 0.6 + 0.4 * np.sin(20.0 * longitude)  # as fine as a glow smoothed by 1.8 degrees can be, at full contrast
+    light = np.exp(-0.5 * (latitude[:, None] / 6.0) ** 2) * clouds
+    glow = Counted(light)
+    sheet = frame_at(ChartCamera.of(3840, 2160, field), unit_vectors(266.4, -28.9))
+
+    def drawn():
+        image = QImage(3840, 2160, QImage.Format.Format_RGB32)
+        image.fill(QColor("#0c0e11"))
+        painter = QPainter(image)
+        paint_glow(painter, glow, sheet, image.rect(), QColor("#dce8f6"))
+        painter.end()
+        return np.frombuffer(image.constBits(), np.uint8).reshape(2160, 3840, 4)[::3, ::3].astype(int)
+
+    seen, asked = drawn(), glow.asked
+    monkeypatch.setattr("kochab.window.atlas.sky_painting.GLOW_STEP_PX", (5.0, 5.0))
+    finer = drawn()
+    assert glow.asked > 330_000
+    assert asked < 125_000 if field == 180.0 else asked < 10_000
+    assert finer.max() > 50, "there is a glow"
+    assert np.abs(seen - finer).max() <= 4, "nobody sees the difference"

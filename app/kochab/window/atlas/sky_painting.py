@@ -11,7 +11,9 @@ from kochab.window.image.screen_image import Viewport
 
 CELLS = 10  # along each side; within one the chart's projection and the lens bend by less than a pixel
 LEAST_PX = 24.0  # of the chart: smaller, the outline says enough
-GLOW_STEP_PX, GLOW_MOST = 5, 0.22  # of the widget between samples, and how bright its brightest cloud is
+GLOW_STEP_DEG, GLOW_STEP_PX = 0.9, (5.0, 48.0)
+"""Between samples of the glow, which is smoothed by 1.8 degrees; px of the widget at least and at most."""
+GLOW_MOST = 0.22  # how bright its brightest cloud is
 OVERLAP_PX = 0.7  # of the image, by which a cell reaches into the next: no seams
 
 
@@ -69,7 +71,8 @@ def paint_glow(painter: QPainter, glow: MilkyWay, sheet: Solution, room: QRect, 
     ink : QColor
         Of its light.
     """
-    wide, high = max(2, room.width() // GLOW_STEP_PX), max(2, room.height() // GLOW_STEP_PX)
+    step = float(np.clip(sheet.camera.focal_px * np.radians(GLOW_STEP_DEG), *GLOW_STEP_PX))
+    wide, high = max(2, round(room.width() / step)), max(2, round(room.height() / step))
     x = (np.arange(wide) + 0.5) * room.width() / wide - 0.5
     y = (np.arange(high) + 0.5) * room.height() / high - 0.5
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
