@@ -65,7 +65,7 @@ from tests.gear.mounts.bench import LIMITS, SITE, simulated
 from tests.house import sources
 from tests.polar.test_drawings import entry
 from tests.translations import collect, markers, release
-from tests.window.fakes import assert_no_threads_left, fake_solution
+from tests.window.fakes import FakeEngine, assert_no_threads_left, fake_solution
 from tests.window.mount_bench import connected
 from tests.window.polar.test_view import Nights, drive
 from tests.window.test_narrow import resize, whole
@@ -573,6 +573,19 @@ def cut(top: QWidget) -> list[str]:
         ):
             found.append(f"{type(w).__name__} {w.text()!r}: {w.width()} x {w.height()}, {w.sizeHint().toTuple()}")
     return found
+
+
+@pytest.mark.parametrize("mode", VIEWS)
+def test_a_longer_language_fits_1024_by_700_beside_the_welcome_page(qtbot, abroad, make_window, mode):
+    """Live and the Laboratory asked for 1,167 and 1,257 px there."""
+    window, commands = make_window(FakeEngine())
+    commands.views.show(mode)
+    qtbot.waitUntil(lambda: commands.views.docks[mode].view is not None)
+    for _ in range(2):
+        resize(qtbot, window, 1024, 700)
+    assert (window.width(), window.height()) == (1024, 700)
+    left = cut(window)
+    assert not left, "\n".join(left)
 
 
 @pytest.mark.parametrize("mode", ["image", "details", *VIEWS])

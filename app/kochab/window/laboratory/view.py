@@ -16,12 +16,13 @@ from kochab.lab.laboratory.scene import Scene, comparison, scene_of_frame, simul
 from kochab.text.translation import tr, tr_noop
 from kochab.window.charts.chart import image_of, write_image, write_text
 from kochab.window.dialogs import ask_save, tell
+from kochab.window.flow import Flow
 from kochab.window.job import Job
 from kochab.window.laboratory.results import Plots, TrialTable
 from kochab.window.laboratory.setup import Hints, LaboratorySetupPanel, MethodsPanel
 from kochab.window.services import Services
 from kochab.window.view import View
-from kochab.window.widgets import ProgressBar, button, column, label, row, scrolled, show_text, tab_pages
+from kochab.window.widgets import ProgressBar, button, column, label, scrolled, show_text, tab_pages
 
 READY = tr_noop("Compare methods on the same stars, or plot how they cope with worse data.")
 
@@ -89,7 +90,7 @@ class LaboratoryView(View):
 
     def _lay_out(self) -> None:
         top = tab_pages(tr("Laboratory set-up"), (tr("Methods"), self.methods), (tr("Stars"), scrolled(self.setup)))
-        buttons = row(self.compare, self.draw, self.stop, None, self.csv, self.png)
+        buttons = Flow(self.compare, self.draw, self.stop, None, self.csv, self.png)
         below = QWidget()
         column(buttons, self.bar, self.status, (self.tabs, 1), on=below, margins=(0, 4, 0, 0))
         parts = QSplitter(Qt.Orientation.Vertical)

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QComboBox, QCompleter, QGridLayout, QPushButton, Q
 
 from kochab.core.mount import SIDEREAL_DEG_S, Direction, MountState, TrackingRate
 from kochab.text.translation import number, tr, tr_noop
+from kochab.window.flow import Flow
 from kochab.window.widgets import (
     ChoiceBox,
     choice_box,
@@ -217,6 +218,7 @@ def rate_text(rate_deg_s: float) -> str:
 
 
 WAIT_MS = 350  # after the last letter of a target
+FIELD_PX = 150  # of a target, at least
 TOLERANCE_ARCSEC = (2.0, 3600.0)
 GOTO_TIP = tr_noop("Slew there by the mount’s own pointing")
 CENTRE_TIP = tr_noop("Slew there, plate solve, and correct until the target is centred")
@@ -254,7 +256,8 @@ class GoBox(QWidget):
 
     def lay_out(self, *beside: QWidget) -> None:
         """With more commands beside these."""
-        above = row((self.target, 1), self.centre, self.goto, *beside, spacing=6)
+        self.target.setMinimumWidth(FIELD_PX)
+        above = Flow(self.target, self.centre, self.goto, *beside, fill=self.target, spacing=6)
         column(above, self.about, on=self, spacing=4, margins=(0, 0, 0, 0))
 
     def _name_centre(self) -> None:

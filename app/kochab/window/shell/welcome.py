@@ -16,6 +16,7 @@ from kochab.folders import data_folder
 from kochab.frames import format_names, suffixes
 from kochab.text.angle_text import short_name
 from kochab.text.translation import tr, tr_noop
+from kochab.window.flow import Flow
 from kochab.window.image.thumbnails import GAP, HEIGHT, WIDTH, as_pixmap, thumbnails
 from kochab.window.job import Jobs
 from kochab.window.themes import BASE_POINT
@@ -58,10 +59,10 @@ MOST_SHOWN = 6
 INVITATION = tr_noop("Open an image of the night sky to see where it points and which stars are in it.")
 READS = tr_noop("Or drop a file on this window: {formats}. No focal length or coordinates needed.")
 
-PRACTICE = tr_noop("&Practice with a simulated telescope")
-PRACTICE_TIP = tr_noop("A misaligned mount with a camera, under a simulated sky.")
+PRACTICE = tr_noop("&Practice night")
+PRACTICE_TIP = tr_noop("With a simulated telescope: a misaligned mount with a camera, under a simulated sky.")
 
-LEAST_PX = 320  # of a sample: its picture and its name
+LEAST_PX = 290  # of a sample: its picture and its name
 WIDEST_PX = 680  # of the page, with letters of the normal size
 
 
@@ -88,7 +89,7 @@ class Welcome(Page):
         if self.samples:
             heading = (
                 label(tr("Try a sample"), "heading"),
-                label(tr("A real photograph, and simulated images."), "muted"),
+                label(tr("A real photograph, and simulated images."), "muted", wrap=True),
             )
             offer = [8, styled_frame("rule"), *heading, *self.samples]
         self._inside = page()
@@ -97,7 +98,7 @@ class Welcome(Page):
             label("Kochab", "title"),
             label(tr(INVITATION), wrap=True),
             8,
-            row(self.first, self.practice, None),
+            Flow(self.first, self.practice),
             label(tr(READS).format(formats=format_names()), "muted", wrap=True),
             4,
             self._recent_title,
