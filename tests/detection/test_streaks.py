@@ -119,3 +119,12 @@ def test_real_frames_have_none(repository):
         if streaks:
             bad[name] = len(streaks)
     assert bad == {}
+
+
+def test_a_saturated_flare_is_a_streak_and_no_spike(repository):
+    """An Iridium flare over a roof; by eye from (400, 430) to (665, 375)."""
+    path = repository.parent / "shared" / "frames-reach" / "emijrp__images_iridium8.jpg"
+    if not path.exists():
+        pytest.skip("no real frames here")
+    ends = [one.ends[np.argsort(one.ends[:, 0])] for one in streaks_of(read_frame(path))]
+    assert min(np.abs(one - [[400, 430], [665, 375]]).max() for one in ends) < 25

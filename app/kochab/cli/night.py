@@ -162,6 +162,7 @@ def text_of(night: "Night", page: str) -> str:
     from kochab.text.angle_text import AngleStyle, radec_text
     from kochab.workflows.night.events import words_of
     from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, advice_of
+    from kochab.workflows.night.tracking import SIDEREAL_ARCSEC_S
 
     solved = len(night.frames) - len(night.unsolved)
     span = f"{night.hours:.1f} h" if night.hours >= 1.0 else f"{60.0 * night.hours:.0f} min"
@@ -178,6 +179,10 @@ def text_of(night: "Night", page: str) -> str:
     for held in night.tracking:
         drift = f"RA {held.ra_arcsec_h.text('+')}, Dec {held.dec_arcsec_h.text('+')} arcsec an hour"
         lines.append(f"drift    {drift} ({len(held.frames)} frames, {held.hours:.1f} h)")
+        if worm := held.periodic:
+            lines.append(f"worm     {worm.amplitudes[0].text()} arcsec, period {worm.period_s.text()} s")
+        if held.rate_arcsec_s:
+            lines.append(f"rate     {held.rate_arcsec_s.text()} arcsec/s (sidereal {SIDEREAL_ARCSEC_S:.3f})")
     lines += [f"{event.time_utc:%H:%M:%S} {event.text}" for event in night.events]
     for k, one in night.crossings:
         if night.frames[k].time_utc is None:  # those with a time stand among the events

@@ -421,7 +421,7 @@ def _is_of_a_star(streak: Streak, detections: Detections) -> bool:
     """Whether it is a spike or bleeding of a saturated star on it: brightest there, fainter outwards."""
     direction = (streak.ends[1] - streak.ends[0]) / max(streak.length_px, 1e-9)
     normal = np.array([-direction[1], direction[0]])
-    bright = detections.xy[detections.saturated]
+    bright = detections.xy[detections.saturated & (detections.elongation < ROUND)]  # a flare is saturated itself
     for star in bright:
         t, off = float((star - streak.ends[0]) @ direction), float((star - streak.ends[0]) @ normal)
         if abs(off) > 2.0 * streak.width_px + 2.0 or not -20.0 <= t <= streak.length_px + 20.0:

@@ -24,6 +24,7 @@ from kochab.lab.bench.night_made import (
     NEW_STAR_MAG,
     UNKNOWN_ARCSEC_H,
     UNKNOWN_BODY_MAG,
+    WORM_S,
     Faults,
     MadeNight,
     made_night,
@@ -34,6 +35,7 @@ from kochab.workflows.night.frame import measure_frame
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.strangers import StrangerKind
 from kochab.workflows.night.summary import NO_TILT, Night, advice_of, night_of
+from kochab.workflows.night.tracking import SIDEREAL_ARCSEC_S
 
 FRAMES = 45
 HEALTHY, QUICK_HEALTHY = 12, 2
@@ -48,6 +50,7 @@ FLYING = {
 }
 ALONE = {
     "tilt": Faults(tilt_px=ALL.tilt_px),
+    "periodic error": Faults(periodic_arcsec=ALL.periodic_arcsec, rate_error=ALL.rate_error),
     "cloud": Faults(cloud_mag=ALL.cloud_mag),
     "slipped clutch": Faults(slip_arcmin=ALL.slip_arcmin, dither_px=ALL.dither_px),
 }
@@ -112,8 +115,20 @@ def compared(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str
     slip = 60.0 * faults.slip_arcmin * math.cos(math.radians(night.frames[0].dec_deg))
     row = _row("slipped clutch, arcsec", slip, knocks[0].size if knocks else None, bool(knocks))
     yield {**row, "found": len(knocks) == 1 and knocks[0].axis == "RA" if slip else bool(knocks)}
+    yield from _of_the_worm(night, faults)
     yield from _crossed(night, made, faults)
     yield from _among_the_stars(night, made, faults)
+
+
+def _of_the_worm(night: Night, faults: Faults) -> Iterator[dict[str, Any]]:
+    """Amplitude and period of the periodic error, and the rate of the axis."""
+    held = max(night.tracking, key=lambda one: len(one.frames))
+    worm, true = held.periodic, faults.periodic_arcsec
+    yield _row("periodic error, arcsec", true, worm.amplitudes[0] if worm else None, worm is not None)
+    if true:
+        yield _row("its period, s", WORM_S, worm.period_s if worm else None, worm is not None)
+    rate = SIDEREAL_ARCSEC_S * (1.0 + faults.rate_error)
+    yield _row("tracking rate, arcsec/s", rate, held.rate_arcsec_s, held.rate_arcsec_s is not None)
 
 
 def _crossed(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str, Any]]:

@@ -126,6 +126,9 @@ def _tiles(night: Night) -> list[str]:
         most = max(night.tracking, key=lambda one: len(one.frames))
         dec = f"{tr('Dec')} {most.dec_arcsec_h.text('+')}"
         tiles.append(_tile(tr("Drift (″/h)"), f"{tr('RA')} {most.ra_arcsec_h.text('+')}", dec))
+        if worm := most.periodic:
+            below = tr("amplitude; period {period} s", period=worm.period_s.text())
+            tiles.append(_tile(tr("Periodic error"), f"{worm.amplitudes[0].text()}″", below))
     if night.polar:
         tiles.append(_tile(tr("Polar axis off by"), night.polar.words, night.polar.where))
     if any(night.lost):
@@ -200,7 +203,15 @@ def _field(night: Night) -> str:
 
 
 def _mount(tracking: tuple[Tracking, ...]) -> str:
-    heads = (tr("Frames"), tr("Hours"), tr("RA (″/h)"), tr("Dec (″/h)"), tr("Wander RA, Dec (″)"), tr("Dithers"))
+    heads = (
+        tr("Frames"),
+        tr("Hours"),
+        tr("RA (″/h)"),
+        tr("Dec (″/h)"),
+        tr("Wander RA, Dec (″)"),
+        tr("Dithers"),
+        tr("Rate (″/s)"),
+    )
     rows = [
         (
             str(len(one.frames)),
@@ -209,6 +220,7 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
             one.dec_arcsec_h.text("+"),
             ", ".join(number(wander, ".1f") for wander in one.wander_arcsec),
             str(one.dithers),
+            one.rate_arcsec_s.text() if one.rate_arcsec_s else "–",
         )
         for one in tracking
     ]
@@ -245,6 +257,8 @@ def _notes(night: Night) -> list[str]:
     notes.append(tr("Sky brightness is not measured: the camera's black level is unknown."))
     if night.tracking:
         text = tr("Drift is that of the frame centres in RA and Dec (J2000); dithers are taken out.")
+        notes.append(text)
+        text = tr("Rate is that of the RA axis about the refracted pole; its ± counts what the polar axis may be off.")
         notes.append(text)
     elif not all(frame.time_utc for frame in night.frames):
         notes.append(tr("Drift is not measured: the frames do not say when they were taken."))

@@ -4,12 +4,19 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 
+from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Site
+from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar.drift import Drift, measure_drift, stretches_of
 from kochab.polar.error import Knob, angle_in_words
 from kochab.polar.measure import MeasureSettings
+from kochab.polar.pole import pole_direction
+from kochab.sky.horizon import Horizon
+from kochab.sky.solar_system import covers
 from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.crossings import Crossing, not_repeated
 from kochab.workflows.night.events import Event, events_of
@@ -17,7 +24,7 @@ from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
 from kochab.workflows.night.strangers import Stranger, strangers_of
-from kochab.workflows.night.tracking import FEWEST, Place, Tracking, tracking_of
+from kochab.workflows.night.tracking import FEWEST, POLAR_ARCSEC, Place, Tracking, tracking_of
 from kochab.workflows.night.transparency import losses
 
 MAG_PER_AIRMASS = 0.2
@@ -38,6 +45,8 @@ FAR_ARCSEC = 300.0
 """Of the polar axis, beyond which it is worth an evening's first minutes."""
 LONGEST_H = 20.0
 """No night is longer, but a polar one."""
+TELLING = 3
+"""Frames from which on a mast or a wire would return."""
 CLOUDED = 0.15
 """Share of the frames."""
 
@@ -120,9 +129,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
     # The shape of the field is that of the camera most frames are of.
     usual = Counter((f.size, f.setup) for f in ordered if f.sharp).most_common(1)
     fields = [f.sharp.field for f in ordered if f.sharp and f.sharp.field and (f.size, f.setup) == usual[0][0]]
-    places = [
-        Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg, f.roll_deg) for f in ordered if f.solved and f.time_utc
-    ]
+    polar = _polar(ordered)
     return Night(
         tuple(ordered),
         tuple(lost),
@@ -131,18 +138,44 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         _median([f.sharp.elongation for f in ordered if f.sharp]),
         _focus(ordered),
         night_field(fields),
-        tuple(tracking_of(places)),
-        _polar(ordered),
+        tuple(tracking_of(list(_places(ordered)), polar.error.total_arcsec if polar and polar.known else POLAR_ARCSEC)),
+        polar,
         asked,
         tuple(_crossings(ordered)),
         strangers_of([f.sights for f in ordered], [f.time_utc for f in ordered]),
     )
 
 
+def _places(frames: Sequence[NightFrame]) -> Iterator[Place]:
+    """Where the frames pointed, and how far the RA axis fell behind, turned about the refracted pole."""
+    began: dict[Site, tuple[datetime, float]] = {}
+    for f in frames:
+        if not (f.solved and f.time_utc):
+            continue
+        axis = math.nan
+        if f.site and covers(f.time_utc):
+            hour = _hour_rad(f.ra_deg, f.dec_deg, f.site, f.time_utc)
+            start, first = began.setdefault(f.site, (f.time_utc, hour))
+            turned = SIDEREAL_RAD_S * (f.time_utc - start).total_seconds()
+            axis = math.degrees((turned - (hour - first) + math.pi) % (2.0 * math.pi) - math.pi) * 3600.0
+        yield Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg, f.roll_deg, axis, f.exposure_s or 0.0)
+
+
+def _hour_rad(ra_deg: float, dec_deg: float, site: Site, time_utc: datetime) -> float:
+    """Hour angle about the refracted pole, west positive, of where a place is seen through the air."""
+    seen = Horizon(site, time_utc).observed(unit_vectors(ra_deg, dec_deg)[None])[0]
+    pole = pole_direction(site)
+    north = 1.0 if site.latitude_deg >= 0.0 else -1.0
+    west = np.array([-1.0, 0.0, 0.0])
+    meridian = north * np.cross(pole, west)
+    return math.atan2(float(seen @ west), float(seen @ meridian))
+
+
 def _crossings(frames: Sequence[NightFrame]) -> Iterator[tuple[int, Crossing]]:
-    """Streaks that are not in several frames at one place."""
+    """Streaks that are not in several frames at one place; of few frames, in which a mast is like them, named ones."""
+    alone = sum(frame.solved for frame in frames) < TELLING
     kept = not_repeated([frame.crossings for frame in frames], max((f.size[0] for f in frames), default=0))
-    return ((k, one) for k, found in enumerate(kept) for one in found)
+    return ((k, one) for k, found in enumerate(kept) for one in found if one.name or not alone)
 
 
 def _median(values: list[Measure]) -> Measure | None:

@@ -139,6 +139,15 @@ def _tracking(one: Tracking) -> dict[str, Any]:
         "dithers": one.dithers,
         **_pair("ra_arcsec_h", one.ra_arcsec_h),
         **_pair("dec_arcsec_h", one.dec_arcsec_h),
+        **_pair("rate_arcsec_s", one.rate_arcsec_s),
+        "periodic": {
+            "amplitudes_arcsec": [[a.value, a.sigma] for a in one.periodic.amplitudes],
+            **_pair("peak_to_peak_arcsec", one.periodic.peak_to_peak),
+            **_pair("period_s", one.periodic.period_s),
+            "chance": one.periodic.chance,
+        }
+        if one.periodic
+        else None,
         "wander_arcsec": list(one.wander_arcsec),
         "jumps": [
             {

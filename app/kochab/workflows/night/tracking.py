@@ -16,11 +16,13 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Bools, Floats
 from kochab.core.robust import mad_sigma
 from kochab.polar.error import angle_in_words
 from kochab.text.translation import tr
 from kochab.workflows.night.measure import Measure, slope
+from kochab.workflows.night.periodic import FEWEST as FEWEST_FOR_A_WORM
+from kochab.workflows.night.periodic import Periodic, periodic_error
 
 FEWEST = 4
 """Frames of a stretch from which a drift is told."""
@@ -29,12 +31,17 @@ ANOTHER_FIELD = 0.2
 LONGEST_GAP_S = 6 * 3600.0
 DITHER = 6.0
 """Times the usual step beyond which a step is a jump."""
+SPLIT, PASSES = 4.0, 6
+"""The same while a worm is looked for: a step too much taken for a jump costs it little, one too few spoils it."""
 LONE = 0.015
 """Share of the frame's width, 60 px of 4000: no jump below it is told as a knock, as programs dither by less."""
 AS_DITHERS, OF_DITHERS = 3, 4.0
 """Jumps from which on they are dithers, and times their median up to which: in a square the farthest are 2.8 apart."""
 TURNED_DEG, FLIPPED_DEG = 10.0, 170.0
 """By which a camera is turned on purpose, and by which a German mount has changed sides."""
+POLAR_ARCSEC = 600.0
+"""One sigma of a polar axis that nobody measured."""
+SIDEREAL_ARCSEC_S = 15.041067
 FLOOR_ARCSEC = 0.5
 """No jump is known better: refraction and the drift of the middle of the frame differ from place to place."""
 ALONG = 0.15
@@ -44,13 +51,19 @@ SIDEREAL_ARCSEC_H = 54148.0
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width and roll, degrees."""
+    """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width and roll, degrees.
+
+    ``axis_arcsec`` is how far the RA axis has fallen behind the stars, of its own angle, refraction taken out; NaN
+    where site or time are unknown. ``exposure_s`` is how long it was exposed.
+    """
 
     time_utc: datetime
     ra_deg: float
     dec_deg: float
     width_deg: float
     roll_deg: float = 0.0
+    axis_arcsec: float = math.nan
+    exposure_s: float = 0.0
 
 
 class JumpKind(StrEnum):
@@ -106,7 +119,9 @@ class Jump:
 class Tracking:
     """Of one field: drift a second on the sky in arcsec an hour (RA as an arc), wander about it in arcsec RMS.
 
-    ``frames`` are indices into the places; ``jumps`` are its steps across which nothing is taken.
+    ``frames`` are indices into the places; ``jumps`` are its steps across which nothing is taken. ``periodic`` is the
+    error of the worm, taken out of the rest; ``rate_arcsec_s`` the rate of the RA axis, with what a polar axis that is
+    off makes of it; None where refraction is unknown.
     """
 
     frames: tuple[int, ...]
@@ -116,6 +131,8 @@ class Tracking:
     wander_arcsec: tuple[float, float]
     jumps: tuple[Jump, ...]
     dec_deg: float
+    periodic: Periodic | None = None
+    rate_arcsec_s: Measure | None = None
 
     @property
     def dithers(self) -> int:
@@ -133,8 +150,11 @@ class Tracking:
         return self.ra_arcsec_h.value > 0.5 * SIDEREAL_ARCSEC_H * math.cos(math.radians(self.dec_deg))
 
 
-def tracking_of(places: Sequence[Place]) -> list[Tracking]:
-    """The drift of every field that was held for `FEWEST` frames or more, in order of time."""
+def tracking_of(places: Sequence[Place], polar_arcsec: float = POLAR_ARCSEC) -> list[Tracking]:
+    """The drift of every field that was held for `FEWEST` frames or more, in order of time.
+
+    ``polar_arcsec`` is how far the polar axis may be off its pole, one sigma.
+    """
     order = sorted(range(len(places)), key=lambda k: places[k].time_utc)
     fields: list[list[int]] = []
     for k in order:
@@ -142,7 +162,8 @@ def tracking_of(places: Sequence[Place]) -> list[Tracking]:
             fields[-1].append(k)
         else:
             fields.append([k])
-    found = [_held([places[k] for k in field], tuple(field)) for field in fields if len(field) >= FEWEST]
+    long = [field for field in fields if len(field) >= FEWEST]
+    found = [_held([places[k] for k in field], tuple(field), polar_arcsec) for field in long]
     return [one for one in found if one is not None]
 
 
@@ -157,26 +178,83 @@ def _apart_deg(one: Place, other: Place) -> float:
     return math.hypot(east, other.dec_deg - one.dec_deg)
 
 
-def _held(places: list[Place], frames: tuple[int, ...]) -> Tracking | None:
+def _held(places: list[Place], frames: tuple[int, ...], polar_arcsec: float) -> Tracking | None:
     first = places[0]
     hours = np.array([(p.time_utc - first.time_utc).total_seconds() / 3600.0 for p in places])
     ra = np.array([(p.ra_deg - first.ra_deg + 180.0) % 360.0 - 180.0 for p in places])
     dec = np.array([p.dec_deg for p in places])
-    xy = 3600.0 * np.stack([ra * math.cos(math.radians(first.dec_deg)), dec - first.dec_deg])
-    # Frames may be missing, so a step is judged by the drift over its own time.
-    steps, took = np.diff(xy, axis=1), np.maximum(np.diff(hours), 1e-9)
-    beside = steps - np.median(steps / took, axis=1, keepdims=True) * took
-    off = np.hypot(*beside)
-    jump = off > DITHER * max(mad_sigma(off, 0.0), 1e-6)
+    cosine = math.cos(math.radians(first.dec_deg))
+    xy = 3600.0 * np.stack([ra * cosine, dec - first.dec_deg])
+    axis = np.array([p.axis_arcsec for p in places])
+    seen = bool(np.isfinite(axis).all())
+    if not seen:
+        axis = 3600.0 * ra
+    if hours[-1] <= 0.0:
+        return None
+    exposure_s = float(np.median([p.exposure_s for p in places]))
+    beside, jump = _steps(xy, hours)
+    worm = _worm(xy, axis, hours, cosine, exposure_s)
+    if worm is not None:  # without it smaller jumps stand out, and those told are surer
+        xy[0] -= worm.error * cosine
+        beside, jump = _steps(xy, hours)
     group = np.concatenate([[0], np.cumsum(jump)])
-    if hours[-1] <= 0.0 or len(places) - int(group[-1]) - 2 < 1:
+    if len(places) - int(group[-1]) - 2 < 1:
         return None
     fits = [slope(hours, along, group) for along in xy]
     if fits[0] is None or fits[1] is None:
         return None
     (ra_drift, ra_rms), (dec_drift, dec_rms) = fits[0], fits[1]
+    if worm is not None:
+        ra_drift = Measure(ra_drift.value, max(ra_drift.sigma, worm.rate.sigma * abs(cosine)))
     jumps = _jumps(places, frames, beside, jump.nonzero()[0].tolist(), (ra_rms, dec_rms))
-    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), jumps, first.dec_deg)
+    lag = worm.rate if worm else (slope(hours, axis, group) or (None,))[0]
+    rate = None
+    if seen and lag is not None:
+        off = math.radians(polar_arcsec / 3600.0) * abs(math.tan(math.radians(first.dec_deg)))
+        rate = Measure(SIDEREAL_ARCSEC_S - lag.value / 3600.0, math.hypot(lag.sigma / 3600.0, SIDEREAL_ARCSEC_S * off))
+    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), jumps, first.dec_deg, worm, rate)
+
+
+def _worm(xy: Floats, axis: Floats, hours: Floats, cosine: float, exposure_s: float) -> Periodic | None:
+    """The periodic error, found together with the jumps that it hides; None where there is none to tell.
+
+    Parameters
+    ----------
+    xy : Floats
+        Places (2, N) in RA and Dec on the sky, arcsec.
+    axis : Floats
+        Of the RA axis (N,), arcsec of its own angle.
+    hours : Floats
+        When (N,).
+    cosine : float
+        Of the declination.
+    exposure_s : float
+        How long each was exposed.
+    """
+    error, before = np.zeros(len(hours)), None
+    for _ in range(PASSES):
+        left = np.stack([xy[0] - error * cosine, xy[1]])
+        group = np.concatenate([[0], np.cumsum(_steps(left, hours, SPLIT)[1])])
+        if before is not None and (group == before).all():
+            break
+        worm = periodic_error(3600.0 * hours, axis, group, exposure_s, sure=False)
+        if worm is None:
+            return None
+        error, before = worm.error, group
+    return periodic_error(3600.0 * hours, axis, group, exposure_s)
+
+
+def _steps(xy: Floats, hours: Floats, times: float = DITHER) -> tuple[Floats, Bools]:
+    """Ways (2, N - 1) from place to place beside the drift, arcsec, and which are jumps: ``times`` the usual."""
+    # Frames may be missing, so a step is judged by the drift over its own time.
+    steps, took = np.diff(xy, axis=1), np.maximum(np.diff(hours), 1e-9)
+    beside = steps - np.median(steps / took, axis=1, keepdims=True) * took
+    off = np.hypot(*beside)
+    jump = off > times * max(mad_sigma(off, 0.0), 1e-6)
+    if len(hours) >= FEWEST_FOR_A_WORM:  # each axis by its own scatter: the worm moves one of them, dithers both
+        for way in beside:
+            jump |= np.abs(way) > times * max(mad_sigma(way, 0.0), 1e-6)
+    return beside, np.asarray(jump)
 
 
 def _jumps(
