@@ -38,6 +38,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         metavar="NAME[=PORT]",
         help="only this protocol: lx200 (port 4030), stellarium (10001), alpaca (11111), indi (7624); may be repeated",
     )
+    parser.add_argument(
+        "--stellarium-remote",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="turn the view of Stellarium (its plug-in Remote Control, default 127.0.0.1:8090) to where the"
+        " telescope points, and push to the object selected there",
+    )
     parser.add_argument("--lan", action="store_true", help="to the local network too, unencrypted")
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
     parser.add_argument("--target", metavar="NAME", help="what to push the telescope to: after each solve, which way")
@@ -72,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         mount.telescope = telescope
     camera = _Camera(args, telescope) if args.source else None
     module, _, name = OFFER.partition(":")
-    offer = getattr(import_module(module), name)(telescope, wanted, args.lan)
+    offer = getattr(import_module(module), name)(telescope, wanted, args.lan, args.stellarium_remote)
     try:
         tell({"event": "ready", "host": offer.host, "ports": offer.ports}, "\n".join(offer.lines), args.json)
         if camera is not None:

@@ -44,19 +44,20 @@ core.quitStellarium();
 """
 
 
-def home_of(folder, pictures):
-    """A home with the plug-in on, our telescope in it, and the script."""
+def home_of(folder, script="", **settings):
+    """A home with one plug-in on, our telescope in it, and the script; ``settings`` are sections of its config."""
     modules = folder / ".stellarium" / "modules" / "TelescopeControl"
     modules.mkdir(parents=True)
     (modules / "telescopes.json").write_text(json.dumps(TELESCOPES))
     config = configparser.RawConfigParser(strict=False)
     config.optionxform = str
     config.read("/usr/share/stellarium/data/default_cfg.ini")
-    for section, name, value in (
-        ("plugins_load_at_startup", "TelescopeControl", "true"),
-        ("plugins_load_at_startup", "Satellites", "false"),
-        ("video", "fullscreen", "false"),
-    ):
+    plugins = dict.fromkeys(("Satellites", "SolarSystemEditor", "Exoplanets", "Novae", "MeteorShowers"), "false")
+    first = {"plugins_load_at_startup": {**plugins, "TelescopeControl": "true"}, "video": {"fullscreen": "false"}}
+    rows = [
+        (section, name, value) for section, more in (*first.items(), *settings.items()) for name, value in more.items()
+    ]
+    for section, name, value in rows:
         if not config.has_section(section):
             config.add_section(section)
         config.set(section, name, value)
@@ -64,7 +65,7 @@ def home_of(folder, pictures):
         config.write(file)
     scripts = folder / ".stellarium" / "scripts"
     scripts.mkdir()
-    (scripts / "steer.ssc").write_text(SCRIPT.format(folder=pictures))
+    (scripts / "steer.ssc").write_text(script)
     return {**os.environ, "HOME": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
 
 
@@ -83,7 +84,7 @@ def main(pictures):
         try:
             command = ["xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "stellarium", "--startup-script", "steer.ssc"]
             quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-            env = home_of(Path(home), pictures.resolve())
+            env = home_of(Path(home), SCRIPT.format(folder=pictures.resolve()))
             screen = subprocess.Popen(command, env=env, start_new_session=True, **quiet)
             try:
                 screen.wait(PATIENCE_S)

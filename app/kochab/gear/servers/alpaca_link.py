@@ -7,7 +7,7 @@ a picture too; the usual client waits for that for ever. Facts: ASCOM Alpaca API
 import http.client
 import json
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from itertools import count
 from time import monotonic
@@ -16,6 +16,7 @@ from urllib.parse import urlencode
 
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, PortError, RefusedError
 from kochab.gear.servers.address import WORDS, NetAddress, making_sense, server_text, unreachable
+from kochab.gear.servers.deadline_http import DeadlineConnection
 from kochab.text.translation import tr_noop
 
 PORT = 11111
@@ -41,7 +42,7 @@ class AlpacaLink:
     def __init__(self, address: NetAddress, kind: str = "camera") -> None:
         self._kind = kind
         self._address = address
-        self._http = _DeadlineConnection(address.host.strip("[]"), address.port)
+        self._http = DeadlineConnection(address.host.strip("[]"), address.port)
         self._transaction = count(1)
         self._answered = False
 
@@ -198,37 +199,3 @@ def discover(wait_s: float = 1.0) -> list[str]:
                 data, (host, _) = ear.recvfrom(1024)
                 found.append(f"{host}:{int(json.loads(data)['AlpacaPort'])}")
     return list(dict.fromkeys(found))  # loopback and broadcast both find a server here
-
-
-class _DeadlineConnection(http.client.HTTPConnection):
-    """HTTP whose connecting, sending and receiving all end at ``deadline_s`` (:func:`monotonic`)."""
-
-    deadline_s = 0.0
-
-    def connect(self) -> None:
-        self.timeout = self.left_s()
-        super().connect()
-        self.sock = _DeadlineSocket(self.sock.detach(), self.left_s)
-
-    def left_s(self) -> float:
-        """Seconds to the deadline; TimeoutError when it has passed."""
-        left = self.deadline_s - monotonic()
-        if left <= 0:
-            raise TimeoutError
-        return left
-
-
-class _DeadlineSocket(socket.socket):
-    """One time limit for many calls: a time-out for each lets a server that trickles go on for hours."""
-
-    def __init__(self, number: int, left_s: Callable[[], float]) -> None:
-        super().__init__(fileno=number)
-        self._left_s = left_s
-
-    def sendall(self, *data: Any) -> None:
-        self.settimeout(self._left_s())
-        super().sendall(*data)
-
-    def recv_into(self, *buffer: Any) -> int:
-        self.settimeout(self._left_s())
-        return super().recv_into(*buffer)

@@ -8,6 +8,7 @@ from kochab.core.errors import PortError, UsageError
 from kochab.server.http_server import LOOPBACK
 from kochab.server.phone_page import local_address
 from kochab.server.telescope.listening import Ports
+from kochab.server.telescope.stellarium_remote import StellariumRemote, remote_address
 from kochab.workflows.telescope.offered import OfferedTelescope
 
 
@@ -42,12 +43,21 @@ class Offer:
         Protocols, each with its port, None for the usual one; empty for all of them.
     lan : bool
         Whether the local network may come too, unencrypted.
+    stellarium_remote : str or None
+        Where Stellarium's Remote Control is asked, see :func:`remote_address`; None to leave it alone.
     """
 
-    def __init__(self, telescope: OfferedTelescope, wanted: Mapping[str, int | None], lan: bool = False) -> None:
+    def __init__(
+        self,
+        telescope: OfferedTelescope,
+        wanted: Mapping[str, int | None],
+        lan: bool = False,
+        stellarium_remote: str | None = None,
+    ) -> None:
         for name in wanted:
             if name not in PROTOCOLS:
                 raise UsageError("There is no protocol “{name}”: {all}.", name=name, all=", ".join(PROTOCOLS))
+        remote = None if stellarium_remote is None else remote_address(stellarium_remote)
         self.host = local_address() if lan else LOOPBACK[0]
         self.ports: dict[str, int] = {}
         self._listening = Ports(telescope, self.host)
@@ -65,6 +75,8 @@ class Offer:
                     telescope.say(f"{row.title}: {error}")
             if not self.ports:
                 raise taken[0]
+            if remote is not None:
+                self._listening.others.append(StellariumRemote(telescope, remote))
         except BaseException:
             self.stop()
             raise
