@@ -1,9 +1,11 @@
 """The solve doctor on frames whose fault is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw
 
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
@@ -74,6 +76,25 @@ def test_a_long_exposure_gets_its_own_cure() -> None:
 
 def test_round_stars_have_no_trails() -> None:
     assert measure_trails(binned(sky())).aspect < 1.5
+
+
+def drawn(frame: Frame, draw) -> Frame:
+    """The frame with white lines and letters over it."""
+    image = Image.new("L", (frame.width, frame.height))
+    draw(ImageDraw.Draw(image))
+    return replace(frame, pixels=np.where(np.asarray(image) > 60, np.uint16(50000), frame.pixels))
+
+
+def strokes(draw) -> None:
+    """What letters with long strokes are to the eye of a doctor: dashes in rows at the foot of the frame."""
+    for y in range(510, 590, 16):
+        for x in range(40, 700, 34):
+            draw.line([(x, y), (x + 24, y)], fill=255, width=2)
+
+
+def test_letters_are_no_trails() -> None:
+    """Before, their long patches were taken for stars that trail."""
+    assert examined(drawn(sky(), strokes)).reason is Reason.NO_PATTERN_AGREED
 
 
 def test_out_of_focus() -> None:

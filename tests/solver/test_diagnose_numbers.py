@@ -63,6 +63,15 @@ def test_trails_need_length_a_direction_and_stars() -> None:
     assert doctor(unknown).measured["trail_angle_deg"] == pytest.approx(np.degrees(0.5))
 
 
+def test_trails_are_all_over_the_frame_and_as_long_as_one_another() -> None:
+    """Lines of letters stand in a part of it, streaks of satellites are of any length."""
+    long = stars(fwhm_px=4.0, elongation=3.0, angle_rad=0.5)
+    assert doctor(long).reason is Reason.TRAILED
+    below = replace(long, xy=long.xy * (1.0, 0.25) + (0.0, 0.75 * H))
+    assert doctor(below).reason is Reason.NO_PATTERN_AGREED
+    assert doctor(replace(long, fwhm_px=np.geomspace(1.0, 1000.0, 30))).reason is not Reason.TRAILED
+
+
 @pytest.mark.parametrize(("exposure_s", "cure"), [(None, "wait 5 s"), (20.0, "wait 5 s"), (30.0, "shorter than 30 s")])
 def test_only_a_long_exposure_trails_because_nothing_tracks(exposure_s: float | None, cure: str) -> None:
     found = doctor(stars(fwhm_px=4.0, elongation=3.0, angle_rad=0.5), Hint(exposure_s=exposure_s))

@@ -12,10 +12,12 @@ from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
 from kochab.solver import FEWEST_STARS
 from kochab.solver.frame_quality import (
+    LENGTH,
     FrameLevels,
     Trails,
     binned,
     clipping_level,
+    covered,
     half_flux_diameter_px,
     measure_discs,
     measure_light,
@@ -30,6 +32,9 @@ TRAILED_ASPECT = 2.2
 SHORTEST_ARC_PX = 10.0
 """Patches that point in all directions are trails, around a pole, only when they are so long."""
 TRAILED_ELONGATION = 1.8
+ALIKE, ALIKE_IN_ARCS, ALL_OVER = 0.4, 0.7, 0.6
+"""So many patches of a trailed frame are alike, neighbours agree so well on arcs, and so much of the frame has trails:
+letters and lit windows stand in a part of it, and lines cross."""
 CHANCE_ALIGNED = 0.005
 BAR_PER_FWHM = math.sqrt(12.0) / 2.3548
 """Length of a uniform trail divided by the FWHM of a Gaussian of the same variance."""
@@ -177,7 +182,8 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
     least_px = across_px if math.isfinite(across_px) else 0.0
     if trails is not None and not math.isfinite(trails.angle_deg):
         least_px = max(least_px, SHORTEST_ARC_PX)
-    if trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT and trails.length_px > least_px:
+    long = trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT and trails.length_px > least_px
+    if trails is not None and long and _alike(trails):
         yield _trail(case, trails.length_px, trails.angle_deg)
     for stars in (d, d.take(np.flatnonzero(_clear(d)))):  # noise has no direction
         bright = stars.take(slice(0, 50))
@@ -185,8 +191,21 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
             longer = _median(bright.elongation)  # whose width is the mean of both axes
             length = _median(bright.fwhm_px) * math.sqrt(longer - 1.0 / longer) * BAR_PER_FWHM
             twice = np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)])
-            if _aligned(twice):
+            if _aligned(twice) and _all_over(stars, bright):
                 yield _trail(case, length, float(np.degrees(np.angle(twice.mean())) / 2 % 180.0))
+
+
+def _alike(trails: Trails) -> bool:
+    least = ALIKE if math.isfinite(trails.angle_deg) else ALIKE_IN_ARCS
+    return trails.alike >= least and trails.cover >= ALL_OVER
+
+
+def _all_over(stars: Detections, bright: Detections) -> bool:
+    """Whether long images, alike in length, are wherever there are stars."""
+    long = bright.take(np.flatnonzero(bright.elongation > TRAILED_ELONGATION))
+    length = long.fwhm_px * np.sqrt(long.elongation)
+    alike = float(np.mean(np.abs(np.log(length / _median(length))) < math.log(LENGTH)))
+    return alike >= ALIKE and covered(long.xy, stars.xy, (stars.width, stars.height)) >= ALL_OVER
 
 
 def _aligned(twice: NDArray[np.complex128]) -> bool:

@@ -18,6 +18,8 @@ DISC_BINS = (4.0, 5.6)
 LEAST_DISC_PX = 12.0
 CLEAR_DISC_SNR = 15.0
 DISCS_ALIKE = 0.12
+SLENDER, DIRECTION_DEG, LENGTH = 1.8, 20.0, 1.6
+"""Trails are longer than wide by so much, in one direction so nearly, and within so large a factor as long."""
 FAR_SKY = 5.0
 """Radii of a disc within which the sky is looked at from further away."""
 
@@ -52,13 +54,17 @@ class Trails:
     """Shapes of the bright patches: ``aspect`` is length over width, 1 when round.
 
     ``length_px`` is the median length; ``angle_deg`` its direction from +x towards +y in
-    [0, 180), NaN when the patches do not agree on one; ``count`` of patches looked at.
+    [0, 180), NaN when the patches do not agree on one; ``count`` of patches looked at. Trails are alike, all over the
+    frame: ``alike`` is the share of patches as long as the median and in its direction, or, without one direction, how
+    well neighbours agree on theirs, and ``cover`` the share of the frame's ninths with patches that have long ones.
     """
 
     length_px: float = 0.0
     aspect: float = 1.0
     angle_deg: float = float("nan")
     count: int = 0
+    alike: float = 1.0
+    cover: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,19 +205,44 @@ def measure_trails(bins: Bins) -> Trails:
     limit = min(level + 5.0 * noise, float(np.quantile(small, 0.985)))
     limit = max(limit, level + 2.0 * noise)
     labels, count = ndimage.label(small > limit, np.ones((3, 3)))
-    major, minor, angle, area = _moments(labels, count)
+    major, minor, angle, area, place = _moments(labels, count)
     fair = (area >= 6) & (area < 0.03 * small.size)
-    chosen = np.flatnonzero(fair)[np.argsort(-area[fair])[:60]]
+    largest = np.flatnonzero(fair)[np.argsort(-area[fair])]
+    chosen = largest[:60]
     if len(chosen) == 0:
         return Trails()
     # an even bar's variance is a twelfth of its length squared
     length = np.sqrt(12.0 * major[chosen]) * step
     aspect = np.sqrt(major[chosen] / minor[chosen])
     # angles are doubled, as a direction and its opposite are one
-    direction = np.mean(np.exp(2j * angle[chosen]))
+    twice = np.exp(2j * angle[chosen])
+    direction = np.mean(twice)
     agreed = abs(direction) > 0.6
     shown = float(np.degrees(np.angle(direction)) / 2 % 180.0) if agreed else float("nan")
-    return Trails(float(np.median(length)), float(np.median(aspect)), shown, len(chosen))
+    middle, slender = float(np.median(length)), aspect > SLENDER
+    if agreed:
+        near = np.abs(np.angle(twice * np.conj(direction))) < 2.0 * np.radians(DIRECTION_DEG)
+        alike = float(np.mean(near & slender & (np.abs(np.log(length / middle)) < np.log(LENGTH))))
+    else:
+        alike = _neighbours_agree(place[chosen], twice)
+    cover = covered(place[chosen][slender], place[largest[:300]], small.shape)
+    return Trails(middle, float(np.median(aspect)), shown, len(chosen), alike, cover)
+
+
+def covered(places: Floats, among: Floats, size: tuple[int, ...]) -> float:
+    """The share of the frame's ninths with any of ``among`` (N, 2) that have one of ``places`` (M, 2), too.
+
+    It is 0 where those stand in one third of the height or of the width. ``size`` is in the order of the places' axes.
+    """
+    own, all_ = (np.unique(np.clip(p * 3 // np.array(size), 0, 2), axis=0) for p in (places, among))
+    one_strip = len(own) == 0 or bool((own == own[0]).all(axis=0).any())
+    return 0.0 if one_strip else len(own) / max(len(all_), 1)
+
+
+def _neighbours_agree(places: Floats, twice: NDArray[np.complex128]) -> float:
+    """The mean length of the mean of four neighbours' doubled directions: 1 when they agree, 0.4 by chance."""
+    apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    return float(np.abs(twice[np.argsort(apart, axis=1)[:, :4]].mean(axis=1)).mean())
 
 
 def half_flux_diameter_px(frame: Frame, detections: Detections) -> float:
@@ -255,13 +286,13 @@ def _glare(small: Floats, clip: float) -> tuple[float, float]:
     labels, count = ndimage.label(small > 0.5 * clip)
     if count == 0:
         return 0.0, 1.0
-    major, minor, _, area = _moments(labels, count)
+    major, minor, _, area, _ = _moments(labels, count)
     largest = int(np.argmax(area))
     return float(area[largest] / small.size), float(np.sqrt(major[largest] / minor[largest]))
 
 
-def _moments(labels: NDArray[np.integer], count: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Variances along and across, direction (rad) and area of each labelled patch, bins."""
+def _moments(labels: NDArray[np.integer], count: int) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Variances along and across, direction (rad), area and middle (N, 2) as y, x of each labelled patch, bins."""
     y, x = np.nonzero(labels)
     which = labels[y, x] - 1
     area = np.bincount(which, minlength=count).astype(np.float64)
@@ -269,9 +300,10 @@ def _moments(labels: NDArray[np.integer], count: int) -> tuple[Floats, Floats, F
     def mean(values: NDArray[np.float64]) -> Floats:
         return np.asarray(np.bincount(which, values, count) / area)
 
-    dx, dy = x - mean(x.astype(float))[which], y - mean(y.astype(float))[which]
+    place = np.stack([mean(y.astype(float)), mean(x.astype(float))], axis=1)
+    dy, dx = y - place[which, 0], x - place[which, 1]
     # a bin is not a point: its own width has a variance of 1/12
     xx, yy, xy = mean(dx * dx) + 1 / 12, mean(dy * dy) + 1 / 12, mean(dx * dy)
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     angle = 0.5 * np.arctan2(2 * xy, xx - yy)
-    return middle + half, np.maximum(middle - half, 1 / 12), angle, area
+    return middle + half, np.maximum(middle - half, 1 / 12), angle, area, place
