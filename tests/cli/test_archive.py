@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import fsspec
@@ -124,6 +125,38 @@ def test_what_is_done_is_not_done_again(frames, done, capsys, solved, tmp_path) 
     solved.clear()
     assert archive(capsys, *here)["done"] == 0
     assert solved == []
+
+
+def test_frames_that_were_moved_are_not_solved_again(frames, capsys, solved, tmp_path) -> None:
+    shutil.copytree(frames, tmp_path / "f" / "new")
+    here = (tmp_path / "f", "--out", tmp_path / "out", "--workers", "1")
+    archive(capsys, *here)
+    before = rows_of(tmp_path / "out")
+    (tmp_path / "f" / "new").rename(tmp_path / "f" / "old")
+    # Another of the same name and size is no copy of it.
+    shutil.copyfile(frames / "light_01.fits", tmp_path / "f" / "old" / "light_00.fits")
+    solved.clear()
+    assert archive(capsys, *here)["done"] == FRAMES + 1
+    assert sorted(solved) == ["light_00.fits", "spoilt.fits"]  # what is no frame is looked at where it is now
+    rows = {row["url"]: row for row in pq.read_table(str(tmp_path / "out")).to_pylist()}
+    moved = rows[f"file://{tmp_path}/f/old/light_02.fits"]
+    assert {name for name in moved if moved[name] != before["light_02.fits"][name]} == {"url", "done_utc", "copy"}
+    assert sum(not row["copy"] for row in rows.values() if row["solved"]) == FRAMES
+    solved.clear()
+    assert archive(capsys, *here)["done"] == 0
+
+
+def test_a_worker_with_another_catalogue_ends_the_run(frames, capsys, tmp_path, monkeypatch) -> None:
+    chunk_rows = command.chunk_rows
+
+    def elsewhere(chunk):
+        outcome = chunk_rows(chunk)
+        return replace(outcome, rows=[row | {"recipe": "another"} for row in outcome.rows])
+
+    monkeypatch.setattr(command, "chunk_rows", elsewhere)
+    assert main(["archive", str(frames), "--out", str(tmp_path / "out"), "--workers", "1"]) == 2
+    assert "A worker has another version or star catalogue" in capsys.readouterr().err
+    assert json.loads((tmp_path / "out" / "_kochab" / "run-all.json").read_text())["state"] == "stopped"
 
 
 def test_other_options_make_a_row_anew_and_where_chooses_rows(frames, done, capsys, solved) -> None:

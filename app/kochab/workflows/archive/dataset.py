@@ -37,7 +37,7 @@ SMALL_ROWS, FEW, TOGETHER = 20_000, 8, 64
 _PART = re.compile(r"part-.*\.parquet$")
 _CONDITION = re.compile(r"\s*(\w+)\s*(<=|>=|!=|=|<|>)\s*(.*?)\s*$")
 _SIGNS: dict[str, Callable[[Any, Any], Any]] = {"=": eq, "!=": ne, "<": lt, "<=": le, ">": gt, ">=": ge}
-_INDEX = ("url", "stamp", "content", "recipe", "quarantined", "error", "done_utc")
+_INDEX = ("url", "stamp", "size_bytes", "content", "recipe", "quarantined", "error", "done_utc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +207,7 @@ def _counts(column: pa.ChunkedArray) -> dict[str, int]:
 
 
 def left_to_do(inputs: pa.Table, index: pa.Table, recipe: str, where: pa.Table | None = None) -> pa.Table:
-    """The inputs without a row that counts, with ``known``, the content hash of a row of this recipe.
+    """The inputs without a row that counts, with ``known``, the content hash that a row of this recipe has.
 
     A row counts that has the input's stamp and the recipe, unless the storage could not be reached for it.
 
@@ -229,8 +229,22 @@ def left_to_do(inputs: pa.Table, index: pa.Table, recipe: str, where: pa.Table |
     failed = pc.and_(pc.is_valid(mine["error"]), pc.invert(pc.fill_null(mine["quarantined"], False)))
     done = mine.filter(pc.invert(failed)).select(["url", "stamp"])
     left = inputs.join(done, ["url", "stamp"], join_type="left anti")
-    known = mine.filter(pc.and_(pc.is_valid(mine["content"]), pc.is_null(mine["error"]))).select(["url", "content"])
-    return left.join(known, "url", join_type="left outer").rename_columns([*INPUTS.names, "known"]).sort_by("url")
+    told = mine.filter(pc.and_(pc.is_valid(mine["content"]), pc.is_null(mine["error"])))
+    left = left.join(told.select(["url", "content"]), "url", join_type="left outer")
+    # A file of that name and size that is no more where it was: moved, most likely.
+    moved = _named(told.join(inputs.select(["url"]), "url", join_type="left anti"))
+    moved = moved.group_by(_NAMED).aggregate([("content", "min")]).rename_columns([*_NAMED, "moved"])
+    left = _named(left).join(moved, _NAMED, join_type="left outer")
+    known = pc.coalesce(left["content"], left["moved"])
+    return left.select(INPUTS.names).append_column("known", known).sort_by("url")
+
+
+_NAMED = ["name", "size_bytes"]
+
+
+def _named(table: pa.Table) -> pa.Table:
+    """With ``name``, the last part of the URL."""
+    return table.append_column("name", pc.replace_substring_regex(table["url"], "^.*/", ""))
 
 
 def condition_of(texts: Sequence[str]) -> Condition:

@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 
 from kochab.core import __version__
 from kochab.core.arrays import Array
+from kochab.core.errors import UsageError
 from kochab.core.progress import Progress
 from kochab.workflows.archive.dataset import Dataset
 from kochab.workflows.archive.inputs import Item, items_of
@@ -122,6 +123,10 @@ class Run:
             if row.get("unchanged"):
                 self._unchanged.append(row)
                 continue
+            if row["recipe"] != self.recipe.digest:
+                raise UsageError(
+                    "A worker has another version or star catalogue than this computer: have the same everywhere."
+                )
             self.solved += bool(row["solved"])
             self.failed += row.get("error") is not None
             self.cpu_s += row.get("cpu_s") or 0.0
@@ -152,7 +157,9 @@ class Run:
             for row in self._unchanged:
                 fresh = {name: row[name] for name in ("url", "stamp", "table_row", "width", "height")}
                 fresh = {name: value for name, value in fresh.items() if value or name not in ("width", "height")}
-                self._rows.append(old[row["content"]] | fresh | {"done_utc": datetime.now(UTC)})
+                there = old[row["content"]]
+                fresh |= {"done_utc": datetime.now(UTC), "copy": there["copy"] or there["url"] != row["url"]}
+                self._rows.append(there | fresh)
         if self._rows:
             self.dataset.write(self._rows)
         self._rows, self._unchanged = [], []
