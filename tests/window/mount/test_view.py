@@ -413,6 +413,21 @@ def test_a_nudge_at_a_chosen_rate_is_one_bounded_move(qtbot, opened):
         assert -30.0 < moved < -10.0
 
 
+def test_who_connects_is_told_what_to_do_first_and_the_name_has_the_line_to_itself(qtbot, opened):
+    """At 1366 px "Practice: Meade LX200 classic" stood in four lines beside its button."""
+    window, commands = opened
+    window.resize(1366, 768)
+    with connected(qtbot, commands) as mount:
+        assert "Take a frame to see where it really points" in mount.view.message.text()
+        view = mount.view
+        view.name.setText("Practice: Meade LX200 classic")
+        qtbot.waitUntil(lambda: view.leave.isVisible() and view.name.width() > 200)
+        assert view.name.heightForWidth(view.name.width()) <= 2 * view.name.fontMetrics().lineSpacing() + 2
+        box = view.tracking
+        room = box.width() - 3 * box.fontMetrics().averageCharWidth()  # without its arrow
+        assert box.fontMetrics().horizontalAdvance(box.placeholderText()) < room
+
+
 def test_practice_is_not_begun_over_a_connected_mount(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands) as mount:

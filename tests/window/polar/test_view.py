@@ -361,6 +361,24 @@ def test_the_mount_is_asked_for_only_when_it_is_known(polar, tmp_path):
     assert "Connect it once in the Mount view" in view.message.text()
 
 
+def test_practice_hands_rotate_ra_once_however_long_the_frame_takes(polar):
+    """After eight seconds the button could be pressed again, and RA was rotated by twice as much."""
+    _, view = polar()
+    asked = TurnInstruction("turn", None, "Rotate RA.", Direction.WEST, 60.0)
+    view.alignment.state = AlignmentState("turn", turn_instruction=asked)
+    view.alignment.adjuster = PracticeAdjuster(SimpleNamespace(do=lambda _: None))
+    view.turn_practice()
+    view._answered_s -= 3600.0
+    view._enable(True)
+    view._show()
+    assert not view.buttons.turn_for_me.isEnabled()
+    view.alignment.adjuster = None  # a person may have forgotten it
+    view._show()
+    assert view.buttons.done.isEnabled()
+    view.alignment.state = AlignmentState()
+    view._enable(False)
+
+
 def test_cancel_ends_it_and_another_can_begin(qtbot, polar):
     nights = Nights()
     _, view = polar(nights)
@@ -369,7 +387,7 @@ def test_cancel_ends_it_and_another_can_begin(qtbot, polar):
     view.buttons.cancel.trigger()
     drive(view)
     assert view.alignment.state.stage == "ended"
-    assert "Cancelled" in view.message.text()
+    assert view.message.text() == "Cancelled. Nothing measured."
     view.begin()
     qtbot.waitUntil(lambda: view.alignment.adjuster is not None, timeout=30_000)
     view.buttons.cancel.trigger()

@@ -243,7 +243,8 @@ class MountControl(QObject):
                 self.use_camera(CameraSelection("simulated", event.camera))
                 self._cameras.choose("simulated", event.camera)
             case Connected():
-                self.message.emit(tr("Connected to {name}.", name=event.name), "good")
+                sentence = tr("Connected to {name}. Take a frame to see where it really points.", name=event.name)
+                self.message.emit(sentence, "good")
             case EpochDoubted():
                 self.message.emit(event.sentence, "wrong")
             case OrderProgress():

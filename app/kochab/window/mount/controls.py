@@ -124,8 +124,8 @@ class TrackingChoice(ChoiceBox):
             item.setToolTip(reason)
         # Where no rate can be chosen, the reason against the sidereal one stands for all.
         self.explanation.set_reason("" if "" in against else against[1])
-        # Seen at index -1: it tracks at an unknown rate, or does not report whether it tracks.
-        self.setPlaceholderText(tr("Tracking") if state.tracking else tr("Tracking not reported"))
+        # Seen at index -1: it tracks at an unknown rate, or does not report whether it tracks; in few letters.
+        self.setPlaceholderText(tr("Tracking") if state.tracking else tr("Tracking: ?"))
         self._show_rate()
 
     def _show_rate(self) -> None:

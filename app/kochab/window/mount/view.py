@@ -127,7 +127,7 @@ class MountView(View):
         self.doubted = _card(self.doubt, row(*made.settles.values(), self.trust, None))
         self.compared = page()
         frames = grid((made.take, self.large), (made.diagnose, made.undo), across=6, down=6, stretch=(1, 1))
-        column(self.camera_picture, frames, on=self.compared, spacing=6, margins=(0, 0, 0, 0))
+        column(row(self.leave, None), self.camera_picture, frames, on=self.compared, spacing=6, margins=(0, 0, 0, 0))
         self.moving = page()
         rests = grid(tuple(made.rests.values())[:2], tuple(made.rests.values())[2:], across=6, down=6, stretch=(1, 1))
         more = grid((made.spiral, made.move_star), (made.model, self.tracking), across=6, down=6, stretch=(1, 1))
@@ -136,7 +136,7 @@ class MountView(View):
         frame_after = row(self.after, label(tr("Centred within")), self.go.tolerance, None)
         set_once = (self.line, self.camera.box, frame_after, meridian, styled_frame("rule"), self.limits)
         self.settings = Fold(tr("Connection, limits, camera"), *set_once)
-        inside, top = page(), row((self.name, 1), self.leave, self.fold)
+        inside, top = page(), row((self.name, 1), self.fold)
         parts = (top, self.connection, self.doubted, self.compared, self.moving, self.settings, None)
         column(*parts, on=inside, spacing=12, margins=(2, 4, 2, 4))
         return inside
@@ -317,7 +317,7 @@ class MountView(View):
         if self.connection.isHidden() == off:
             self.area.updateGeometry()  # it is as wide as what it shows
         self.connection.setVisible(off)
-        for part in (self.leave, self.compared, self.moving):
+        for part in (self.compared, self.moving):
             part.setVisible(not off)
         self.limits.picture.show_mount(None if known.report is None else known.report.altaz_deg)
         doubt = self.control.situation.clock_conflict or self.control.situation.slew_block_reason

@@ -78,7 +78,7 @@ class RunningAlignment(QObject):
         self.job, self._gone = job, False
         job.succeeded.connect(self._succeeded)
         job.failed.connect(lambda sentence: self._ended(sentence, "wrong"))
-        job.cancelled.connect(lambda: self._ended(tr("Cancelled. These are the last results."), "muted"))
+        job.cancelled.connect(self._cancelled)
         job.finished.connect(lambda: self._finished(job))
         self.began.emit(request)
 
@@ -149,6 +149,12 @@ class RunningAlignment(QObject):
             self.kept.emit(history)
             done = tr("Done. The report is in Tonight (…)."), "good"
             self.message.emit(*((tr("Not to be trusted: see why above."), "wrong") if self.state.spoilt else done))
+
+    def _cancelled(self) -> None:
+        some = self.state.error is not None
+        self._ended(
+            tr("Cancelled. These are the last results.") if some else tr("Cancelled. Nothing measured."), "muted"
+        )
 
     def _ended(self, sentence: str, role: str) -> None:
         self.state = replace(

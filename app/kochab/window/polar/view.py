@@ -209,9 +209,11 @@ class PolarView(View):
     @property
     def _waiting(self) -> bool:
         """Whether the frame after a turn is awaited."""
-        since_s = time.monotonic() - self._answered_s
-        most_s = max(FRAMES_WAITED * self._exposure_s, LEAST_WAIT_S)
-        return self._answered is not None and self._answered is self._asked and since_s < most_s
+        if self._answered is None or self._answered is not self._asked:
+            return False
+        if self.alignment.adjuster is not None and self.alignment.state.turn_instruction is not None:
+            return True  # practice hands have rotated RA for sure, and would rotate it once more
+        return time.monotonic() - self._answered_s < max(FRAMES_WAITED * self._exposure_s, LEAST_WAIT_S)
 
     def switch_sounds(self) -> None:
         """Sounds on or off, and speech where the system has a voice."""
