@@ -314,3 +314,30 @@ def test_ctrl_c_leaves_a_page_of_what_was_measured(night, tmp_path, workers):
         found = json.loads((tmp_path / "many-night.json").read_text())
         assert 0 < len(found["frames"]) < found["asked"] == 4 * FRAMES
         assert "Stopped early" in (tmp_path / "many-night.html").read_text()
+
+
+def test_a_night_is_compared_with_those_measured_before(night, tmp_path, monkeypatch, capsys):
+    from kochab.workflows.night.earlier import NightRecord, keep_night, kept_nights
+
+    monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+    few = tmp_path / "few"
+    few.mkdir()
+    for path in sorted(night[0].glob("light_0[0-4].fits")):
+        shutil.copy(path, few)
+    assert main(["night", str(few), "--out", str(tmp_path), "--scale", "14"]) == 0
+    (kept,) = kept_nights()
+    assert kept.site == (48.0, 11.0)
+    capsys.readouterr()
+    for day in range(1, 6):
+        values = {"fwhm_arcsec": (20.0 + day / 10, 0.1)}
+        keep_night(
+            NightRecord(f"2026-01-0{day}T19:00:00+00:00", kept.equipment, kept.scale_arcsec_px, kept.site, values)
+        )
+    assert main(["night", str(few), "--out", str(tmp_path), "--scale", "14", "--overwrite"]) == 0
+    assert "unusual  FWHM" in capsys.readouterr().out
+    found = json.loads((tmp_path / "few-night.json").read_text())
+    (fwhm,) = [one for one in found["earlier"] if one["quantity"] == "fwhm_arcsec"]
+    assert (fwhm["nights"], fwhm["unusual"], fwhm["usual"]) == (5, True, pytest.approx(20.3))
+    assert fwhm["tonight"] == pytest.approx(kept.values["fwhm_arcsec"][0])
+    assert "Against earlier nights" in (tmp_path / "few-night.html").read_text()
+    assert len(kept_nights()) == 6

@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +21,7 @@ from kochab.workflows.solution_json import Json
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Site
     from kochab.solver import SolveOptions
+    from kochab.workflows.night.earlier import Compared
     from kochab.workflows.night.frame import NightFrame
     from kochab.workflows.night.summary import Night
 
@@ -51,6 +52,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Measure every frame, write page and tables, print the summary."""
     from kochab.frames.outputs import refuse_overwriting
+    from kochab.workflows.night.earlier import against_earlier, keep_night, kept_nights, record_of
     from kochab.workflows.night.summary import night_of
 
     given = named(args.frames)
@@ -79,8 +81,13 @@ def run(args: argparse.Namespace) -> int:
     night = night_of(measured, asked=len(files))
     if not night.frames:
         raise UsageError(f"{given[0]} has calibration frames alone.")
-    _write(night, name, targets)
-    tell({"night": str(targets["html"]), **_summary(night)}, text_of(night, str(targets["html"])), args.json)
+    record, whole = record_of(night), not stopped
+    earlier = against_earlier(record, kept_nights()) if record else []
+    if record and whole:
+        keep_night(record)
+    _write(night, name, targets, earlier)
+    page = str(targets["html"])
+    tell({"night": page, **_summary(night, earlier)}, text_of(night, page, earlier), args.json)
     if stopped:
         return 130
     return int(len(night.unsolved) == len(night.frames))
@@ -140,26 +147,27 @@ def measure_one(
     return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site, more))}
 
 
-def _write(night: "Night", name: str, targets: dict[str, Path]) -> None:
+def _write(night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]") -> None:
     from kochab.frames.atomic_file import write_atomically
     from kochab.workflows.night.page import night_page
     from kochab.workflows.night.table import night_csv, night_json
 
-    write_atomically(targets["html"], night_page(night, name))
+    write_atomically(targets["html"], night_page(night, name, earlier))
     write_atomically(targets["csv"], night_csv(night))
-    write_atomically(targets["json"], json.dumps(night_json(night), indent=1) + "\n")
+    write_atomically(targets["json"], json.dumps(night_json(night, earlier), indent=1) + "\n")
 
 
-def _summary(night: "Night") -> Json:
+def _summary(night: "Night", earlier: "Sequence[Compared]") -> Json:
     """The JSON without its frames."""
     from kochab.workflows.night.table import night_json
 
-    return {key: value for key, value in night_json(night).items() if key != "frames"}
+    return {key: value for key, value in night_json(night, earlier).items() if key != "frames"}
 
 
-def text_of(night: "Night", page: str) -> str:
+def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> str:
     """For a person: a few lines, and where the page is."""
     from kochab.text.angle_text import AngleStyle, radec_text
+    from kochab.workflows.night.earlier import QUANTITIES
     from kochab.workflows.night.events import words_of
     from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, advice_of
     from kochab.workflows.night.tracking import SIDEREAL_ARCSEC_S
@@ -194,4 +202,8 @@ def text_of(night: "Night", page: str) -> str:
         lines.append(f"polar    {night.polar.words} ({night.polar.where})")
     if any(night.lost):
         lines.append(f"cloud    {len(night.clouded)} frames lost more than {CLOUD_MAG:g} mag")
+    for other in earlier:
+        if other.unusual:
+            usual = f"usual {other.usual.text()} ({other.nights} nights)"
+            lines.append(f"unusual  {QUANTITIES[other.name]} {other.tonight.text()}, {usual}")
     return "\n  ".join(map(printable, [page, *lines, advice_of(night)]))

@@ -2,12 +2,14 @@
 
 from base64 import b64encode
 from collections import Counter
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
 from kochab.text.angle_text import AngleStyle, angle_text, false_alarm_text, radec_text
 from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.drawings import sharpness_map, timeline
+from kochab.workflows.night.earlier import QUANTITIES, Compared
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, Night, advice_of
 from kochab.workflows.night.tracking import Tracking
@@ -47,6 +49,7 @@ polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); st
 table { border-collapse: collapse; width: 100%; } th { text-align: left; font-weight: 500; }
 td, th { padding: 6px 12px 6px 0; border-bottom: 1px solid var(--line); font-variant-numeric: tabular-nums; }
 .wide { font-size: 14px; }
+.other td { font-weight: 600; color: var(--accent); }
 .event { stroke: #c0392b; stroke-dasharray: 3 3; } .events td:first-child { width: 96px; color: var(--soft); }
 .frames { display: grid; grid-template-columns: repeat(3, 1fr); gap: 14px; } figure { margin: 0; }
 figure img { width: 100%; border-radius: 6px; display: block; background: #000; }
@@ -56,8 +59,8 @@ figcaption { font-size: 14px; overflow-wrap: anywhere; padding-top: 4px; }
 """
 
 
-def night_page(night: Night, name: str) -> str:
-    """The page of a night whose frames lie in a folder of that name."""
+def night_page(night: Night, name: str, earlier: Sequence[Compared] = ()) -> str:
+    """The page of a night whose frames lie in a folder of that name, beside earlier ones of the same equipment."""
     title = escape(_title(night, name))
     parts = [f"<h1>{title}</h1>", f'<p class="sub">{escape(_under(night, name))}</p>']
     if len(night.frames) < night.asked:
@@ -65,6 +68,8 @@ def night_page(night: Night, name: str) -> str:
         parts.append(f'<p class="stopped">{escape(text)}</p>')
     parts.append(f'<p class="advice">{escape(advice_of(night))}</p>')
     parts.append(f'<div class="tiles">{"".join(_tiles(night))}</div>')
+    if earlier:
+        parts.append(_earlier(earlier))
     if drawn := timeline(night):
         heading = tr("Through the night")
         parts.append(f"<section><h2>{escape(heading)}</h2>{drawn}</section>")
@@ -139,6 +144,19 @@ def _tiles(night: Night) -> list[str]:
 
 def _tile(name: str, value: str, below: str) -> str:
     return f'<div class="tile"><span>{escape(name)}</span><b>{escape(value)}</b><span>{escape(below)}</span></div>'
+
+
+def _earlier(compared: Sequence[Compared]) -> str:
+    """Tonight among the last nights, a row each."""
+    heads = (tr("Against earlier nights"), tr("This night"), tr("Usual"), tr("Nights"))
+    rows = [(tr(QUANTITIES[one.name]), one.tonight.text(), one.usual.text(), str(one.nights)) for one in compared]
+    marks = [" class='other'" if one.unusual else "" for one in compared]
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(
+        f"<tr{mark}>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>"
+        for mark, row in zip(marks, rows, strict=True)
+    )
+    return f"<section><table><tr>{head}</tr>{body}</table></section>"
 
 
 def _events(night: Night) -> str:

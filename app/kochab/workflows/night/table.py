@@ -3,13 +3,14 @@
 import csv
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Any
 
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob
 from kochab.text.translation import in_english
+from kochab.workflows.night.earlier import Compared
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.summary import Night, advice_of
@@ -53,8 +54,8 @@ def frame_row(frame: NightFrame) -> dict[str, Any]:
     }
 
 
-def night_json(night: Night) -> dict[str, Any]:
-    """The stable form of the whole."""
+def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]:
+    """The stable form of the whole, beside earlier nights of the same equipment."""
     shape = night.shape
     with in_english():
         return {
@@ -115,6 +116,16 @@ def night_json(night: Night) -> dict[str, Any]:
             ],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
+            "earlier": [
+                {
+                    "quantity": one.name,
+                    **_pair("tonight", one.tonight),
+                    **_pair("usual", one.usual),
+                    "nights": one.nights,
+                    "unusual": one.unusual,
+                }
+                for one in earlier
+            ],
             "clouded": [night.frames[k].file for k in night.clouded],
             "best": [night.frames[k].file for k in night.best],
             "worst": [night.frames[k].file for k in night.worst],
