@@ -118,7 +118,7 @@ def test_what_a_state_forbids(state, action, allowed) -> None:
 def test_a_move_past_the_meridian_has_fifteen_degrees() -> None:
     west = replace(READY, pier_side=PierSide.WEST)
     for angle, allowed in ((24.9, True), (25.1, False)):
-        _, preview, _ = policy().move("move", here(-10.0, 40.0), west, Direction.WEST, angle, 1.0)
+        _, preview, _ = policy().move("move", here(-10.0, 40.0), west, Direction.WEST, angle, angle, 1.0)
         assert preview.allowed is allowed
 
 
