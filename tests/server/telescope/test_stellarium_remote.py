@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from kochab.core.attitude import apart_deg
+from kochab.core.attitude import apart_deg, unit_vectors
 from kochab.core.errors import PortError, UsageError
 from kochab.server.telescope import stellarium_remote
 from kochab.server.telescope.offer import Offer
@@ -30,7 +30,7 @@ class Stellarium:
 
     def __init__(self, password=""):
         self.selected, self.views, self.password, self.asked = None, [], password, []
-        self.answer = None
+        self.answer, self.looks = None, (0.0, 0.0)
         outer = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -56,6 +56,9 @@ class Stellarium:
                 if not self.allowed():
                     return None
                 url = urlsplit(self.path)
+                if url.path == "/api/main/view":
+                    vector = [float(x) for x in unit_vectors(*outer.looks)]
+                    return self.reply(200, json.dumps({"j2000": str(vector)}).encode(), "application/json")
                 assert url.path == "/api/objects/info"
                 assert parse_qs(url.query) == {"format": ["json"]}
                 if outer.answer is not None:
@@ -70,7 +73,8 @@ class Stellarium:
                     return None
                 assert self.path == "/api/main/view"
                 x, y, z = json.loads(parse_qs(body.decode())["j2000"][0])
-                outer.views.append((math.degrees(math.atan2(y, x)) % 360.0, math.degrees(math.asin(z))))
+                outer.looks = (math.degrees(math.atan2(y, x)) % 360.0, math.degrees(math.asin(z)))
+                outer.views.append(outer.looks)
                 return self.reply(200, b"ok")
 
         self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
@@ -130,6 +134,22 @@ def test_the_view_follows_the_telescope_when_it_moves_and_is_a_persons_own_while
     telescope.see_solution(solution(10.0, 20.0), time.monotonic() - PAST_S - 1.0)
     assert turns(stellarium)
     assert len(stellarium.views) == 2  # where it pointed minutes ago is no word of where it points
+
+
+def test_a_view_that_the_sky_turned_away_from_is_turned_back_and_a_persons_is_not(
+    stellarium, follow, telescope, monkeypatch
+) -> None:
+    monkeypatch.setattr(stellarium_remote, "SIDEREAL_DEG_S", 1.0)  # a night in minutes
+    follow(f"127.0.0.1:{stellarium.port}")
+    telescope.see_solution(solution(83.822, -5.391))
+    assert wait_for(lambda: len(stellarium.views) == 1)
+    stellarium.looks = (93.0, -5.4)  # by hand
+    assert turns(stellarium)
+    assert len(stellarium.views) == 1
+    time.sleep(0.3)
+    stellarium.looks = (83.822 + 0.1, -5.391)
+    assert wait_for(lambda: len(stellarium.views) == 2)
+    assert apart_deg(stellarium.looks, (83.822, -5.391)) * 3600.0 < 0.01
 
 
 def test_what_is_selected_there_is_the_target_and_moves_nothing(stellarium, follow, steered, mount, told) -> None:

@@ -1,11 +1,12 @@
 """Stellarium's Remote Control plug-in: its view follows the telescope, and the object selected there is the target.
 
 Kochab is the client here and asks Stellarium, by default on this computer alone. The view is turned when the telescope
-has moved, and left alone while it stands: a person can look around and select what comes next. Nothing that is selected
-moves a mount. Facts: "RemoteControl plugin HTTP API description" of Stellarium's developers; positions are J2000.
+has moved, and left alone once a person has moved it: one can look around and select what comes next. What is selected
+moves no mount. Facts: "RemoteControl plugin HTTP API description" of Stellarium's developers; positions are J2000.
 """
 
 import json
+import math
 import threading
 from base64 import b64encode
 from dataclasses import dataclass
@@ -14,7 +15,9 @@ from time import monotonic
 from typing import Any
 from urllib.parse import urlencode
 
-from kochab.core.attitude import Degrees, apart_deg, unit_vectors
+import numpy as np
+
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import UsageError
 from kochab.gear.servers.address import NetAddress, net_address, server_text
 from kochab.gear.servers.deadline_http import DeadlineConnection
@@ -29,6 +32,7 @@ EVERY_S, AGAIN_S, ANSWER_S = 0.5, 5.0, 4.0
 LARGEST_BYTES = 256_000
 MOVED_DEG = 1.0 / 30.0
 """The view is not turned for less: a standing telescope's solves scatter."""
+SIDEREAL_DEG_S = 360.0 / 86164.1
 ABSENT = tr_noop("No Stellarium at {server}: start it and switch on its plug-in Remote Control. Kochab keeps trying.")
 PASSWORD = tr_noop("Stellarium at {server} wants its password: give the address as :PASSWORD@{server}.")
 STRANGE = tr_noop("{server} is not Stellarium's Remote Control. Kochab keeps trying.")
@@ -69,6 +73,7 @@ class StellariumRemote:
     def __init__(self, telescope: OfferedTelescope, address: RemoteAddress) -> None:
         self._telescope, self._address = telescope, address
         self._shown: Degrees | None = None
+        self._shown_s = 0.0
         self._selected: Target | None = None
         self._there = False
         self._over = threading.Event()
@@ -113,9 +118,20 @@ class StellariumRemote:
         seen = self._telescope.seen
         if seen is None or seen.past:
             return
-        if self._shown is None or apart_deg(self._shown, seen.icrs_deg) > MOVED_DEG:
+        if self._shown is None or apart_deg(self._shown, seen.icrs_deg) > MOVED_DEG or self._drifted(self._shown):
             self._ask("/api/main/view", {"j2000": json.dumps([float(x) for x in unit_vectors(*seen.icrs_deg)])})
-            self._shown = seen.icrs_deg
+            self._shown, self._shown_s = seen.icrs_deg, monotonic()
+
+    def _drifted(self, shown: Degrees) -> bool:
+        """Whether the sky has turned away below a view that nobody else has moved: it is fixed to the horizon there."""
+        status, body = self._ask("/api/main/view")
+        try:
+            x, y, z = (float(part) for part in parse_json(parse_json(body)["j2000"]))
+            away = apart_deg(radec_deg(np.array([x, y, z]) / math.hypot(x, y, z)), shown)
+        except (TextError, ValueError, TypeError, ArithmeticError, LookupError):
+            return False  # an older plug-in cannot tell
+        turned = SIDEREAL_DEG_S * (monotonic() - self._shown_s)
+        return status == 200 and MOVED_DEG < away < turned + MOVED_DEG
 
     def _selection(self) -> Target | None:
         """What is selected there; None when nothing is."""
