@@ -5,8 +5,6 @@ Each test starts a cluster of real processes, which takes two seconds: there are
 
 import json
 import os
-import random
-import signal
 import subprocess
 import sys
 import time
@@ -20,7 +18,7 @@ from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
 from kochab.workflows.archive.run import Chunk
-from tests.cli.archive_inputs import CENTRES, archive, ends_for_poison, rows_of, told_as_lost, write_lists
+from tests.cli.archive_inputs import CENTRES, archive, ends_for_poison, told_as_lost, write_lists
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 KOCHAB = [sys.executable, "-m", "kochab", "archive"]
@@ -52,22 +50,6 @@ def workers_of(process) -> list[psutil.Process]:
     return [child for child in below if "spawn_main" in " ".join(child.cmdline())]
 
 
-def test_every_input_has_one_row_though_workers_are_killed(tmp_path) -> None:
-    write_lists(tmp_path / "lists.parquet", CENTRES * 120, group=100)
-    process = started(tmp_path / "out", tmp_path / "lists.parquet", "--workers", 2)
-    chance, killed = random.Random(3), 0
-    while process.poll() is None and killed < KILLS:
-        # Half of them the moment they start: Dask gives such a worker up.
-        if there := workers_of(process):
-            chance.choice(there).kill()
-            killed += 1
-        time.sleep(chance.uniform(0.3, 0.6) if killed < KILLS // 2 else 0.02)
-    told = json.loads(process.communicate(timeout=200)[0])
-    assert killed == KILLS
-    assert (told["done"], told["solved"]) == (720, 720)
-    assert sorted(rows_of(tmp_path / "out")) == [f"lists.parquet#{k:09d}" for k in range(720)]
-
-
 def test_what_kills_every_worker_is_told_and_costs_no_other_its_row() -> None:
     names = ["a", "b", "poison", "c", "d", "e", "f", "g"]
     recipe = Recipe(SolveOptions())
@@ -79,21 +61,6 @@ def test_what_kills_every_worker_is_told_and_costs_no_other_its_row() -> None:
     rows = [row for outcome in outcomes for row in outcome.rows]
     assert sorted(row["url"] for row in rows) == sorted(names)
     assert [row["url"] for row in rows if "error" in row] == ["poison"]
-
-
-def test_ctrl_c_ends_it_with_the_rows_it_has_and_without_a_word_of_dask(tmp_path) -> None:
-    write_lists(tmp_path / "lists.parquet", CENTRES * 500, group=100)
-    out = tmp_path / "out"
-    process = started(out, tmp_path / "lists.parquet", "--workers", 2)
-    below = psutil.Process(process.pid).children(recursive=True)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-    told, error = process.communicate(timeout=100)
-    assert process.returncode == 130
-    assert 0 < json.loads(told)["done"] < 3000
-    assert len(rows_of(out)) == json.loads(told)["done"]
-    assert "Traceback" not in error
-    psutil.wait_procs(below, timeout=30)
-    assert not [child for child in below if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
 
 
 def test_a_scheduler_of_somebody_elses_is_used(tmp_path, capsys) -> None:

@@ -111,7 +111,7 @@ def test_what_a_state_forbids(state, action, allowed) -> None:
     if action == "goto":
         preview = rules.goto(here(-20.0, 40.0), state, at(-25.0, 40.0))[1]
     else:
-        preview = rules.move(action, here(-20.0, 40.0), state, Direction.NORTH, 1.0, 1.5)[1]
+        preview = rules.move(action, here(-20.0, 40.0), state, Direction.NORTH, 1.0, 1.0, 1.5)[1]
     assert preview.allowed is allowed
 
 

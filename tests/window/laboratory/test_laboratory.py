@@ -390,6 +390,7 @@ def test_export_of_both_tabs(qtbot, lab, tmp_path):
     assert view.csv.isEnabled()
     table, picture, broken = tmp_path / "t.csv", tmp_path / "t.png", tmp_path / "no" / "t.csv"
     view.write("csv", table)
+    size = (2 * view.table.width(), 2 * view.table.height())
     view.write("png", picture)
     qtbot.waitUntil(lambda: table.exists() and picture.exists(), timeout=LIMIT_MS)
     qtbot.waitUntil(lambda: not view._services.jobs._jobs[-1].running, timeout=LIMIT_MS)
@@ -397,7 +398,7 @@ def test_export_of_both_tabs(qtbot, lab, tmp_path):
     assert row["name"] == "patterns"
     assert row["right"] == "yes"
     with Image.open(picture) as image:
-        assert image.size == (2 * view.table.width(), 2 * view.table.height())
+        assert image.size == size
         assert len(np.unique(np.asarray(image.convert("L")))) > 10
     told = []
     job_before = view._services.jobs._jobs[-1]
