@@ -39,7 +39,7 @@ def test_other_options_another_name_another_catalogue_are_other_tables(cache, mo
     cached_table("pairs", {"deg": 8.0}, make)
     cached_table("pairs", {"deg": 9.0}, make)
     cached_table("triangles", {"deg": 8.0}, make)
-    monkeypatch.setattr(table_cache, "_catalogue", lambda: "another")
+    monkeypatch.setattr(table_cache, "catalogue_checksums", lambda: "another")
     cached_table("pairs", {"deg": 8.0}, make)
     assert make.calls == 4
     assert len(cached_tables()) == 4
