@@ -1,4 +1,4 @@
-"""Images that were resized: the aspect ratio by the stars, fitted, told, and kept in everything that is made of it."""
+"""Resized images: the aspect ratio is fitted to the stars, reported, and kept in everything made from the solution."""
 
 import io
 from contextlib import redirect_stdout

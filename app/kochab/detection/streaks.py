@@ -13,7 +13,7 @@ import numpy as np
 
 from kochab.core.arrays import Array, Bools, Floats, Indices
 from kochab.core.frame import Detections, Frame
-from kochab.core.robust import mad_sigma, median
+from kochab.core.robust import PER_MAD, mad_sigma, median
 
 FAINT, LONG = 3, 4
 """How much smaller the frame is made, and longer the pieces are, for faint streaks."""
@@ -149,7 +149,7 @@ def standing_out(image: Floats) -> Floats:
     flat = blocks.reshape(rows, columns, -1)
     with np.errstate(invalid="ignore"):
         level = np.median(flat, axis=2)
-        noise = 1.4826 * np.median(np.abs(flat - level[:, :, None]), axis=2)
+        noise = PER_MAD * np.median(np.abs(flat - level[:, :, None]), axis=2)
     floor = float(np.median(noise)) * 0.3
     if not floor > 0.0:
         return np.zeros_like(image)
@@ -347,7 +347,7 @@ def _beside(places: Floats, stars: Floats, reach: float) -> Bools:
 
 
 def _inside(start: Floats, along: Floats, shape: tuple[int, ...]) -> tuple[float, float] | None:
-    """From where to where a line runs through the frame, px from ``start``; None where it does not."""
+    """Where a line enters and leaves the frame, px from ``start``; None where it misses it."""
     low, high = -math.inf, math.inf
     for k, side in ((0, shape[1]), (1, shape[0])):
         if abs(along[k]) < 1e-9:

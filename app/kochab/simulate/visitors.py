@@ -149,19 +149,20 @@ def cores_of(
         Between two places.
     """
     span = max(span[0], visitor.span[0]), min(span[1], visitor.span[1])
+    nothing = np.empty((0, 2)), np.empty(0), np.empty(0)
     if span[0] >= span[1]:
-        return np.empty((0, 2)), np.empty(0), np.empty(0)
+        return nothing
     looks = np.linspace(*span, 3 + int((span[1] - span[0]) / LOOK_S))
     # what passes between two looks is seen by where the chord leads
     seen = _near(project(visitor.path(looks), looks), camera)
     if not seen.any():
-        return np.empty((0, 2)), np.empty(0), np.empty(0)
+        return nothing
     at = np.flatnonzero(seen)
     times = np.linspace(looks[max(at[0] - 1, 0)], looks[min(at[-1] + 1, len(looks) - 1)], PATH_POINTS)
     xy = project(visitor.path(times), times)
     whole = np.isfinite(xy).all(axis=1)
     if whole.sum() < 2:
-        return np.empty((0, 2)), np.empty(0), np.empty(0)
+        return nothing
     times, xy = times[whole], xy[whole]
     length = float(np.hypot(*np.diff(xy, axis=0).T).sum())
     count = int(np.clip(np.ceil(length / spacing_px), 2, MOST_CORES))
@@ -171,7 +172,7 @@ def cores_of(
 
 
 def _near(xy: Floats, camera: Camera) -> Bools:
-    """Which looks (K,) lie in the frame or beside a chord through it."""
+    """Which positions (K,) lie in the frame, or end a segment that crosses it."""
     with np.errstate(invalid="ignore"):
         ends = np.stack([xy[:-1], xy[1:]])
         low, high = ends.min(axis=0), ends.max(axis=0)

@@ -163,7 +163,7 @@ def _trials(
 
 
 def _settled(grow: Grow, detections: Detections, found: Identification, aspect: float) -> tuple[Matches, Fit, float]:
-    """Matches and fit by square pixels, and the aspect ratio that leaves none over, from one near it."""
+    """Matches and fit in square pixels, and the aspect ratio refined until no stretch is left."""
     for _ in range(ASPECT_ROUNDS):
         square, start = _square(detections, found, aspect)
         matches, fit = grow(square, start)

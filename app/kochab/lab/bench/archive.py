@@ -39,7 +39,7 @@ KILLS, KILL_S, QUICK_KILL_S = 20, (2.0, 20.0), (0.3, 1.5)
 LIST_PX, LIST_FOCAL_PX, NOISE_PX = (1600, 1000), 7600.0, 0.1
 TWICE = 1.8
 QUIET_PERCENT = 10.0
-"""Of the processor that others may use while speed on the wall is measured."""
+"""The share of the processor that other programs may use while wall-clock speed is measured."""
 NEEDED = ("distributed", "pyarrow", "fsspec", "psutil")
 
 

@@ -14,7 +14,7 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit, unit_vectors
+from kochab.core.attitude import unit, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.frames.fits_write import write_fits
@@ -34,7 +34,7 @@ DATE_UNIX = 1_800_000_000.0
 BEFORE_MIDNIGHT_S = 4.8 * 3600.0
 """When a night begins: satellites are still in the Sun."""
 ASTEROID, ASTEROID_DEG, ASTEROID_MAG = "4 Vesta", (20.29, 1.45), 8.0
-"""Where it stands in that night; the planted nights look beside it."""
+"""Where the body stands on that night; the nights with planted faults point next to it."""
 FWHM_PX = 2.8
 EXPOSURE_S, EVERY_S = 30.0, 40.0
 WORM_S = 2.0 / 15.041 * 3600.0
@@ -131,7 +131,7 @@ def night_config(seed: int, faults: Faults, rng: np.random.Generator) -> RigConf
     beside = rng.uniform(-0.4, 0.4, 2)
     centre = unit_vectors(ASTEROID_DEG[0] + float(beside[0]), ASTEROID_DEG[1] + float(beside[1]))
     ra, dec = sky.of_date(centre)
-    hour = float(np.degrees(sky.sidereal_rad) - ra + 180.0) % 360.0 - 180.0
+    hour = wrapped(float(np.degrees(sky.sidereal_rad) - ra))
     place = (hour, dec) if faults.asteroid else (float(rng.uniform(-60.0, -20.0)), float(rng.uniform(10.0, 60.0)))
     gear = GearErrors(
         periodic_arcsec=faults.periodic_arcsec,

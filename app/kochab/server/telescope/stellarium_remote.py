@@ -19,6 +19,7 @@ import numpy as np
 
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import UsageError
+from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.gear.servers.address import NetAddress, net_address, server_text
 from kochab.gear.servers.deadline_http import DeadlineConnection
 from kochab.parsing.text_input import TextError, parse_json
@@ -32,7 +33,6 @@ EVERY_S, AGAIN_S, ANSWER_S = 0.5, 5.0, 4.0
 LARGEST_BYTES = 256_000
 MOVED_DEG = 1.0 / 30.0
 """The view is not turned for less: a standing telescope's solves scatter."""
-SIDEREAL_DEG_S = 360.0 / 86164.1
 ABSENT = tr_noop("No Stellarium at {server}: start it and switch on its plug-in Remote Control. Kochab keeps trying.")
 PASSWORD = tr_noop("Stellarium at {server} wants its password: give the address as :PASSWORD@{server}.")
 STRANGE = tr_noop("{server} is not Stellarium's Remote Control. Kochab keeps trying.")

@@ -126,7 +126,7 @@ def _batch(rows: Iterable[tuple[Any, ...]]) -> pa.RecordBatch:
 
 
 def _items(text: str, size: tuple[int, int] | None) -> Iterator[Item]:
-    """The inputs that one word means."""
+    """The inputs that one argument names."""
     fs, path = opened(text)
     try:
         if fs.isdir(path):

@@ -5,13 +5,11 @@ from typing import Any
 
 import pyarrow as pa
 
-from kochab.core.frame import Site
 from kochab.core.progress import Task
-from kochab.core.solution import Solution
 from kochab.sky.elements import kept_elements
-from kochab.workflows.night.crossings import Crossing, crossings_of
-from kochab.workflows.night.frame import NightFrame
-from kochab.workflows.night.strangers import Sight, sights_of
+from kochab.workflows.night.crossings import Crossing
+from kochab.workflows.night.frame import NightFrame, with_objects
+from kochab.workflows.night.strangers import Sight
 from kochab.workflows.solution_json import Json
 from kochab.workflows.solve_frame import SolvedFrame
 
@@ -28,17 +26,15 @@ COLUMNS = {
 """ICRS degrees as measured; ``off`` is measured less predicted. Null where nobody looked, empty where nothing is."""
 
 
-def objects_of(found: SolvedFrame, night: NightFrame, site: Site | None) -> Task[Json]:
+def objects_of(night: NightFrame, found: SolvedFrame) -> Task[Json]:
     """The columns of a frame; empty without a solution. Satellites are named by the elements that the worker has."""
-    if not isinstance(found.result, Solution):
+    night = yield from with_objects(night, found, kept_elements())
+    if night.sights is None:
         return {}
-    more, there = kept_elements(), night.site or site
-    crossings = yield from crossings_of(found.frame, found.detections, found.result, night.time_utc, there, more)
-    sights = yield from sights_of(found.result, found.detections, night.time_utc, there, more)
     return {
-        "streaks": [_streak(one) for one in crossings],
-        "bodies": [_place(one) | {"name": one.name, "kind": one.kind} | _off(one) for one in sights.bodies],
-        "unlisted": [_place(one) for one in sights.unknown],
+        "streaks": [_streak(one) for one in night.crossings],
+        "bodies": [_place(one) | {"name": one.name, "kind": one.kind} | _off(one) for one in night.sights.bodies],
+        "unlisted": [_place(one) for one in night.sights.unknown],
     }
 
 

@@ -358,7 +358,7 @@ def _frame_row(item: Item, source: _Source, recipe: Recipe, session: Session | N
     if night.light is not None and (zero := median_of(night.light.excess_mag)):
         row |= {"zero_point_mag": zero.value, "zero_point_mag_sigma": zero.sigma}
     if recipe.objects:
-        row |= yield from objects_of(found, night, recipe.site)
+        row |= yield from objects_of(night, found)
     result = with_doubts(found.result, recipe.options, own)
     return row | _answer(result, len(found.detections)), _after(result, own.camera, session)
 

@@ -165,7 +165,7 @@ class Run:
         self._rows, self._unchanged = [], []
 
     def _due(self, what: str, every_s: float) -> bool:
-        """Whether so long has passed since the last time; the first time is the run's begin."""
+        """Whether ``every_s`` have passed since this was last due, or since the run began."""
         now = time.monotonic()
         if now - self._told.setdefault(what, self._started) < every_s:
             return False

@@ -29,7 +29,7 @@ ACROSS_SHARE, LEAST_ACROSS_ARCSEC = 0.6, 90.0
 SIDE_BY_SIDE_DEG = 0.2
 """Two lights of one aircraft at most: 70 m in 20 km."""
 FLASHES, FLASH, EVEN = 3, 2.5, 0.2
-"""Flashes of a strobe, times the usual light, and how evenly they come."""
+"""Flashes that make a strobe, how many times brighter than the rest they are, and how far their spacing may scatter."""
 FADED = 0.5
 """Of its brightest, at both ends of a meteor."""
 
@@ -116,17 +116,20 @@ def _grouped(streaks: Sequence[Streak], solution: Solution) -> list[tuple[Streak
 
 
 def _side_by_side(one: Streak, other: Streak, solution: Solution) -> bool:
-    turned = abs((one.angle_rad - other.angle_rad + math.pi / 2.0) % math.pi - math.pi / 2.0)
-    apart_px = _across(one, other.ends.mean(axis=0))
+    apart_px = _across(one.ends[0], one.ends[1] - one.ends[0], other.ends.mean(axis=0))
     near = apart_px * solution.camera.scale_arcsec_px < 3600.0 * SIDE_BY_SIDE_DEG
-    return turned < math.radians(1.0) and near
+    return _turned_rad(one.angle_rad, other.angle_rad) < math.radians(1.0) and near
 
 
-def _across(streak: Streak, place: Floats) -> float:
-    """How far a place (2,) is from a streak's line, px."""
-    way = (streak.ends[1] - streak.ends[0]) / streak.length_px
-    dx, dy = place - streak.ends[0]
-    return abs(float(way[0] * dy - way[1] * dx))
+def _turned_rad(one: float, other: float) -> float:
+    """The angle between two directions of which neither has a front."""
+    return abs((one - other + math.pi / 2.0) % math.pi - math.pi / 2.0)
+
+
+def _across(start: Floats, way: Floats, place: Floats) -> float:
+    """How far a place (2,) is from the line through ``start`` (2,) along ``way`` (2,), px."""
+    dx, dy = place - start
+    return abs(float(way[0] * dy - way[1] * dx)) / float(np.hypot(*way))
 
 
 def _crossing(streak: Streak, beside: bool, solution: Solution, listed: Sequence[Body]) -> Crossing:
@@ -171,9 +174,8 @@ def _named(streak: Streak, solution: Solution, listed: Sequence[Body]) -> tuple[
             continue
         k = int(np.clip(np.argmin(np.hypot(*(xy - middle).T)), 1, len(xy) - 1))
         way = xy[k] - xy[k - 1]
-        turned = abs((math.atan2(way[1], way[0]) - streak.angle_rad + math.pi / 2.0) % math.pi - math.pi / 2.0)
-        dx, dy = middle - xy[k]
-        off = abs(float(way[0] * dy - way[1] * dx)) / float(np.hypot(*way)) * scale
+        turned = _turned_rad(math.atan2(way[1], way[0]), streak.angle_rad)
+        off = _across(xy[k], way, middle) * scale
         allowed = max(ACROSS_SHARE * body.sigma_arcsec, LEAST_ACROSS_ARCSEC)
         chance += min(2.0 * allowed / width_arcsec, 1.0) * 2.0 * SAME_WAY_RAD / math.pi
         if turned < SAME_WAY_RAD and off < min(allowed, best[1]):

@@ -4,12 +4,12 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from kochab.core.arrays import Floats
 from kochab.core.robust import mad_sigma, median
 from kochab.folders import state_folder
 from kochab.frames.atomic_file import write_atomically
@@ -74,7 +74,7 @@ class Compared:
 
     @property
     def unusual(self) -> bool:
-        """Whether this night differs by more than nights do, and by enough to matter."""
+        """Whether this night differs by more than nights usually do, and by enough to matter."""
         off = abs(self.tonight.value - self.usual.value)
         wide = math.hypot(self.tonight.sigma, self.usual.sigma)
         return off > UNUSUAL * wide and off > LEAST_SHARE * abs(self.usual.value)
@@ -153,24 +153,12 @@ def keep_night(record: NightRecord, path: Path | None = None) -> None:
         one for one in kept_nights(path) if (one.began[:10], one.equipment) != (record.began[:10], record.equipment)
     ]
     nights = sorted([*nights, record], key=lambda one: one.began)[-MOST_KEPT:]
-    lines = [json.dumps(_plain(one), ensure_ascii=False) for one in nights]
+    lines = [json.dumps(asdict(one), ensure_ascii=False) for one in nights]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, "\n".join(lines) + "\n")
     except OSError:
         return
-
-
-def _plain(one: NightRecord) -> dict[str, Any]:
-    values = {name: list(pair) for name, pair in one.values.items()}
-    site = list(one.site) if one.site else None
-    return {
-        "began": one.began,
-        "equipment": one.equipment,
-        "scale_arcsec_px": one.scale_arcsec_px,
-        "site": site,
-        "values": values,
-    }
 
 
 def against_earlier(record: NightRecord, kept: Sequence[NightRecord]) -> list[Compared]:
@@ -187,6 +175,6 @@ def against_earlier(record: NightRecord, kept: Sequence[NightRecord]) -> list[Co
     return found
 
 
-def _scatter(values: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> float:
+def _scatter(values: Floats) -> float:
     """From night to night, wider for few of them."""
     return max(mad_sigma(values), float(values.std(ddof=1)) / 2.0) * math.sqrt(1.0 + 2.0 / len(values))

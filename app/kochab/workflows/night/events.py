@@ -26,7 +26,7 @@ def events_of(tracking: Sequence[Tracking], crossings: Sequence[tuple[datetime, 
 
 
 def words_of(one: Crossing) -> str:
-    """What crossed, in a sentence."""
+    """A sentence on what crossed."""
     long = angle_text(one.length_deg)
     if one.kind is CrossingKind.SATELLITE:
         return tr(

@@ -105,12 +105,17 @@ def measure_frame(
     if is_calibration(frame.header):
         return NightFrame(path, calibration=True)
     found = yield from solve_open_frame(frame, options)
-    kept, solution = measured(found, site), found.result
+    return (yield from with_objects(measured(found, site), found, more))
+
+
+def with_objects(night: NightFrame, found: SolvedFrame, more: Sequence[Moving] = ()) -> Task[NightFrame]:
+    """The same with what crossed a frame and what stood among its stars; as it is without a solution."""
+    solution = found.result
     if not isinstance(solution, Solution):
-        return kept
-    crossings = yield from crossings_of(frame, found.detections, solution, kept.time_utc, kept.site, more)
-    sights = yield from sights_of(solution, found.detections, kept.time_utc, kept.site, more)
-    return replace(kept, crossings=crossings, sights=sights)
+        return night
+    crossings = yield from crossings_of(found.frame, found.detections, solution, night.time_utc, night.site, more)
+    sights = yield from sights_of(solution, found.detections, night.time_utc, night.site, more)
+    return replace(night, crossings=crossings, sights=sights)
 
 
 def is_calibration(header: Mapping[str, Any]) -> bool:

@@ -150,13 +150,31 @@ def _earlier(compared: Sequence[Compared]) -> str:
     """Tonight among the last nights, a row each."""
     heads = (tr("Against earlier nights"), tr("This night"), tr("Usual"), tr("Nights"))
     rows = [(tr(QUANTITIES[one.name]), one.tonight.text(), one.usual.text(), str(one.nights)) for one in compared]
-    marks = [" class='other'" if one.unusual else "" for one in compared]
+    return f"<section>{_table(heads, rows, marked=[one.unusual for one in compared])}</section>"
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], kind: str = "", marked: Sequence[bool] = ()) -> str:
+    """A table of plain text.
+
+    Parameters
+    ----------
+    heads : sequence of str
+        Of the columns.
+    rows : sequence of sequences of str
+        The cells.
+    kind : str
+        The table's class in the style sheet.
+    marked : sequence of bool
+        Which rows stand out; empty for none.
+    """
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    marks = [" class='other'" if mark else "" for mark in marked] or [""] * len(rows)
     body = "".join(
         f"<tr{mark}>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>"
         for mark, row in zip(marks, rows, strict=True)
     )
-    return f"<section><table><tr>{head}</tr>{body}</table></section>"
+    named = f' class="{kind}"' if kind else ""
+    return f"<table{named}><tr>{head}</tr>{body}</table>"
 
 
 def _events(night: Night) -> str:
@@ -175,10 +193,7 @@ def _crossings(night: Night) -> str:
         sure = f"± {number(one.sigma_arcsec, '.1f')}″"
         name = Path(night.frames[k].file).name
         rows.append((name, one.name or tr(one.kind), ends, angle_text(one.length_deg), sure))
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    heading = escape(tr("What crossed the field"))
-    return f'<section><h2>{heading}</h2><table class="wide"><tr>{head}</tr>{body}</table></section>'
+    return f"<section><h2>{escape(tr('What crossed the field'))}</h2>{_table(heads, rows, 'wide')}</section>"
 
 
 def _strangers(night: Night) -> str:
@@ -195,10 +210,7 @@ def _strangers(night: Night) -> str:
         what = one.name or tr(one.kind)
         at = f"{place} ± {number(one.sigma_arcsec, '.1f')}″"
         rows.append((what, one.mag.text(), at, rates, str(len(one.frames)), sure))
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    heading = escape(tr("Among the stars"))
-    return f"<section><h2>{heading}</h2><table class='wide'><tr>{head}</tr>{body}</table></section>"
+    return f"<section><h2>{escape(tr('Among the stars'))}</h2>{_table(heads, rows, 'wide')}</section>"
 
 
 def _field(night: Night) -> str:
@@ -242,9 +254,7 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
         )
         for one in tracking
     ]
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<section><h2>{escape(tr('Tracking'))}</h2><table><tr>{head}</tr>{body}</table></section>"
+    return f"<section><h2>{escape(tr('Tracking'))}</h2>{_table(heads, rows)}</section>"
 
 
 def _figure(night: Night, k: int) -> str:

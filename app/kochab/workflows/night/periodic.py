@@ -15,7 +15,7 @@ from kochab.core.arrays import Floats, Ints
 from kochab.workflows.night.measure import Measure, one_sigma
 
 FEWEST = 14
-"""Places from which it is looked for."""
+"""The fewest places in which a periodic error is looked for."""
 LEAST_TURNS = 2.0
 PER_CADENCE = 2.5
 """The shortest period is so many times the usual step from frame to frame."""
@@ -111,7 +111,7 @@ def periodic_error(
 
 
 def _best(time_s: Floats, values: Floats, base: Floats, frequencies: Floats) -> float:
-    """The frequency (1/s) whose sine takes most from the values beside ``base``."""
+    """The frequency (1/s) whose sine reduces the residuals most, fitted together with ``base``."""
     q, _ = np.linalg.qr(base)
     left = values - q @ (q.T @ values)
     phase = 2.0 * np.pi * frequencies[:, None] * time_s

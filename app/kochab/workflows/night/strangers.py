@@ -14,10 +14,10 @@ from itertools import combinations
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.attitude import radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Detections, Site
 from kochab.core.progress import Task
-from kochab.core.robust import median
+from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Solution
 from kochab.sky import open_catalogue
 from kochab.sky.frame_bodies import BodyInFrame, bodies_in_frame
@@ -144,7 +144,7 @@ def _zero_point(solution: Solution, detections: Detections) -> Measure:
     if len(excess) < 3:
         return Measure(math.nan, math.nan)
     middle = median(excess)
-    return Measure(middle, 1.4826 * median(np.abs(excess - middle)))
+    return Measure(middle, mad_sigma(excess, middle))
 
 
 def _seen(one: BodyInFrame, solution: Solution, detections: Detections, zero: Measure) -> Sight | None:
@@ -158,7 +158,7 @@ def _seen(one: BodyInFrame, solution: Solution, detections: Detections, zero: Me
     own_px = float(np.nan_to_num(detections.fwhm_px[k], nan=3.0)) / 2.35 / max(snr, 1.0)
     sigma = math.hypot(own_px, 0.05) * solution.camera.scale_arcsec_px
     sigma = math.hypot(sigma, solution.rms_arcsec / math.sqrt(max(len(solution.stars), 1)))
-    east = ((ra - one.body.ra_deg + 180.0) % 360.0 - 180.0) * math.cos(math.radians(dec)) * 3600.0
+    east = wrapped(ra - one.body.ra_deg) * math.cos(math.radians(dec)) * 3600.0
     off = (east, (dec - one.body.dec_deg) * 3600.0)
     mag = zero.value - 2.5 * math.log10(max(float(detections.flux[k]), 1e-12))
     x, y = detections.xy[k].tolist()
@@ -226,7 +226,7 @@ def _hours(times: Sequence[datetime | None]) -> Floats:
 def _plane(seen: Sequence[Sight]) -> Floats:
     """Places (N, 2), arcsec east and north of the first."""
     first = seen[0]
-    ra = np.array([(one.ra_deg - first.ra_deg + 180.0) % 360.0 - 180.0 for one in seen])
+    ra = np.array([wrapped(one.ra_deg - first.ra_deg) for one in seen])
     dec = np.array([one.dec_deg for one in seen])
     return 3600.0 * np.stack([ra * math.cos(math.radians(first.dec_deg)), dec - first.dec_deg], axis=1)
 

@@ -17,6 +17,8 @@ from enum import StrEnum
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats
+from kochab.core.attitude import wrapped
+from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.robust import mad_sigma
 from kochab.polar.error import angle_in_words
 from kochab.text.translation import tr
@@ -41,12 +43,11 @@ TURNED_DEG, FLIPPED_DEG = 10.0, 170.0
 """By which a camera is turned on purpose, and by which a German mount has changed sides."""
 POLAR_ARCSEC = 600.0
 """One sigma of a polar axis that nobody measured."""
-SIDEREAL_ARCSEC_S = 15.041067
+SIDEREAL_ARCSEC_S = 3600.0 * SIDEREAL_DEG_S
 FLOOR_ARCSEC = 0.5
 """No jump is known better: refraction and the drift of the middle of the frame differ from place to place."""
 ALONG = 0.15
 """Share of the other axis up to which a jump is one of RA or of Dec alone."""
-SIDEREAL_ARCSEC_H = 54148.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +148,7 @@ class Tracking:
     @property
     def untracked(self) -> bool:
         """Whether the field moved as the sky does: a fixed tripod, or a motor that is off."""
-        return self.ra_arcsec_h.value > 0.5 * SIDEREAL_ARCSEC_H * math.cos(math.radians(self.dec_deg))
+        return self.ra_arcsec_h.value > 0.5 * 3600.0 * SIDEREAL_ARCSEC_S * math.cos(math.radians(self.dec_deg))
 
 
 def tracking_of(places: Sequence[Place], polar_arcsec: float = POLAR_ARCSEC) -> list[Tracking]:
@@ -174,14 +175,14 @@ def _goes_on(before: Place, after: Place) -> bool:
 
 
 def _apart_deg(one: Place, other: Place) -> float:
-    east = ((other.ra_deg - one.ra_deg + 180.0) % 360.0 - 180.0) * math.cos(math.radians(one.dec_deg))
+    east = wrapped(other.ra_deg - one.ra_deg) * math.cos(math.radians(one.dec_deg))
     return math.hypot(east, other.dec_deg - one.dec_deg)
 
 
 def _held(places: list[Place], frames: tuple[int, ...], polar_arcsec: float) -> Tracking | None:
     first = places[0]
     hours = np.array([(p.time_utc - first.time_utc).total_seconds() / 3600.0 for p in places])
-    ra = np.array([(p.ra_deg - first.ra_deg + 180.0) % 360.0 - 180.0 for p in places])
+    ra = np.array([wrapped(p.ra_deg - first.ra_deg) for p in places])
     dec = np.array([p.dec_deg for p in places])
     cosine = math.cos(math.radians(first.dec_deg))
     xy = 3600.0 * np.stack([ra * cosine, dec - first.dec_deg])
@@ -279,7 +280,7 @@ def _jumps(
     found: list[Jump] = []
     for k in at:
         one, other = places[k], places[k + 1]
-        turned = abs((other.roll_deg - one.roll_deg + 180.0) % 360.0 - 180.0)
+        turned = abs(wrapped(other.roll_deg - one.roll_deg))
         others = [size[j] for j in at if j != k]
         largest = OF_DITHERS * float(np.median(others)) if len(others) >= AS_DITHERS else 0.0
         if turned > TURNED_DEG:
