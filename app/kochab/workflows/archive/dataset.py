@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 from kochab.core.errors import UsageError
 from kochab.parsing.text_input import TextError, parse_json
 from kochab.workflows.archive.inputs import SCHEMA as INPUTS
-from kochab.workflows.archive.inputs import opened
+from kochab.workflows.archive.inputs import is_local, opened
 from kochab.workflows.archive.row import SCHEMA, table_of
 from kochab.workflows.solution_json import Json
 
@@ -123,8 +123,20 @@ class Dataset:
         """Columns of all rows of some parts, and ``part``."""
         if not parts:
             return pa.schema([*map(SCHEMA.field, columns), pa.field("part", pa.string())]).empty_table()
-        found = ds.dataset(list(parts), SCHEMA, "parquet", self.fs).to_table([*columns, "__filename"])
-        return found.rename_columns([*columns, "part"])
+        if is_local(self.fs):
+            found = ds.dataset(list(parts), SCHEMA, "parquet", self.fs).to_table([*columns, "__filename"])
+            return found.rename_columns([*columns, "part"])
+        return pa.concat_tables(self._read_here(part, columns) for part in parts)
+
+    def _read_here(self, part: str, columns: Sequence[str]) -> pa.Table:
+        """The same of one part, in this thread: one of Arrow's that is still in a storage's Python ends the program."""
+        with self.fs.open(part, "rb") as file, pq.ParquetFile(file) as whole:
+            there = [name for name in columns if name in whole.schema_arrow.names]
+            found = whole.read(there, use_threads=False)
+        rows = found.num_rows
+        kept = [found[name] if name in there else pa.nulls(rows, SCHEMA.field(name).type) for name in columns]
+        named = pa.array([part] * rows, pa.string())
+        return pa.Table.from_arrays([*kept, named], [*columns, "part"])
 
     def tidy(self) -> None:
         """Join small parts, and drop rows that newer ones have replaced; a run that ends in it loses nothing.

@@ -77,6 +77,11 @@ def opened(url: str) -> tuple[Any, str]:
     return fs, path
 
 
+def is_local(fs: Any) -> bool:
+    """Whether a file system is this computer's."""
+    return "file" in (fs.protocol if isinstance(fs.protocol, tuple) else (fs.protocol,))
+
+
 def listed(given: Sequence[str], size: tuple[int, int] | None, shard: tuple[int, int] = (0, 1)) -> Task[pa.Table]:
     """All inputs as a table of :data:`SCHEMA`, sorted by URL, each once.
 

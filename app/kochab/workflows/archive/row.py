@@ -30,7 +30,7 @@ from kochab.frames.fits import read_header
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import merged_hint, solve_detections, with_doubts
 from kochab.text.translation import in_english
-from kochab.workflows.archive.inputs import Item
+from kochab.workflows.archive.inputs import Item, is_local
 from kochab.workflows.archive.objects import COLUMNS, objects_of
 from kochab.workflows.night.frame import is_calibration, measured, setup_of
 from kochab.workflows.night.measure import median_of
@@ -237,7 +237,7 @@ def _fetched(item: Item, tries: int) -> Iterator[_Source]:
         yield _Source(Path(item.url), hashlib.sha256(data).hexdigest(), len(data), tried, stars)
         return
     fs, path = fsspec.core.url_to_fs(item.url)
-    if "file" in (fs.protocol if isinstance(fs.protocol, tuple) else (fs.protocol,)):
+    if is_local(fs):
         (content, size), tried = _persistently(lambda: _hashed(Path(path)), item.url, tries)
         yield _Source(Path(path), content, size, tried)
         return
