@@ -193,7 +193,8 @@ def _crossings(night: Night) -> str:
         sure = f"± {number(one.sigma_arcsec, '.1f')}″"
         name = Path(night.frames[k].file).name
         rows.append((name, one.name or tr(one.kind), ends, angle_text(one.length_deg), sure))
-    return f"<section><h2>{escape(tr('What crossed the field'))}</h2>{_table(heads, rows, 'wide')}</section>"
+    heading = tr("What crossed the field")
+    return f"<section><h2>{escape(heading)}</h2>{_table(heads, rows, 'wide')}</section>"
 
 
 def _strangers(night: Night) -> str:
@@ -210,7 +211,8 @@ def _strangers(night: Night) -> str:
         what = one.name or tr(one.kind)
         at = f"{place} ± {number(one.sigma_arcsec, '.1f')}″"
         rows.append((what, one.mag.text(), at, rates, str(len(one.frames)), sure))
-    return f"<section><h2>{escape(tr('Among the stars'))}</h2>{_table(heads, rows, 'wide')}</section>"
+    heading = tr("Among the stars")
+    return f"<section><h2>{escape(heading)}</h2>{_table(heads, rows, 'wide')}</section>"
 
 
 def _field(night: Night) -> str:
