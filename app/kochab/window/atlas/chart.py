@@ -106,7 +106,7 @@ class StarChart(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.setMinimumSize(320, 260)
+        self.setMinimumSize(300, 240)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setAccessibleName(tr("Sky chart"))
         self.setAccessibleDescription(tr("Plus and minus zoom, arrow keys pan, 0 shows the open frame."))

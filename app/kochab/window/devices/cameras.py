@@ -87,7 +87,6 @@ TITLES = {
     "webcam": tr_noop("Webcam (UVC)"),
 }
 EXAMPLES = {
-    "simulated": "new",
     "folder": tr_noop("folder your capture program saves to"),
     "indi": tr_noop("host:7624/Camera name"),
     "alpaca": "host:11111/0",
@@ -243,8 +242,7 @@ class CameraBox(QWidget):
 
     def _arrange(self) -> None:
         self.address.setPlaceholderText(tr(EXAMPLES.get(self.kind, "")))
-        practice = self._at_once and self.kind == "simulated"  # it is chosen in the list alone
-        self.address.setVisible(bool(self.kind) and not practice)
+        self.address.setVisible(self.kind not in ("", "simulated"))  # that one is chosen in the list alone
         self.folder.setVisible(self.kind == "folder")
         listed = self.kind not in UNLISTED
         self.found.setVisible(listed)

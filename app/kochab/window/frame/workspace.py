@@ -13,6 +13,7 @@ from kochab.window.panels.star_table import StarTable
 from kochab.window.widgets import Page, column, page, row, scrolled, styled_frame, tab_pages
 
 CARD_LETTERS = 56  # about as wide as a line of so many
+NARROW, LOW_LINES = 1.5, 32  # a room of so many widths of the card, and so many lines, has no place for all of it
 
 
 MARGIN_PX, STRIP_PX = 8, 560
@@ -65,6 +66,8 @@ class Workspace(Page):
         """The card at the lower left, the buttons at the lower right, or at the top when there is no room beside it."""
         inside = self.view.geometry().adjusted(MARGIN_PX, MARGIN_PX, -MARGIN_PX, -MARGIN_PX)
         letters = self.fontMetrics().averageCharWidth() * CARD_LETTERS
+        narrow, low = inside.width() < NARROW * letters, inside.height() < LOW_LINES * self.fontMetrics().lineSpacing()
+        self.card.shorten(narrow and low)
         card = QRect(QPoint(), QSize(min(letters, inside.width()), 0))
         card.setHeight(self.card.heightForWidth(card.width()))
         card.moveBottomLeft(inside.bottomLeft())

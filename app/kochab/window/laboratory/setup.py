@@ -136,6 +136,7 @@ class MethodsPanel(Page):
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
                 item.setCheckState(CHECKED[name in ticked])
             self.list.setCurrentRow(0)
+        self.list.setMinimumWidth(self.list.sizeHintForColumn(0) + 2 * self.list.frameWidth() + ROW_PX)
         self.list.setAccessibleName(tr("{kinds}; space ticks one", kinds=tr(KINDS[self.kind])))
         self._show(self.list.currentItem())
 

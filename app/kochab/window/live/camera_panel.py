@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 
 DEFAULT = tr_noop("default")
+LEAST_LETTERS = 13  # of a field's width in a small window; the largest value needs more
 UNSET = -1.0  # 0 is a gain
 MOST = LONGEST_S, MOST_GAIN, MOST_BINNING = 3600.0, 1e6, 16
 
@@ -51,6 +52,7 @@ class SettingFields(Page):
             field.setStepType(QAbstractSpinBox.StepType.AdaptiveDecimalStepType)
         for field in self.fields.values():
             field.setSpecialValueText(tr(DEFAULT))
+            field.setMinimumWidth(LEAST_LETTERS * field.fontMetrics().averageCharWidth())
             field.valueChanged.connect(lambda _: self.changed.emit())
         self.titles = [label(title, "muted") for title in (tr("Exposure"), tr("Gain"), tr("Binning"))]
         fields = grid(self.titles, self.fields.values(), stretch=(1, 1, 1))

@@ -46,6 +46,7 @@ class Card(QFrame):
         self.ra, self.dec = position_labels()
         self.facts = label("", wrap=True)
         self._pointing = (self.ra, self.dec, self.facts)
+        self._short = False
         self._numbers = facts_grid(3)
         self.again = button(tr("Solve agai&n"), self.again_wanted.emit)
         self.hints = button(tr("H&ints…"), self.hints_wanted.emit, tip=tr("Give a pixel scale, a field or a position"))
@@ -93,6 +94,7 @@ class Card(QFrame):
             set_role(value, "value_old" if old_from else "value")
         for shown in self._pointing:
             shown.setVisible(solution is not None)
+        self._show_parts()
         self.set_style(self.style_of_angles)
 
     def set_style(self, style: AngleStyle) -> None:
@@ -104,6 +106,17 @@ class Card(QFrame):
         self.ra.setText(angle_text.ra_text(ra, style))
         self.dec.setText(angle_text.dec_text(dec, style))
         self.facts.setText(solution_text.field_text(s, self._altaz))
+
+    def shorten(self, on: bool) -> None:
+        """Leave out what Details says too, where the whole card would hide the image."""
+        if on != self._short:
+            self._short = on
+            self._show_parts()
+
+    def _show_parts(self) -> None:
+        solved = self._solution is not None
+        self.text.setVisible(bool(self.text.text()) and not (self._short and solved))
+        self.facts.setVisible(solved and not self._short)
 
     def show_failure(self, failure: NoSolution, source: str = "") -> None:
         """Why there is no solution, and what to do about it."""
@@ -132,6 +145,7 @@ class Card(QFrame):
         self._failure = None
         show_text(self.title, title, role)
         show_text(self.text, breakable(text))
+        self._show_parts()
         show_text(self.advice, advice)
         clear_layout(self._numbers)
         for b in (self.again, self.hints, self.copy, self.open):

@@ -4,12 +4,13 @@ from collections.abc import Callable
 from functools import partial
 
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QHBoxLayout, QMenu, QPushButton
+from PySide6.QtWidgets import QMenu, QPushButton
 
 from kochab.text.translation import tr
+from kochab.window.flow import Flow
 from kochab.window.polar.alignment import RunningAlignment
 from kochab.window.polar.setup import SECOND_TIP
-from kochab.window.widgets import ProgressBar, button, named, row
+from kochab.window.widgets import ProgressBar, button, named
 from kochab.workflows.polar.update import PolarButton
 
 BAR_PX = 120
@@ -63,10 +64,10 @@ class AlignmentButtons:
         action.triggered.connect(lambda _=False: called())
         return action
 
-    def row(self) -> QHBoxLayout:
-        """All of them side by side."""
+    def flow(self) -> Flow:
+        """All of them side by side, in as many lines as there is room for."""
         first = (self.start, self.done, self.turn_for_me)
-        return row(*first, self.at_bolts, self.sound, self.phone, self.more, self.bar, spacing=8)
+        return Flow(*first, self.at_bolts, self.sound, self.phone, self.more, self.bar)
 
     def enable(self, running: bool, drifts: bool) -> None:
         """What can be used while one runs, and while none does; nobody turns the axis where it ``drifts``."""

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QWidget
 
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import dropped_files
+from kochab.window.flow import Flow
 from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.polar.first_steps import LOW_PX, FirstSteps
 from kochab.window.polar.live_frame import LiveFrame
@@ -28,6 +29,7 @@ TITLES = {
     (Knob.AZIMUTH, "done"): tr_noop("Azimuth, done"),
 }
 MARGIN_PX, OVER_PX, GAP_PX = 16, 560, 10  # around what lies over the frame, its width at most, and between its parts
+LEAST_PX = 320, 390  # the width of the cards, and the height of the room, in a small window
 DONE_SHARE = 0.5  # of the goal, within which a knob that nobody is asked to turn is done
 
 
@@ -155,7 +157,7 @@ class PolarRoom(Page):
 
     files_dropped = Signal(object)  # list[Path]
 
-    def __init__(self, services: Services, buttons: QHBoxLayout, set_up: Callable[[], None]) -> None:
+    def __init__(self, services: Services, buttons: Flow, set_up: Callable[[], None]) -> None:
         super().__init__()
         self.frame = LiveFrame(services)
         self.number = NumberCard()
@@ -192,8 +194,8 @@ class PolarRoom(Page):
         self._place()
 
     def minimumSizeHint(self) -> QSize:
-        """Wide enough for the buttons."""
-        return QSize(max(320, self.bar.minimumSizeHint().width()) + 2 * MARGIN_PX, 420)
+        """Wide enough for the cards, and high enough for them and the buttons."""
+        return QSize(LEAST_PX[0] + 2 * MARGIN_PX, LEAST_PX[1])
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         if dropped_files(event):
@@ -216,7 +218,8 @@ class PolarRoom(Page):
     def _place(self) -> None:
         """The cards at the upper left, the buttons at the lower left."""
         inside = self.rect().adjusted(MARGIN_PX, MARGIN_PX, -MARGIN_PX, -MARGIN_PX)
-        bar = QRect(inside.topLeft(), self.bar.sizeHint())
+        long = min(self.bar.sizeHint().width(), inside.width())
+        bar = QRect(inside.topLeft(), QSize(long, self.bar.heightForWidth(long)))
         bar.moveBottomLeft(inside.bottomLeft())
         self.bar.setGeometry(bar)
         wide = min(OVER_PX, inside.width())

@@ -118,7 +118,7 @@ class MainWindow(QMainWindow):
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
         self.resized.emit()
-        self.rail.suit(self.width())
+        self.rail.suit(self.size())
 
     def childEvent(self, event: QChildEvent) -> None:
         # When it is added, a child is not constructed yet, and no QWidget.

@@ -13,7 +13,9 @@ from kochab.text.translation import tr
 from kochab.window.shell.actions import Actions
 from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES
 
-LEAST_LETTERS = 105  # of the window's width, for a rail with names
+LEAST_LETTERS, LEAST_LINES = 116, 31  # of the window's width and height, for a rail with names
+LOW_LINES = 23  # of its height, for icons of the usual size
+ICON_PX, SMALL_ICON_PX = 22, 16
 
 
 class Menus:
@@ -99,10 +101,10 @@ class StayingMenu(QMenu):
 
 
 class Rail(QToolBar):
-    """The modes at the left of the window; large letters on a small screen leave them their icons."""
+    """The modes at the left of the window; a small window leaves them their icons, and a low one makes these small."""
 
     def __init__(self, window: QMainWindow) -> None:
-        super().__init__(tr("Modes"), window, movable=False, iconSize=QSize(22, 22))
+        super().__init__(tr("Modes"), window, movable=False, iconSize=QSize(ICON_PX, ICON_PX))
         self.setObjectName("rail")
         self.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)  # which would offer to hide it
         window.addToolBar(Qt.ToolBarArea.LeftToolBarArea, self)
@@ -120,16 +122,19 @@ class Rail(QToolBar):
             _tell(button, action)
             button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
-    def suit(self, width_px: int) -> None:
-        """Show the names of the modes, or icons alone in a window of ``width_px``."""
-        small = width_px < self.fontMetrics().averageCharWidth() * LEAST_LETTERS
-        style = Qt.ToolButtonStyle
+    def suit(self, window: QSize) -> None:
+        """Show the names of the modes, or icons alone in a small ``window``: none may fall off its lower end."""
+        metrics, style = self.fontMetrics(), Qt.ToolButtonStyle
+        lines = window.height() / metrics.lineSpacing()
+        small = window.width() < metrics.averageCharWidth() * LEAST_LETTERS or lines < LEAST_LINES
         self.setToolButtonStyle(style.ToolButtonIconOnly if small else style.ToolButtonTextUnderIcon)
+        side = SMALL_ICON_PX if lines < LOW_LINES else ICON_PX
+        self.setIconSize(QSize(side, side))
 
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.StyleChange:
-            self.suit(self.window().width())
+            self.suit(self.window().size())
 
 
 def button_of(action: QAction, menu: QMenu | None = None) -> QToolButton:
