@@ -122,6 +122,8 @@ def joined(objects: list[SkyObject], second: list[SkyObject], named: Container[s
             at.also += [
                 word for word in other.also if word not in (*at.also, at.name, at.messier.replace("M", "M ", 1))
             ]
+            if at.kind not in CLUSTERS and of_a_star(other):
+                other.visual = other.blue = None
             at.mag, at.band = magnitude((at.visual, other.visual), (at.blue, other.blue))
             at.source = "O" if at.mag in (at.visual, at.blue) else "S"
             larger = at.kind in CLUSTERS and (other.major or 0.0) > (at.major or 0.0)
@@ -129,7 +131,7 @@ def joined(objects: list[SkyObject], second: list[SkyObject], named: Container[s
                 at.major, at.minor, at.pa_deg = other.major, other.minor, other.pa_deg
         elif wanted and wanted[0] not in brought:
             other.name, other.also = wanted[0], [word for word in other.also if word != wanted[0]]
-            if other.name.startswith("vdB"):  # van den Bergh gives the star's light that the nebula reflects
+            if of_a_star(other, alone=True):
                 other.visual = other.blue = None
             brought[other.name] = other
     for one in (*objects, *brought.values()):
@@ -155,6 +157,26 @@ CLOUDS_DEG = ((80.9, -69.8, 9.0), (13.2, -72.8, 5.0))
 def in_the_clouds(one: SkyObject) -> bool:
     """Whether it stands in the Large or the Small Magellanic Cloud's part of the sky."""
     return any(one.away_arcmin(SkyObject("", "", ra, dec)) < 60.0 * reach for ra, dec, reach in CLOUDS_DEG)
+
+
+COMPACT_ARCMIN = 0.5
+
+
+def of_a_star(other: SkyObject, alone: bool = False) -> bool:
+    """Whether what Stellarium has for the magnitude of a nebula is something else.
+
+    Of a reflection nebula it is the star's whose light it reflects (van den Bergh's list), of a planetary nebula that
+    is more than a dot its central star's (V 17.1 for Jones 1), of a dark one Lynds' opacity of 1 to 6. What shines and
+    is ``alone`` in having no NGC or IC number has that of the star which lights it: V 2.9 for Sh2-9, sigma Scorpii's.
+    Messier's and Caldwell's lists print the nebula's own.
+    """
+    catalogues = {catalogue_of(word) for word in (other.name, *other.also)}
+    if catalogues & {"M", "C"}:
+        return False
+    if other.kind == "PN":
+        return (other.major or 0.0) > COMPACT_ARCMIN
+    kinds = ("DrkN", "RfN", *(("EmN", "HII", "Neb", "SNR") if alone else ()))
+    return other.kind in kinds or "vdB" in catalogues
 
 
 def magnitude(visual: Sequence[float | None], blue: Sequence[float | None]) -> tuple[float | None, str]:

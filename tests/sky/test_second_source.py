@@ -14,7 +14,7 @@ from catalogs.making.objects import CORRECTIONS
 from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.lab.bench.second_source import bearers_of, contradictions, decided, misplaced_names, pairs, read_hnsky
 from kochab.sky.catalogue import shipped_folder
-from kochab.sky.finder import finder
+from kochab.sky.finder import finder, numbered, spelled
 from kochab.sky.names import read_objects
 
 HERE = Path(__file__).parent
@@ -91,7 +91,10 @@ FACTS = {  # of the first paragraph of what was asked: V, size in arcmin, kind, 
     "Sh2-42": (None, None, "HII", (272.57, -16.82)),
     "Sh2-268": (None, 60, "HII", (92.41, 12.99)),
     "Sh2-201": (None, None, "HII", (45.79, 60.48)),
-    "Coalsack": (None, None, "DrkN", (193.0, -63.0)),
+    "Coalsack": (None, 430, "DrkN", (192.5, -62.5)),
+    "M 76": (10.1, 3.1, "PN", (25.58, 51.575)),
+    "LMC": (None, 646, "G", (80.894, -69.756)),
+    "Hyades": (0.5, 330, "OCl", (66.75, 15.87)),
     "B 50": (None, None, "DrkN", (255.75, -34.44)),
     "B 132": (None, None, "DrkN", (286.04, -4.43)),
     "IC 444": (None, 8, "RfN", (94.75, 23.27)),  # about 12 Gem
@@ -193,3 +196,23 @@ def test_no_two_globular_clusters_stand_at_one_place(objects):
 def test_galaxies_that_have_a_name_are_there_by_whatever_number(name, number):
     assert finder().still(name).name.startswith(number)
     assert finder().still(number.replace("-4", "-004")).name.startswith(number)
+
+
+def test_no_nebula_has_a_stars_magnitude_or_an_opacity(objects):
+    """Kinds of nebula whose only magnitudes are of their stars: Lynds' opacities of 1 to 6 were shown as V."""
+    shown = np.isfinite(objects.mag)
+    assert not shown[objects.kind == "DrkN"].any()
+    large = (objects.kind == "PN") & (objects.major > 5.0) & shown
+    assert float(objects.mag[large].max()) < 13.0  # Jones 1 had its central star's 17.1
+
+
+def test_one_thing_one_place_whether_it_is_called_by_nickname_or_number():
+    """A nickname has a place of its own only where the catalogue has no row of that name and kind."""
+    index, twice = finder(), {}
+    for row in index.nicknames:
+        for name in row["names"].split(";") if row["ra_deg"] else ():
+            entries = index._keys[0].get(numbered(name) or spelled(name), ())
+            kinds = {index.entry(entry).kind for entry in entries if entry.table == "object"}
+            if row["kind"] in kinds:
+                twice[row["names"].split(";")[0]] = row
+    assert set(twice) == {"Barnard's Loop", "Pickering's Triangle", "h and chi Persei"}  # wholes of several parts
