@@ -43,10 +43,16 @@ def sources() -> dict[str, str]:
 
 
 @cache
+def tree(module: str) -> ast.Module:
+    """What Python makes of it; seven tests look through all modules."""
+    return ast.parse(sources()[module])
+
+
+@cache
 def imports(module: str) -> frozenset[str]:
     """The package's modules that ``module`` names in an import: at its top, in a function or for types."""
     known, found = sources(), set()
-    for node in ast.walk(ast.parse(known[module])):
+    for node in ast.walk(tree(module)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -89,16 +95,14 @@ def floors(room: str) -> int:
 
 def classes_twice() -> list[str]:
     """Names of classes that two modules or more define at their top."""
-    count = Counter(
-        node.name for text in sources().values() for node in ast.parse(text).body if isinstance(node, ast.ClassDef)
-    )
+    count = Counter(node.name for module in sources() for node in tree(module).body if isinstance(node, ast.ClassDef))
     return sorted(name for name, times in count.items() if times > 1)
 
 
 def array_types_elsewhere() -> Iterator[str]:
     """Names for types of arrays outside ``kochab.core.arrays``."""
-    for module, text in sources().items():
-        for node in ast.parse(text).body:
+    for module in sources():
+        for node in tree(module).body:
             plain = isinstance(node, ast.Assign) and ast.unparse(node.value).startswith("NDArray[")
             if plain and module != "kochab.core.arrays":
                 yield f"{module}:{ast.unparse(node.targets[0])}"

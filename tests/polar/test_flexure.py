@@ -99,7 +99,7 @@ def test_noise_and_bending_together_are_as_large_as_said(sweeps):
     """Tubes drawn from what is supposed of tubes: the whole ellipse holds as often as it says."""
     rng = np.random.default_rng(12)
     inside68 = inside95 = 0
-    runs = 300
+    runs = 120
     for _ in range(runs):
         mount = Mount(40.0, 500.0, 300.0, rho_deg=25.0, hour_deg=-40.0)
         other = Mount(40.0, 500.0, 300.0, rho_deg=75.0, hour_deg=-40.0)
