@@ -6,6 +6,7 @@ seen of it. Marks are in image px, label boxes in screen px; whoever draws bring
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else
 BODIES = -20.0  # the rank down to which all are bodies
 MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
-NUMBERED = 2.0  # magnitudes by which a star that has only a number is named later
+NUMBERED, FIRST = 2.0, 1.5  # ranks by which a star with only a number is named later, and one of one word earlier
 NAMELESS = 7.0  # the rank that a frame's first name has at least: no solved frame is without one
 MOST_RADII = 1.0  # of the view: a larger outline says nothing
 POINTS = 48  # of an ellipse
@@ -180,12 +181,16 @@ def _constellations(
     tables: SkyTables, solution: Solution, centre: Floats, reach: float
 ) -> Iterable[tuple[str, Floats]]:
     """Of every figure that has two stars and more in the frame its name, and the middle of these."""
-    for name, vectors in tables.constellations:
-        near = np.unique(vectors[in_reach(vectors, centre, reach)], axis=0)
-        xy = solution.pixels_of(near) if len(near) >= LEAST_FIGURE else near[:, :2]
-        seen = xy[inside(solution, xy)] if len(near) >= LEAST_FIGURE else xy[:0]
-        if len(seen) >= LEAST_FIGURE:
-            yield name, seen.mean(axis=0)
+    if not tables.constellations:
+        return
+    names, figures = zip(*tables.constellations, strict=True)
+    vectors, whose = np.concatenate(figures), np.repeat(np.arange(len(names)), [len(figure) for figure in figures])
+    rows = np.flatnonzero(in_reach(vectors, centre, reach))
+    xy = solution.pixels_of(vectors[rows])
+    seen = inside(solution, xy)
+    whose, xy = whose[rows[seen]], xy[seen]
+    for k in np.flatnonzero(np.bincount(whose, minlength=len(names)) >= LEAST_FIGURE).tolist():
+        yield names[k], xy[whose == k].mean(axis=0)
 
 
 def around_text(tables: SkyTables, solution: Solution) -> str:
@@ -261,7 +266,7 @@ def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, 
     for row, place in zip(rows[seen := inside(solution, xy)].tolist(), xy[seen], strict=True):
         name = stars.called(row)
         plain = " " not in name or stars.mag[row] < BRIGHTEST  # Rigil Kentaurus comes before Toliman
-        later = NUMBERED if not stars.name[row] else -1.5 * plain
+        later = NUMBERED if not stars.name[row] else -FIRST * plain
         yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 + later, name, name)
 
 
@@ -319,12 +324,22 @@ def faintest_of(view: View, solution: Solution, stars: float = 0.5, objects: flo
     """
     x0, y0, x1, y1 = view.bounds
     across = max(x1 - x0, y1 - y0, 1.0) / view.scale * solution.camera.scale_arcsec_px / 3600.0
-    wide = float(np.log10(np.clip(across, 0.05, 180.0)))
+    return named_to(across, stars, objects)
+
+
+def named_to(across_deg: float, stars: float = 1.0, objects: float = 1.0) -> dict[str, float]:
+    """The ranks down to which so wide a view names stars and objects; of each as much as is wished, 0 to 1."""
+    wide = float(np.log10(np.clip(across_deg, 0.05, 180.0)))
     return {
         "star": max(12.0 - 4.2 * wide, 1.2 * TO_MAG + 2.0) + 8.0 * (stars - 0.5),
         "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5),
         "body": BODIES,
     }
+
+
+def star_rank(mag: Floats) -> Floats:
+    """The rank that stars (N,) have at least; names of one word come before all others of their magnitude."""
+    return np.asarray(1.2 * mag + 2.0 - FIRST)
 
 
 def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, float]) -> Mark | None:
@@ -406,14 +421,15 @@ def labels(
     chosen: list[Label] = []
     spots = at[seen[: 2 * most]]  # which a name rather leaves free
     used: set[str] = set()
-    named: list[Floats] = []  # places of the stars that have a name
+    named: list[tuple[float, float]] = []  # places of the stars that have a name
     for number in seen[:BEST].tolist():
         mark = sky.marks[number]
         if len(chosen) >= most or count >= len(boxes) - 2:
             break
         if mark.mag > faintest.get(mark.group, -np.inf):
             continue
-        if mark.kind == "star" and any(np.hypot(*(at[number] - spot)) < TWIN_PX for spot in named):
+        px, py = at[number].tolist()
+        if mark.kind == "star" and any(hypot(px - x, py - y) < TWIN_PX for x, y in named):
             continue  # Toliman beside Rigil Kentaurus: on the screen one star
         common = mark.text.removeprefix(mark.short).strip()
         dot = mark.kind != "star" and mark.radius * view.scale < DOT_PX
@@ -436,9 +452,8 @@ def labels(
             boxes[count] = free
             count += 1
             chosen.append(Label(text, (free[0], free[1], width, height), mark))
-            named += [at[number]] if mark.kind == "star" else []
+            named += [(px, py)] if mark.kind == "star" else []
             if mark.radius * view.scale < DOT_PX:  # no other name over the spot itself
-                px, py = at[number].tolist()
                 boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
                 count += 1
     return chosen

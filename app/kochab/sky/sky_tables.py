@@ -134,7 +134,7 @@ def _constellations(path: Path, figures: tuple[Floats, ...]) -> tuple[tuple[str,
     full, found = constellation_names(), dict[str, list[Floats]]()
     for line, chain in zip(path.read_text("utf-8").splitlines()[1:], figures, strict=True):
         found.setdefault(line.split("\t")[0].split(" ")[0], []).append(chain)
-    return tuple((full.get(short, short), np.concatenate(chains)) for short, chains in found.items())
+    return tuple((full.get(short, short), np.unique(np.concatenate(chains), axis=0)) for short, chains in found.items())
 
 
 def _circle(pole: Floats) -> Floats:

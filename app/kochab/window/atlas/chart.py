@@ -31,13 +31,13 @@ from kochab.core.solution import Solution
 from kochab.frames.sky_grid import pieces
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.frame_bodies import body_mark
-from kochab.sky.layer import MARKS, Layers, Mark, inside
+from kochab.sky.layer import MARKS, Layers, Mark, inside, named_to, star_rank
 from kochab.sky.milky_way import MilkyWay
 from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body, BodyKind
 from kochab.text.translation import tr
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
-from kochab.window.atlas.sky_painting import paint_frame, paint_glow
+from kochab.window.atlas.sky_painting import paint_frame, paint_glow, paint_stars
 from kochab.window.dialogs import is_red
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
 from kochab.window.image.overlay import Overlay
@@ -48,6 +48,7 @@ WIDEST_DEG, CLOSEST_DEG = 180.0, 0.1
 
 
 WIDE_DEG, WIDE_MAG, WIDE_RANK = 60.0, 5.0, 8.0  # wider, a chart names no more, and leaves boundaries out
+STEPS, WIDE_STEP = 4, 99  # steps of a narrower chart's width to a factor of two, and the one of all wide charts
 
 
 AROUND, LEAST_DEG = 4.0, 25.0  # so many times the frame is shown at first, and so much at least
@@ -121,7 +122,7 @@ class StarChart(QWidget):
         self.is_light = False  # as wide charts are: while it turns with something, twice as fast
         self._picture: tuple[object, QPixmap] | None = None  # of the sky, until something of it changes
         self._tables: SkyTables | None = None
-        self._wide: SkyTables | None = None  # what suits a wide chart: the rest would hold up its turning
+        self._suiting: dict[int, SkyTables] = {}  # by how wide the chart is: the rest would hold up its turning
         self._key: object = None
         self._stars: tuple[Floats, Floats, Floats] = NO_STARS, np.empty(0), np.empty(0)
         self._bodies: list[Body] = []
@@ -135,7 +136,7 @@ class StarChart(QWidget):
         if key != self._key or self.overlay.solution is None:
             camera = ChartCamera.of(self.width(), self.height(), self.field_deg)
             self._key, sheet = key, frame_at(camera, self.centre)
-            self.overlay.tables = self._wide if self.is_light or self.field_deg > WIDE_DEG else self._tables
+            self.overlay.tables = self._suit()
             self.overlay.show(NO_STARS, sheet)
             self.overlay.show_bodies(tuple(self._marks(sheet)))
             if self.catalogue is not None:
@@ -151,11 +152,26 @@ class StarChart(QWidget):
         """The sky has been read; without ``glow`` there is no Milky Way."""
         self._glow = glow
         self._tables, self.catalogue, self._key = tables, catalogue, None
-        lines = {kind: chains for kind, chains in tables.lines.items() if kind != "boundaries"}
-        stars = tables.stars.take(np.flatnonzero(tables.stars.mag < WIDE_MAG))
-        ranks = np.where(tables.ranks < WIDE_RANK, tables.ranks, np.inf)
-        self._wide = replace(tables, lines=lines, stars=stars, ranks=ranks)
+        self._suiting.clear()
         self.update()
+
+    def _suit(self) -> SkyTables | None:
+        """What a chart of this width can show: the names of a narrow one would hold up the turning of a wide one."""
+        if self._tables is None:
+            return None
+        is_wide = self.is_light or self.field_deg > WIDE_DEG
+        step = WIDE_STEP if is_wide else int(np.floor(STEPS * np.log2(self.field_deg)))
+        if step not in self._suiting:
+            tables, lines = self._tables, self._tables.lines
+            last = named_to(2.0 ** (step / STEPS))
+            shown, named = star_rank(tables.stars.mag) <= last["star"], tables.ranks <= last["object"]
+            if is_wide:
+                lines = {kind: chains for kind, chains in lines.items() if kind != "boundaries"}
+                shown, named = tables.stars.mag < WIDE_MAG, tables.ranks < WIDE_RANK
+            stars = tables.stars.take(np.flatnonzero(shown))
+            ranks = np.where(named, tables.ranks, np.inf)
+            self._suiting[step] = replace(tables, lines=lines, stars=stars, ranks=ranks)
+        return self._suiting[step]
 
     def show_bodies(self, bodies: list[Body]) -> None:
         """Draw bodies of the Solar System."""
@@ -221,8 +237,10 @@ class StarChart(QWidget):
         drawn = id(sheet), id(self._bodies), id(self.frame), id(over.tables), id(over.picked)
         key = self._key, drawn, self.mosaic, covered, ground, id(colours), self.font().toString(), ratio
         if self._picture is None or self._picture[0] != key:
-            picture = QPixmap(self.size() * ratio)
-            picture.setDevicePixelRatio(ratio)
+            size, picture = self.size() * ratio, None if self._picture is None else self._picture[1]
+            if picture is None or (picture.size(), picture.devicePixelRatio()) != (size, ratio):
+                picture = QPixmap(size)  # else the one before is painted over: at 4K another takes 8 ms
+                picture.setDevicePixelRatio(ratio)
             painter = QPainter(picture)
             painter.setFont(self.font())
             self._paint_sky(painter, colours, sheet)
@@ -232,10 +250,11 @@ class StarChart(QWidget):
 
     def _paint_sky(self, painter: QPainter, colours: Colours, sheet: Solution) -> None:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.fillRect(self.rect(), QColor(colours.sky))
         view = Viewport(self.width(), self.height())
         if self._glow is not None and self.field_deg > GLOW_DEG:
-            paint_glow(painter, self._glow, sheet, self.rect(), QColor(colours.star))
+            paint_glow(painter, self._glow, sheet, self.rect(), (QColor(colours.sky), QColor(colours.star)))
+        else:
+            painter.fillRect(self.rect(), QColor(colours.sky))
         self._paint_stars(painter, view, colours.star)
         if self.frame is not None and (image := self.image()) is not None:
             paint_frame(painter, image, self.frame, sheet, view)
@@ -252,7 +271,7 @@ class StarChart(QWidget):
             self.own.paint_ground(painter, self)
 
     def _paint_stars(self, painter: QPainter, view: Viewport, colour: str) -> None:
-        """Discs by magnitude in the stars' colours, those of one size and colour at once."""
+        """Discs by magnitude in the stars' colours."""
         xy, mags, bv = self._stars
         if not len(xy):
             return
@@ -260,12 +279,7 @@ class StarChart(QWidget):
         inks = (colour,) if is_red() else (*(ink for _, ink in STAR_INKS), colour)
         ink_of = np.zeros(len(xy), dtype=int) if is_red() else np.searchsorted([limit for limit, _ in STAR_INKS], bv)
         sizes = np.clip(STAR_PX + PX_A_MAG * (mags.max() - mags), STAR_PX, LARGEST_PX)
-        steps = np.rint(2.0 * sizes)
-        at = view.to_screen(xy)
-        for step, ink in np.unique(np.stack([steps, ink_of]), axis=1).T.tolist():
-            chosen = at[(steps == step) & (ink_of == ink) & np.isfinite(at[:, 0])]
-            painter.setPen(QPen(QColor(inks[int(ink)]), step / 2.0, c=Qt.PenCapStyle.RoundCap))
-            painter.drawPoints(QPolygonF([QPointF(x, y) for x, y in chosen.tolist()]))
+        paint_stars(painter, view.to_screen(xy), np.rint(2.0 * sizes) / 2.0, [inks[k] for k in ink_of.tolist()])
 
     def _outline(self, painter: QPainter, view: Viewport, frame: Solution, pen: QPen) -> None:
         painter.setPen(pen)

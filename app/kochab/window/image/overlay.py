@@ -401,8 +401,9 @@ class Overlay:
         for kind, path in self._paths.items():
             if self.layers.on[kind]:
                 dashes = Qt.PenStyle.DotLine if kind == DOTTED else Qt.PenStyle.SolidLine
-                pen = QPen(translucent(brush.ink(kind, LINES[kind][0]), self.layers.opaque(kind)), 1.1, dashes)
-                pen.setCosmetic(True)  # its width is in px of the screen
+                # Of one px of the screen: Qt fills the outlines of wider lines, which at 4K takes ten times as long.
+                pen = QPen(translucent(brush.ink(kind, LINES[kind][0]), self.layers.opaque(kind)), 1.0, dashes)
+                pen.setCosmetic(True)
                 painter.strokePath(path, pen)
         painter.restore()
 
