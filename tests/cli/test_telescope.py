@@ -32,7 +32,7 @@ def start(repository):
 
 
 def test_a_goto_goes_through_the_guard_and_moves_a_practice_mount(start) -> None:
-    _, night = start("practice", "--socket", "--json", "--lost", "0", "--site", "48,11", "--rate", "1")
+    _, night = start("practice", "--socket", "--json", "--lost", "0", "--rate", "1")  # where it is midnight
     site = ",".join(map(str, night["site"][:2]))
     offered, ready = start(
         "telescope",
@@ -64,10 +64,8 @@ def test_a_goto_goes_through_the_guard_and_moves_a_practice_mount(start) -> None
     with meade.line:
         assert wait_for(lambda: here() != degrees_of(b"00:00:00#", b"+00*00:00#"))  # the mount's first answer
         before = here()
-        refused = goto((before[0], -50.0))  # never rises at 48 degrees north
+        refused = goto((before[0], -60.0))  # never rises at 40 degrees north
         assert refused.startswith(b"1")
-        if b"contradicts this computer" in refused:
-            pytest.skip("by day the practice telescope lives in another night, and the guard refuses for its clock")
         assert b"below" in refused or b"horizon" in refused
         assert apart_deg(here(), before) < 0.1  # nothing moved
         target = (before[0], before[1] - 4.0 if before[1] > 0 else before[1] + 4.0)

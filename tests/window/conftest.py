@@ -2,7 +2,7 @@
 
 import gc
 import os
-from functools import partialmethod
+from functools import wraps
 
 import pytest
 from PySide6.QtCore import QSettings
@@ -29,8 +29,19 @@ def plain_numerals(qapp):
 @pytest.fixture(scope="session", autouse=True)
 def patience():
     """A busy machine may take longer than pytest-qt's five seconds; what never comes is still told."""
-    for wait in ("waitUntil", "waitSignal", "waitSignals"):
-        setattr(QtBot, wait, partialmethod(getattr(QtBot, wait), timeout=PATIENCE_MS))
+    for name in ("waitUntil", "waitSignal", "waitSignals"):
+        setattr(QtBot, name, patient(getattr(QtBot, name)))
+
+
+def patient(wait):
+    """``wait`` with a minute at least, unless it is to see that something does not come."""
+
+    @wraps(wait)
+    def waits(bot, *arguments, timeout=PATIENCE_MS, **more):
+        shortest = 0 if more.get("raising") is False else PATIENCE_MS
+        return wait(bot, *arguments, timeout=max(timeout, shortest), **more)
+
+    return waits
 
 
 @pytest.fixture(autouse=True)
@@ -90,7 +101,7 @@ def make_window(qtbot, settings, tmp_path):
     yield make
     for commands in made:
         commands.window.close()
-        assert commands.session.jobs.join()
+        assert commands.session.jobs.join(60.0)
     assert_no_threads_left()
 
 

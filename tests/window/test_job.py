@@ -41,7 +41,7 @@ def run(qtbot, task):
     heard = Heard(job)
     with qtbot.waitSignal(job.finished, timeout=5000):
         job.start()
-    assert job.join(2.0)
+    assert job.join(60.0)
     return heard
 
 
@@ -60,7 +60,7 @@ def test_a_job_that_ended_is_heard_though_another_begins_before_its_signals_are_
     window = Window()
     jobs, told = Jobs(window, window.closing), []
     jobs.run(count(1), "quick").succeeded.connect(told.append)
-    assert jobs.join()
+    assert jobs.join(60.0)
     jobs.run(count(2), "next")
     gc.collect()
     qtbot.waitUntil(lambda: told == [1])
@@ -103,12 +103,12 @@ def test_cancel_closes_the_task_between_yields(qtbot):
     job = Job(endless())
     heard = Heard(job)
     job.start()
-    assert begun.wait(5)
+    assert begun.wait(60)
     with qtbot.waitSignal(job.finished, timeout=5000):
         job.cancel()
     assert closed.is_set()
     assert heard.ends == [("cancelled", None), ("finished", None)]
-    assert job.join(2.0)
+    assert job.join(60.0)
 
 
 def test_an_abandoned_job_says_nothing(qtbot):
@@ -116,7 +116,7 @@ def test_an_abandoned_job_says_nothing(qtbot):
 
     def task():
         yield Progress("a")
-        release.wait(5)
+        release.wait(60)
         yield Progress("b")
 
     job = Job(task())
@@ -124,7 +124,7 @@ def test_an_abandoned_job_says_nothing(qtbot):
     job.start()
     job.abandon()
     release.set()
-    assert job.join(5.0)
+    assert job.join(60.0)
     qtbot.wait(50)
     assert heard.said == []
 
@@ -153,18 +153,18 @@ def test_a_cancel_during_the_last_step_is_heeded(qtbot):
     def task():
         yield Progress("a")
         begun.set()
-        release.wait(5)
+        release.wait(60)
         return 7
 
     job = Job(task())
     heard = Heard(job)
     job.start()
-    assert begun.wait(5)
+    assert begun.wait(60)
     job.cancel()
     with qtbot.waitSignal(job.finished, timeout=5000):
         release.set()
     assert heard.ends == [("cancelled", None), ("finished", None)]
-    assert job.join(2.0)
+    assert job.join(60.0)
 
 
 def test_a_job_outlives_the_widget_that_started_it():

@@ -632,7 +632,7 @@ def aligning(qtbot, abroad, settings):
     commands.views.show("polar")
     yield window, commands
     window.close()
-    assert commands.session.jobs.join()
+    assert commands.session.jobs.join(60.0)
     assert_no_threads_left("kochab-", "polar-")
 
 

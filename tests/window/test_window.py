@@ -207,7 +207,7 @@ def test_closing_in_the_middle_of_a_solve_ends_its_thread(qtbot, make_window, a_
     with qtbot.waitSignal(commands.session.solving, timeout=10_000):
         commands.files.open(a_file)
     window.close()
-    assert engine.stopped.wait(5)
+    assert engine.stopped.wait(60)
     assert not any(t.name.startswith("kochab-") for t in threading.enumerate())
 
 

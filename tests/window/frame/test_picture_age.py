@@ -16,7 +16,7 @@ def commands(qtbot, settings):
     window.show()
     yield made
     window.close()
-    assert made.session.jobs.join()
+    assert made.session.jobs.join(60.0)
 
 
 def test_a_camera_frame_says_how_old_it_is_and_a_file_that_it_is_none(qtbot, commands, tmp_path):

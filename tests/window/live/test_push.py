@@ -49,7 +49,7 @@ def view(qtbot, settings):
     view.commands = commands
     yield view
     window.close()
-    assert commands.session.jobs.join()
+    assert commands.session.jobs.join(60.0)
 
 
 def seen(view, number, *place):

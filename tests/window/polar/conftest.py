@@ -27,5 +27,5 @@ def polar(qtbot, settings):
     for window, commands in made:
         window.close()
         commands.appearance.use_theme("dark", "normal")
-        assert commands.session.jobs.join()
+        assert commands.session.jobs.join(60.0)
     assert_no_threads_left("kochab-", "polar-")

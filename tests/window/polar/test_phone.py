@@ -29,7 +29,7 @@ def view(qtbot, settings):
     view.phone._host = "127.0.0.1"
     yield view
     window.close()
-    assert commands.session.jobs.join()
+    assert commands.session.jobs.join(60.0)
     assert not view.phone.page.url
 
 

@@ -42,7 +42,7 @@ def asked(qtbot, usual):
     yield ask
     for window, own in made:
         window.closing.emit()
-        own._jobs.join()
+        own._jobs.join(60.0)
 
 
 def deep(folder, name="d50"):

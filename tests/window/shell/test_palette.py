@@ -155,7 +155,7 @@ def test_what_is_found_after_it_was_closed_is_told_to_nobody(qtbot, palette):
     box.destroyed.connect(lambda: gone.append(True))
     box.reject()
     qtbot.waitUntil(lambda: bool(gone))
-    assert commands.session.jobs.join()
+    assert commands.session.jobs.join(60.0)
     qtbot.wait(50)  # a signal that is still queued would reach labels that are gone
 
 
