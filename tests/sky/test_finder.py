@@ -185,3 +185,23 @@ def test_a_star_is_found_where_it_is_at_the_time_asked_for():
     """Barnard's Star goes 10.36 arcsec north a year (SIMBAD)."""
     then, now = run(find("Barnard's Star")), run(find("Barnard's Star", datetime(2026, 1, 1, tzinfo=UTC)))
     assert (now.dec_deg - then.dec_deg) * 3600.0 == pytest.approx(26.0 * 10.362, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"), [("andromda", "Andromeda"), ("casiopeia", "Cassiopeia"), ("cignus", "Cygnus")]
+)
+def test_a_slip_in_a_constellation_is_answered_too(text, meant):
+    """The palette offered three dwarf galaxies for Andromda, and no constellation."""
+    found = run(find(text, NIGHT))
+    assert meant in found.suggestions
+    assert finder().still(meant) is not None
+
+
+@pytest.mark.parametrize("text", ["andromda", "horshed", "lagon", "whirlpol"])
+def test_every_suggestion_is_found_as_it_is_written(text):
+    suggestions = run(find(text, NIGHT)).suggestions
+    assert suggestions
+    for written in suggestions:
+        assert finder().still(written) is not None, written
+    assert finder().still("M 31 (Andromeda Galaxy)").name == finder().still("M 31").name
+    assert finder().still("Nothing (Andromeda Galaxy)") is None

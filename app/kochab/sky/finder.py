@@ -34,6 +34,7 @@ from kochab.sky.solar_system import Body, Moving
 from kochab.text.translation import tr
 
 SUGGESTIONS = 5
+NUMBER_AND_NAME = re.compile(r"([^()]+) \([^()]+\)")
 ALTERNATIVES = 4
 
 
@@ -279,8 +280,9 @@ class Finder:
             return Found(constellation[0], "constellation", *radec_deg(constellation[1]))
         sure = bool(entries)
         entries = entries or list(() if whole else short.get(spelled(text), ()))
-        if not entries:
-            return None
+        if not entries:  # as suggestions are written, M 31 (Andromeda Galaxy)
+            written = NUMBER_AND_NAME.fullmatch(text.strip())
+            return None if written is None else self.still(written[1], year, whole)
         others = self._described(entries[1 : 1 + ALTERNATIVES], entries[0])
         found = self.entry(entries[0], year)
         return replace(found, sure=sure or not others, alternatives=others)
@@ -360,7 +362,7 @@ class Finder:
                 count[key] += 1
         near = sorted(count, key=lambda key: count[key] / (len(grams) + len(key)), reverse=True)[:40]
         close = difflib.get_close_matches(wanted, near, SUGGESTIONS, 0.7)
-        return tuple(dict.fromkeys(self._written(key) for key in close))
+        return tuple(dict.fromkeys(written for key in close for written in self._writings(key)))
 
     def named(self) -> Iterator[tuple[str, Entry, str]]:
         """Every spelling of an object's or a nickname's names, what it is a name of, and how it is written."""
@@ -375,11 +377,19 @@ class Finder:
             return self.entry(short[key][0]).name
         return written.get(key) or self._star_names.get(key) or key
 
+    def _writings(self, key: str) -> Iterator[str]:
+        """A constellation and an object may share a name: Andromeda."""
+        if (constellation := self.constellations.get(key)) is not None:
+            yield constellation[0]
+        if constellation is None or key in self._keys[1] or key in self._keys[2]:
+            yield self._written(key)
+
     @cached_property
     def _by_gram(self) -> dict[str, list[str]]:
         """Names that people say by each three letters in them."""
         found: dict[str, list[str]] = defaultdict(list)
-        for key in {*self._keys[1], *self._keys[2], *self._star_names}:
+        constellations = {spelled(name) for name, _ in self.constellations.values()}
+        for key in {*self._keys[1], *self._keys[2], *self._star_names, *constellations}:
             for gram in _grams(key):
                 found[gram].append(key)
         return found
