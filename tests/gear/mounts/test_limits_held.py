@@ -40,6 +40,12 @@ def goto(start, target, state=READY, **limits):
     return preview.refusals
 
 
+def from_horizon(azimuth, altitude):
+    """Hour angle and declination of a place above the horizon."""
+    ra, dec = from_altaz(altitude, azimuth, SITE, NIGHT)
+    return float((at(0.0, 0.0)[0] - ra + 180.0) % 360.0 - 180.0), dec
+
+
 def high(altitude):
     """Hour angle and declination so high, on the meridian in the south."""
     return -0.5, altitude - (90.0 - SITE.latitude_deg)
@@ -251,7 +257,8 @@ def plan_of(start, target, state=READY, **limits):
 @pytest.mark.parametrize(("aside", "stray"), [(4.8, False), (5.3, True)])
 def test_five_degrees_beside_its_region_a_telescope_has_strayed(aside, stray) -> None:
     """Beside a slew along the hour circle: its region is that line and the way by altitude and azimuth."""
-    plan = replace(plan_of((-60.0, 20.0), (-60.0, 30.0)), site=None, limits=Limits(allow_without_site=True, **FORK))
+    limits = {"allow_without_site": True, **FORK}
+    plan = replace(plan_of((-60.0, 20.0), (-60.0, 30.0), **limits), site=None)
     seen = SupervisedMotion(plan, allowed_region(plan))
     off = aside / np.cos(np.radians(25.0))
     found = seen.finding(Pointing(*at(-60.0 + off, 25.0), Epoch.DATE), NIGHT + timedelta(seconds=10), monotonic())
@@ -270,6 +277,35 @@ def test_twenty_degrees_a_second_and_five_beside_are_faster_than_any_motor(moved
     assert (
         there.finding(Pointing(*at(29.7, 0.0), Epoch.DATE), NIGHT, monotonic()) is None
     )  # a late answer: it has arrived
+
+
+def seen_on_its_way(start, target, places, action="goto"):
+    """What is found at the last of the hour angles and declinations, seen half a second one after the other, at a minute."""
+    plan = replace(plan_of(start, target, **FORK), action=action)
+    motion, found = SupervisedMotion(plan, allowed_region(plan)), None
+    for k, place in enumerate(places):
+        now = NIGHT + timedelta(seconds=60.0 + 0.5 * k)
+        found = motion.finding(Pointing(*at(*place, now), Epoch.DATE), now, monotonic())
+    return found
+
+
+def test_a_fast_slew_is_stopped_where_it_can_still_brake_above_the_limit() -> None:
+    """Its Dec axis runs ahead of the other, down in the east: it stands at 6.4 deg, and a second later at 3 or 6."""
+    start, target = (-60.0, 20.0), (0.0, -33.0)
+    assert goto(start, target, **FORK) == ()
+    fast, slow = ([(-60.0, -15.0 + step), (-60.0, -15.0)] for step in (2.0, 0.2))
+    assert "the path would dip to 3." in seen_on_its_way(start, target, fast)
+    assert seen_on_its_way(start, target, slow) is None
+    assert seen_on_its_way(start, target, fast, action="home") is None, "whose target nobody knows"
+
+
+def test_a_slew_whose_axes_end_at_its_target_is_not_stopped_before() -> None:
+    """Straight on it would be at 3 deg; each axis ends where it has to, by its own kind of mount."""
+    start, target = (-30.0, -11.0), (0.0, -33.0)
+    assert goto(start, target, **FORK) == ()
+    assert seen_on_its_way(start, target, [(-14.0, -27.0), (-10.0, -31.0)]) is None  # its Dec axis ends first
+    fork = [from_horizon(140.0, 9.0), from_horizon(142.5, 6.5)]
+    assert seen_on_its_way(from_horizon(130.0, 20.0), from_horizon(190.0, 5.5), fork) is None
 
 
 def test_a_change_of_the_pier_side_is_found_unless_it_was_allowed() -> None:
@@ -296,6 +332,8 @@ def test_a_mount_that_followed_past_the_meridian_may_still_flip_back(hour, flips
     assert may_flip(plan_of((hour, 20.0), (target, 20.0))) is flips
     known = replace(READY, pier_side=PierSide.WEST)
     assert not may_flip(plan_of((hour, 20.0), (target, 20.0), known))
+    assert not may_flip(plan_of((hour, 20.0), (target, 20.0), **FORK))
+    assert may_flip(plan_of((hour, 20.0), (target, 20.0), known, **FORK)) is flips, "a fork that names a side"
 
 
 # -- The epoch that a mount's own altitude and azimuth show ---------------------------------------
@@ -402,8 +440,8 @@ def test_a_flip_that_is_allowed_may_go_over_the_pole_that_is_up(latitude) -> Non
     ends = (-20.0, up * 40.0), (20.0, up * 30.0)
     site = Site(latitude, SITE.longitude_deg)
 
-    def ways(side=PierSide.WEST, ends=ends, site=site, **limits):
-        state = replace(READY, pier_side=side)
+    def ways(side=PierSide.WEST, ends=ends, site=site, alt_azimuth=None, **limits):
+        state = replace(READY, pier_side=side, alt_azimuth=alt_azimuth)
         plan = policy(site=site, **limits).plan("goto", here(*ends[0]), state, at(*ends[1]))
         return with_paths(leaving_home(plan)).paths
 
@@ -416,6 +454,8 @@ def test_a_flip_that_is_allowed_may_go_over_the_pole_that_is_up(latitude) -> Non
     assert len(ways()) == 2
     assert len(ways(side=None, allow_flip=True)) == len(ways(side=None)) == 3
     assert len(ways(side=None, crosses_meridian=True)) == 2
+    assert len(ways(crosses_meridian=True)) == 3, "said to be a fork, and names a side of its pier"
+    assert len(ways(crosses_meridian=True, alt_azimuth=True)) == 2
     assert len(ways(side=None, ends=((-90.0, up * 90.0), ends[1]))) == 2
     assert len(ways(ends=(ends[0], (-25.0, up * 30.0)), allow_flip=True)) == 2
     assert len(ways(site=None, allow_flip=True)) == 2

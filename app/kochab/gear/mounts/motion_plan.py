@@ -151,6 +151,11 @@ class Plan:
         """From start to target."""
         return separation_deg(self.start, self.target)
 
+    @property
+    def never_flips(self) -> bool:
+        """Whether it is said to be a fork or an alt-azimuth mount, and does not belie that by naming a pier's side."""
+        return self.limits.crosses_meridian and (not self.has_sides or self.state.alt_azimuth is True)
+
     def hour_angles_deg(self) -> tuple[float, float] | None:
         """Of start and target; None without a site."""
         if self.site is None:

@@ -636,11 +636,14 @@ def leaving_home(plan: Plan) -> Plan:
 
 
 def with_paths(plan: Plan, flip: bool = False) -> Plan:
-    """The paths a slew may take; over the pole where a ``flip`` is asked for, or due and allowed or not told."""
+    """The paths a slew may take; over the pole where a ``flip`` is asked for, or due and allowed or not told.
+
+    So, too, where a person says that it is a fork and the mount names a side of its pier: it may flip unasked.
+    """
     start, target, limits = plan.start_deg, plan.target_deg, plan.limits
     paths = [great_circle(start, target), by_axes(start, target)]
-    due = crosses(plan) and (limits.allow_flip or plan.state.pier_side is None)
-    if plan.site is not None and (flip or due) and not (limits.crosses_meridian or plan.from_home):
+    due = crosses(plan) and (limits.allow_flip or limits.crosses_meridian or plan.state.pier_side is None)
+    if plan.site is not None and (flip or due) and not (plan.never_flips or plan.from_home):
         paths.append(over_the_pole(start, target, plan.site.latitude_deg >= 0.0))
     return replace(plan, paths=tuple(paths))
 

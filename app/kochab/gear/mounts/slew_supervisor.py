@@ -29,6 +29,7 @@ RULES = (horizon, sun)
 ASIDE_DEG = 5.0  # beside its region: backlash, and an approach from one side
 FASTEST_DEG_S = 20.0  # no mount slews faster
 THERE_DEG = 0.5  # this near the target no position counts as a jump
+BRAKES_S = 1.0  # from a place seen to a standstill: two looks, a Stop, and half the time that motors take to brake
 LOOK_S = 1.5  # how old the position of a moving mount may be before state() asks for it
 POLL_S = 0.2  # between two looks at a slew
 NOT_PARKED = tr_noop("The mount stopped before it was parked.")
@@ -59,13 +60,15 @@ def reach_deg(passed_s: float) -> float:
 class SupervisedMotion:
     """One motion under way: what the mount reports is compared with its ``plan``, which was allowed, with its paths.
 
-    ``region`` (N, 3) are unit vectors of date: where the telescope may be seen on its way. At an unknown rate it must
-    also keep within the limits until the next look, as fast as it was seen to go.
+    ``region`` (N, 3) are unit vectors of date: where the telescope may be seen on its way. As fast as it was seen to
+    go, a slew must also be able to brake within the limits, and a move at an unknown rate to keep them until the next
+    look.
     """
 
     def __init__(self, plan: Plan, region: Floats, rate_known: bool = True) -> None:
         self.plan = plan
-        self._region, self._ahead_s = region, 0.0 if rate_known else LOOK_S
+        self._region = region
+        self._ahead_s = LOOK_S if not rate_known else BRAKES_S if plan.action == "goto" else 0.0
         self._here, self._at = plan.start, plan.time_utc
         self._looked = monotonic()
 
@@ -79,9 +82,8 @@ class SupervisedMotion:
         here = unit_vectors(*of_date(reported, now_utc))
         # By whichever clock advanced more: one of them may be simulated.
         passed_s = max(monotonic() - self._looked, (now_utc - self._at).total_seconds())
-        # Where it will be at the next look, straight on; at a known rate the place itself.
-        ahead = here + (here - self._here) * (self._ahead_s / max(passed_s, POLL_S))
-        found = self._jump(here, passed_s) or self._aside(here) or self._limit(ahead, now_utc)
+        found = self._jump(here, passed_s) or self._aside(here) or self._limit(here, now_utc)
+        found = found or self._ahead(here, self._ahead_s / max(passed_s, POLL_S), now_utc)
         if found is None:  # never compare the next position with a wrong one
             self._here, self._at, self._looked = here, now_utc, asked_s
         return found
@@ -111,6 +113,33 @@ class SupervisedMotion:
         if nearest <= ASIDE_DEG:
             return None
         return tr("it went the wrong way, {nearest:.0f} deg off its path", nearest=nearest)
+
+    def _ahead(self, here: Floats, times: float, now_utc: datetime) -> str | None:
+        """What is wrong with where it will be, so many ``times`` as far on as since the last look, its target at most.
+
+        Straight on, or by either kind of axes, of which each ends at its target: only when every one is wrong.
+        """
+        if not times:
+            return None
+        places = [here + (here - self._here) * times]
+        if self.plan.action == "goto":
+            step, left = separation_deg(self._here, here) * times, separation_deg(here, self.plan.target)
+            places = [here + (here - self._here) * times * min(1.0, left / max(step, 1e-9))]
+            axes = [np.eye(3)]
+            if self.plan.site is not None:
+                axes.append(horizon_frame(self.plan.site, sidereal_deg(self.plan.site, now_utc)))
+            places += [self._by_axes(here, times, level) for level in axes]
+        findings = [self._limit(place, now_utc) for place in places]
+        return findings[0] if all(findings) else None
+
+    def _by_axes(self, here: Floats, times: float, level: Floats) -> Floats:
+        """Unit vector (3,) of the place ahead when it turns about these axes (3, 3), as :meth:`_ahead`."""
+        before, now, end = (radec_deg(place @ level) for place in (self._here, here, self.plan.target))
+        ahead = []
+        for was, at, goal in zip(before, now, end, strict=True):
+            step, left = wrapped(at - was) * times, wrapped(goal - at)
+            ahead.append(at + (left if step * left > 0.0 and abs(step) > abs(left) else step))
+        return np.asarray(unit_vectors(*ahead) @ level.T)
 
     def _limit(self, here: Floats, now_utc: datetime) -> str | None:
         # The rules that allowed the plan, applied to this one place at the present time.
@@ -444,7 +473,7 @@ def may_flip(plan: Plan) -> bool:
     """Whether nothing forbids that the mount changes the side of its pier on its way."""
     if plan.limits.allow_flip:
         return True
-    if plan.limits.crosses_meridian or plan.state.pier_side is not None:
+    if plan.never_flips or not (plan.limits.crosses_meridian or plan.state.pier_side is None):
         return False
     ends = plan.hour_angles_deg()
     return ends is None or crosses(plan) or 0.0 <= ends[0] < FOLLOWED_DEG  # past the meridian any slew may flip it
