@@ -67,6 +67,10 @@ class RefusedError(DeviceError):
     """The device understood and said no, or our own guard did."""
 
 
+class NotSentError(RefusedError):
+    """A driver would not send it: by this order nothing moves."""
+
+
 class StoppedError(RefusedError):
     """A person said Stop: what was under way is not gone on with."""
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from kochab.core.errors import LineLostError, NoAnswerError, NotStoppedError
+from kochab.core.errors import LineLostError, NoAnswerError, NotSentError, NotStoppedError, RefusedError
 from kochab.core.mount import Direction, MountState
 from kochab.core.progress import run
 from kochab.gear.mounts import standing
@@ -179,6 +179,25 @@ def test_a_slew_that_fails_leaves_its_stop_to_be_looked_at() -> None:
     guard.emergency.confirm()
     run(guard.slew(*at(-45.0, 42.0)))
     assert not guard.emergency.unconfirmed
+
+
+@pytest.mark.parametrize(
+    ("error", "before", "looks"), [(NotSentError, False, 0), (NotSentError, True, 1), (RefusedError, False, 1)]
+)
+def test_a_session_whose_order_its_driver_would_not_send_ends_without_an_alarm(
+    error, before, looks, monkeypatch
+) -> None:
+    """Unless something that it ordered before has not been seen to end; a mount that refuses may move all the same."""
+    guard, mount = guarded()
+    if before:
+        guard.goto(*at(-30.0, 45.0))
+        guard.stop()
+    mount.fails["goto"] = error("It hears nothing.")
+    assert said(lambda: guard.goto(*at(-40.0, 45.0))) == "It hears nothing."
+    looked = []
+    monkeypatch.setattr(guard.emergency, "confirm", lambda: looked.append(1) or "")
+    guard.see_stopped()
+    assert len(looked) == looks
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 1.0])

@@ -17,7 +17,15 @@ from types import TracebackType
 from typing import Generic, NoReturn, Self, TypeVar
 
 from kochab.core.attitude import Degrees, apart_deg, wrapped
-from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, NotStoppedError, RefusedError, StoppedError
+from kochab.core.errors import (
+    DeviceError,
+    LineLostError,
+    NoAnswerError,
+    NotSentError,
+    NotStoppedError,
+    RefusedError,
+    StoppedError,
+)
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, Mount, MountState, Pointing, TrackingRate
 from kochab.core.progress import Task
@@ -639,7 +647,7 @@ class Guard:
         **detail: float | str,
     ) -> None:
         """Send once, not after a Stop since the count ``stops``; stop when the reply does not show what it does."""
-        missed = self.missed
+        missed, unseen = self.missed, self.emergency.unseen
         self.log.add(action, "sent", detail=detail)
         if action != "sync":  # a sync moves nothing, so an earlier Stop still needs its check
             self.emergency.expect_motion()
@@ -653,6 +661,8 @@ class Guard:
         except RefusedError as error:
             if lasts_s:
                 self.emergency.end()
+                if isinstance(error, NotSentError) and not unseen:  # the session's end has nothing to see
+                    self.emergency.came_to_rest()
             self.log.add(action, "failed", str(error))
             if missed != self.missed:  # meanwhile it may have been switched off and on: the next program must know
                 with suppress(NoAnswerError):

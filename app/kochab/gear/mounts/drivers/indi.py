@@ -7,7 +7,7 @@ from time import monotonic
 from typing import ClassVar, Unpack
 
 from kochab.core.attitude import apart_deg
-from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.errors import NoAnswerError, NotSentError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import (
     SIDEREAL_DEG_S,
@@ -202,7 +202,7 @@ class IndiMount(ServerMount):
         return heard.news(NEWS_S) and heard.news(NEWS_S)
 
     def _require_heard(self) -> None:
-        """Before an order by which the mount goes far: `RefusedError` where nobody knows whether it is there still.
+        """Before an order by which the mount goes far: `NotSentError` where nobody knows whether it is there still.
 
         A driver that only listens repeats the last place of a mount that lost its power. One that tracks tells of
         nothing new either; stopped, it drifts, and one that was switched off and on tells of its home.
@@ -216,10 +216,10 @@ class IndiMount(ServerMount):
         if not drifts and not self._asked_anew(heard):
             heard.deaf = True
             self.missed += 1
-            raise RefusedError(HEARS_NOTHING, name=self._device.name)
+            raise NotSentError(HEARS_NOTHING, name=self._device.name)
         if jump_deg := heard.jumped_deg(before):
             self.missed += 1
-            raise RefusedError(WOKE_UP, name=self._device.name, jump=jump_deg)
+            raise NotSentError(WOKE_UP, name=self._device.name, jump=jump_deg)
 
     def _count_missed(self, now: float) -> None:
         """Since the last look the driver may have failed to read its mount, and have read it again meanwhile."""
