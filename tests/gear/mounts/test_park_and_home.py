@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError
-from kochab.core.mount import SIDEREAL_DEG_S, Ability, TrackingRate
+from kochab.core.mount import SIDEREAL_DEG_S, Ability, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts.drivers.ioptron import Ioptron
 from tests.gear.mounts.bench import SITE, simulated
-from tests.gear.mounts.imaginary import at, guarded
+from tests.gear.mounts.imaginary import NOON, at, guarded
 from tests.gear.mounts.scripted import transcript
 
 
@@ -197,3 +197,21 @@ def test_what_it_lacks_is_not_sent(ability, order) -> None:
     with pytest.raises(RefusedError, match="It cannot"):
         order(guard)
     assert mount.did == []
+
+
+@pytest.mark.parametrize(
+    ("side", "fork", "refused"),
+    [(PierSide.EAST, False, True), (PierSide.EAST, True, True), (PierSide.WEST, False, False), (None, False, False)],
+)
+@pytest.mark.parametrize("action", ["home", "park"])
+def test_a_way_home_past_the_sun_is_refused_before_it_begins(action, side, fork, refused) -> None:
+    """One that fell silent on it was seen again 22 deg from the Sun. A fork may rest anywhere, as any mount may park."""
+    guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=-5.0, time_utc=NOON, crosses_meridian=fork)
+    mount.now = replace(mount.now, pier_side=side)
+    told = " ".join(guard.preview_rest(action).refusals)
+    assert ("deg from the Sun" in told) is (refused and action == "home")
+    mount.now = replace(mount.now, alt_azimuth=True)
+    assert guard.preview_rest(action).allowed
+    if fork:
+        other, _ = guarded(hour_angle_deg=-40.0, dec_deg=-5.0, time_utc=NOON, crosses_meridian=True)
+        assert other.preview_rest(action).allowed

@@ -471,7 +471,8 @@ class MotionPolicy:
     ) -> tuple[Plan, Preview]:
         """The way to the mount's park position or home, where the counterweight is down: on no wrong side.
 
-        A park position that is lower than the horizon limit is that limit on the way to it.
+        A park position that is lower than the horizon limit is that limit on the way to it. The likeliest way home is
+        checked: a mount that falls silent on it is seen again too late.
 
         Parameters
         ----------
@@ -496,6 +497,8 @@ class MotionPolicy:
             park_altitude_deg=low,
             block_reason=self.slew_block_reason,
         )
+        if action == "home":
+            plan = replace(plan, paths=paths_home(plan))
         return plan, preview_of(plan, place, place, REST_RULES)
 
     def move(
@@ -646,6 +649,17 @@ def with_paths(plan: Plan, flip: bool = False) -> Plan:
     if plan.site is not None and (flip or due) and not (plan.never_flips or plan.from_home):
         paths.append(over_the_pole(start, target, plan.site.latitude_deg >= 0.0))
     return replace(plan, paths=tuple(paths))
+
+
+def paths_home(plan: Plan) -> tuple[Floats, ...]:
+    """The likeliest way home: of a German mount to the pole, its counterweight down; none where that is not known."""
+    ends = plan.hour_angles_deg()
+    if plan.site is None or ends is None or plan.never_flips or plan.state.alt_azimuth:
+        return ()
+    east = ends[0] < 0.0 if plan.state.pier_side is None else plan.state.pier_side is PierSide.WEST
+    down_deg = -90.0 if east else 90.0  # the hour angle at which its tube leaves the pole
+    pole_deg = copysign(90.0, plan.site.latitude_deg)
+    return (turned(plan.start_deg, wrapped(ends[0] - down_deg), pole_deg - plan.start_deg[1]),)
 
 
 def with_move(plan: Plan, direction: Direction, angle_deg: float) -> Plan:
