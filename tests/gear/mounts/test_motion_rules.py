@@ -21,6 +21,7 @@ def plan(start, target, action="goto", via=(), time_utc=NIGHT, site=SITE, **more
     limits = Limits(**{k: more.pop(k) for k in list(more) if k in Limits.__dataclass_fields__})
     path = np.array([unit_vectors(*place) for place in (start, *via, target)])
     told = {"state": AWAKE, "site": site, "paths": (path,), "action": action} | more
+    told.setdefault("has_sides", not limits.crosses_meridian or told["state"].pier_side is not None)
     return Plan(start, target, target, limits=limits, time_utc=time_utc, **told)
 
 

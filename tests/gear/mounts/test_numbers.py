@@ -195,6 +195,7 @@ def test_a_region_has_a_place_every_two_degrees() -> None:
         (-10.0, 20.0, replace(AWAKE, pier_side=PierSide.WEST), {}, False),
         (-10.0, -20.0, replace(AWAKE, pier_side=PierSide.WEST), {"allow_flip": True}, True),
         (-10.0, 20.0, AWAKE, {"crosses_meridian": True}, False),
+        (-10.0, 20.0, replace(AWAKE, pier_side=PierSide.WEST), {"crosses_meridian": True}, True),  # no fork, it says
     ],
 )
 def test_a_mount_may_flip_across_the_meridian_and_half_an_hour_behind_it(start, target, state, limits, flips) -> None:
