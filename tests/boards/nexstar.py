@@ -11,6 +11,7 @@ SET_POSITIVE, SET_NEGATIVE, MOVE_POSITIVE, MOVE_NEGATIVE = 0x06, 0x07, 0x24, 0x2
 PULSE, PULSING, SET_GUIDE, GET_GUIDE, VERSION = 0x26, 0x27, 0x46, 0x47, 0xFE
 SLOW = (0.0, 2.0, 4.0, 8.0, 16.0, 64.0)  # of keys 0 to 5, in sidereal; 6 to 9 are parts of a slew
 FAST = {6: 0.125, 7: 0.25, 8: 0.5, 9: 1.0}
+FASTEST_KEY_DEG_S = 5.0  # of key 9: 3 to 5 by the mount, whatever a board of this kind is made to slew at
 EQ_NORTH = 2
 
 
@@ -117,7 +118,7 @@ class NexStar(Board):
             return bytes(wanted + 1) + b"#"  # nothing there: garbage, and one byte more
         axis = device - RA_MOTOR
         if what in (MOVE_POSITIVE, MOVE_NEGATIVE):
-            top = self.tube.axes[axis].top_deg_s
+            top = min(FASTEST_KEY_DEG_S, self.tube.axes[axis].top_deg_s)
             rate = FAST[one] * top if one in FAST else SLOW[min(one, 5)] * SIDEREAL_DEG_S
             self._move(axis, rate if what == MOVE_POSITIVE else -rate)
         elif what in (SET_POSITIVE, SET_NEGATIVE):
