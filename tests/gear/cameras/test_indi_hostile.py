@@ -11,9 +11,9 @@ import pytest
 from astropy.io import fits
 
 from kochab.core.capture import CaptureSettings
-from kochab.core.errors import DeviceError, LineLostError
+from kochab.core.errors import DeviceError, LineLostError, PortError
 from kochab.gear.cameras import open_camera
-from kochab.gear.servers.address import net_address
+from kochab.gear.servers.address import NetAddress, chosen, net_address
 from kochab.gear.servers.indi_link import IndiLink
 
 pytest.importorskip("indipyclient")
@@ -96,6 +96,18 @@ def test_devices_without_an_end_are_given_up(monkeypatch) -> None:
         pytest.raises(LineLostError, match="never ends its reply"),
     ):
         link.wait(lambda: False, 60.0)
+
+
+@pytest.mark.parametrize(("rest", "said"), [("", "more than one"), ("X", "no camera X")])
+def test_a_sentence_names_ten_of_a_servers_devices_at_most(rest, said) -> None:
+    """A server that defines without an end had 20,000 of them in one."""
+    where = NetAddress("localhost", 7624, rest)
+    for count, cut in ((10, False), (5000, True)):
+        with pytest.raises(PortError, match=said) as told:
+            chosen([(f"C{k}", f"C{k}") for k in range(count)], where, "INDI")
+        assert ("C9, …" in str(told.value)) is cut
+        assert "C9" in str(told.value)
+        assert len(str(told.value)) < 200
 
 
 @pytest.mark.parametrize("name", ["C" * 65, "C&#x202e;"])

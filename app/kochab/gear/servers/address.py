@@ -71,6 +71,9 @@ def unreachable(where: NetAddress, kind: str, error: Exception, program: str = "
     return PortError("{server} does not answer. Check its power and network.", server=where.server)
 
 
+MOST_NAMED = 10  # devices in one sentence, of a server that may have thousands
+
+
 def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, what: str = "camera") -> str:
     """Which of a server's devices an address names; the only one need not be named.
 
@@ -90,7 +93,9 @@ def chosen(devices: Sequence[tuple[str, str]], where: NetAddress, kind: str, wha
     for address, name in devices:
         if where.rest in (address, name):
             return address
-    there = ", ".join(a if a == name else f"{a} ({name})" for a, name in devices)
+    there = ", ".join(a if a == name else f"{a} ({name})" for a, name in devices[:MOST_NAMED])
+    if len(devices) > MOST_NAMED:
+        there += ", …"
     if where.rest:
         text = tr_noop("{server} has no {what} {rest}; there is {there}.")
         if not devices:
