@@ -77,10 +77,10 @@ def test_a_picture_without_an_end_is_given_up(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("told", ["<defTextVector ", ""])
-def test_a_vector_without_an_end_is_given_up_long_before_a_picture_is(told, monkeypatch) -> None:
-    monkeypatch.setattr("kochab.gear.servers.indi_link.VECTOR_BYTES", 200_000)
+def test_a_vector_without_an_end_is_given_up_long_before_a_picture_is(told) -> None:
+    """INDI's own drivers define a telescope in some 30 kB."""
     with (
-        server(CAMERA + told + "x" * 1_000_000, b"") as address,
+        server(CAMERA + told + "x" * 6_000_000, b"") as address,
         closing(IndiLink(net_address(address, 7624))) as link,
         pytest.raises(LineLostError, match="never ends its reply"),
     ):
@@ -108,6 +108,17 @@ def test_a_sentence_names_ten_of_a_servers_devices_at_most(rest, said) -> None:
         assert ("C9, …" in str(told.value)) is cut
         assert "C9" in str(told.value)
         assert len(str(told.value)) < 200
+
+
+@pytest.mark.parametrize("kind", ["[ERROR]", "[INFO]"])
+def test_what_a_server_says_is_shown_with_escapes_and_cut(kind) -> None:
+    """U+009B begins an order to a terminal, and U+202E turns the rest of the line round."""
+    told = f'<message device="C" message="{kind} no &#x9b;31m way&#x202e; {"x" * 50_000}"/>'
+    with server(CAMERA + told, b"") as address, closing(IndiLink(net_address(address, 7624))) as link:
+        assert link.wait(lambda: "way" in link.said, 60.0)
+        assert link.said.startswith("no \\x9b31m way\\u202e x")
+        assert len(link.said) <= 200
+        assert link.message == (link.said if kind == "[ERROR]" else "")
 
 
 @pytest.mark.parametrize("name", ["C" * 65, "C&#x202e;"])
