@@ -7,6 +7,7 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from kochab.cli.mount import SWITCHES
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 OFFER = "kochab.server.telescope.offer:Offer"  # named, not imported: no face knows another
 SOLVE_TIMEOUT_S = 10.0
+CLEAR_SHARE = 0.2
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -48,6 +50,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     )
     parser.add_argument("--lan", action="store_true", help="to the local network too, unencrypted")
     parser.add_argument("--folder", metavar="DIR", help="the same as --source folder --address DIR")
+    parser.add_argument(
+        "--encoders",
+        metavar="PORT",
+        help="box of encoders on the telescope's axes (DSC protocol): a serial port or tcp://HOST:PORT; they show the"
+        " way between two solves, which align them",
+    )
     parser.add_argument("--target", metavar="NAME", help="what to push the telescope to: after each solve, which way")
     add_options(parser, *CAMERA, *MOUNT, "--profile", "--json", *SEARCH, "--detector")
     parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
@@ -78,6 +86,12 @@ def run(args: argparse.Namespace) -> int:
         telescope.target = parse_target(args.target, telescope.now(), args.site)
     if mount is not None:
         mount.telescope = telescope
+    if args.encoders is not None:
+        if not args.source:
+            raise UsageError("Encoders are aligned by solved frames: give --folder DIR or --source NAME too.")
+        from kochab.workflows.telescope.encoder_aid import EncoderAid
+
+        telescope.encoders = EncoderAid(args.encoders, say, telescope.now, args.site)
     camera = _Camera(args, telescope) if args.source else None
     module, _, name = OFFER.partition(":")
     offer = getattr(import_module(module), name)(telescope, wanted, args.lan, args.stellarium_remote)
@@ -92,6 +106,8 @@ def run(args: argparse.Namespace) -> int:
         offer.stop()
         if camera is not None:
             camera.stop()
+        if telescope.encoders is not None:
+            telescope.encoders.stop()
 
 
 def _wanted(text: str) -> tuple[str, int | None]:
@@ -110,7 +126,7 @@ def _until_over(mount: "_CliMount | None", camera: "_Camera | None") -> int:
     if mount is None:
         assert camera is not None
         while not camera.over.wait(0.5):
-            pass
+            camera.tell_way_by_encoders()
     else:
         mount.serve(lambda: camera is not None and camera.over.is_set())
     if camera is not None and camera.fault is not None:
@@ -208,7 +224,8 @@ class _Camera:
         settings = capture_settings(args)
         capture = Capture(lambda: open_camera(args.source, args.address, settings), reconnect=True)
         self._live = live_solve(capture, ProfiledTracker(args.profile or "", options_of(args, args.detector)))
-        self._telescope, self._as_json, self._told = telescope, args.json, ""
+        self._telescope, self._as_json = telescope, args.json
+        self._told, self._told_deg = "", 0.0
         self.over = threading.Event()
         self._ending = threading.Event()
         self.fault: KochabError | None = None
@@ -244,16 +261,24 @@ class _Camera:
         finally:
             self.over.set()
 
-    def _tell_way(self, now_s: float) -> None:
-        """Say which way to push, when that has changed."""
+    def tell_way_by_encoders(self) -> None:
+        """Say it between two solves, when the telescope was pushed by a clear part of the way."""
+        if self._telescope.encoders is not None:
+            self._tell_way(monotonic(), CLEAR_SHARE)
+
+    def _tell_way(self, now_s: float, share: float = 0.0) -> None:
+        """Say which way to push, when that has changed by a share of the distance."""
         from kochab.workflows.telescope.push_to import push_to
 
         way = push_to(self._telescope, now_s)
         if way is None or way.words == self._told:
             return
-        self._told = way.words
+        if not way.there and abs(way.distance_deg - self._told_deg) < share * self._told_deg:
+            return
+        self._told, self._told_deg = way.words, way.distance_deg
         fields = {
             "distance_deg": way.distance_deg,
+            "sigma_deg": way.sigma_deg,
             "right_deg": way.right_deg,
             "up_deg": way.up_deg,
             "there": way.there,

@@ -1,7 +1,8 @@
 """Push-to: which way and how far a person pushes the telescope to its target, from live solves.
 
 With a site the way is in azimuth and altitude, as a Dobsonian turns; without one it is along right ascension and
-declination, as an equatorial mount does. The solves tell where it points, so no encoder and no alignment is needed.
+declination, as an equatorial mount does. The solves tell where it points, so no encoder and no alignment is needed;
+encoders that are there tell it between two solves, too.
 """
 
 import math
@@ -40,11 +41,13 @@ class PushTo:
     age_s: float = 0.0
     made_s: float = 0.0
     """When this was so, on :func:`time.monotonic`."""
+    sigma_deg: float = 0.0
+    """1 sigma of where it points, by encoders; 0 of a solve."""
 
     @property
     def there(self) -> bool:
         """Whether the target is in the eyepiece."""
-        return self.distance_deg <= THERE_DEG and not self.old
+        return self.distance_deg <= THERE_DEG and self.sigma_deg <= THERE_DEG and not self.old
 
     @property
     def old(self) -> bool:
@@ -70,7 +73,15 @@ class PushTo:
             way.append(f"{angle_text(abs(self.right_deg))} {right if self.right_deg > 0 else left}")
         if abs(self.on_sky_deg[1]) > THERE_DEG / 2.0:
             way.append(f"{angle_text(abs(self.up_deg))} {up if self.up_deg > 0 else down}")
+        if not way:
+            return tr("{name} is near. The next solved frame tells.", name=self.target.name)
         return tr("Push {way}.", way=", ".join(way))
+
+    @property
+    def distance_text(self) -> str:
+        """How far it is, with 1 sigma where encoders say it."""
+        distance = angle_text(self.distance_deg)
+        return f"{distance} ± {angle_text(self.sigma_deg)}" if self.sigma_deg else distance
 
     @property
     def age_words(self) -> str:
@@ -85,7 +96,7 @@ def phone_json(way: PushTo, now_s: float) -> dict[str, object]:
     marks = ("←", "→", "↓", "↑") if way.with_site else ("E", "W", "S", "N")
     return {
         "words": way.words,
-        "total": angle_text(way.distance_deg),
+        "total": way.distance_text,
         "sigma": way.target.name,
         "azimuth": f"{marks[right > 0]} {angle_text(abs(way.right_deg))}",
         "altitude": f"{marks[2 + (up > 0)]} {angle_text(abs(way.up_deg))}",
@@ -108,12 +119,14 @@ def push_to(telescope: OfferedTelescope, now_s: float) -> PushTo | None:
         west = wrapped(seen.icrs_deg[0] - there[0])
         north = there[1] - seen.icrs_deg[1]
         sky = west * cos(radians(there[1])), north
-        return PushTo(target, distance, west, north, _scaled(sky, distance), False, False, age_s, now_s)
+        arrow = _scaled(sky, distance)
+        return PushTo(target, distance, west, north, arrow, False, False, age_s, now_s, seen.sigma_deg)
     horizon = Horizon(telescope.site, telescope.now())
     (altitude, azimuth), (wanted, towards) = (horizon.altaz_deg(unit_vectors(*p)) for p in (seen.icrs_deg, there))
     right, up = wrapped(towards - azimuth), wanted - altitude
     sky = right * cos(radians(wanted)), up
-    return PushTo(target, distance, right, up, _scaled(sky, distance), True, wanted < 0.0, age_s, now_s)
+    below = wanted < 0.0
+    return PushTo(target, distance, right, up, _scaled(sky, distance), True, below, age_s, now_s, seen.sigma_deg)
 
 
 def _scaled(sky_deg: Degrees, distance_deg: float) -> Degrees:
