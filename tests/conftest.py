@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -81,9 +82,45 @@ def pytest_xdist_auto_num_workers() -> int:
     return (os.cpu_count() or 1) + 6
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What Wine lacks is no fault of Kochab's."""
+    """What Wine lacks is no fault of Kochab's; what takes longest begins first."""
     skip_what_wine_lacks(items)
+    items[:] = longest_first(items, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+
+
+LONGEST = (
+    "tests/boards/test_through_indi.py",
+    "tests/cli/test_mount_centre.py::test_disagree_judges",
+    "tests/fuzz/test_fuzz.py::test_a_few_mutants",
+    "tests/fuzz/test_killed.py",
+    "tests/gear/mounts/test_clock_and_site.py::test_nothing_is_set",
+    "tests/gear/mounts/test_flip.py::test_indis_simulator",
+    "tests/gear/mounts/test_indi.py",
+    "tests/gear/mounts/test_udp.py::test_a_slew_arrives",
+    "tests/lab/bench/test_night.py",
+    "tests/lab/bench/test_polar.py::test_it_runs",
+    "tests/lab/bench/test_reach.py::test_what_is_found",
+    "tests/lab/methods/test_predict.py",
+    "tests/simulate/test_eqmod_axes.py",
+    "tests/window/mount/test_screen.py",
+    "tests/window/polar/test_view.py::test_motors_turn",
+    "tests/window/test_screen_reader.py",
+    "tests/workflows/test_push_to.py::test_a_practice_mount",
+)
+"""Tests of 15 s and more, most of them in real time: the last to begin would be waited for by every other process."""
+
+
+def longest_first(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
+    """The long ones spread over the beginnings of what pytest-xdist's ``worksteal`` gives each process at first."""
+    first = [item for item in items if item.nodeid.startswith(LONGEST)]
+    others = iter([item for item in items if not item.nodeid.startswith(LONGEST)])
+    order: list[pytest.Item] = []
+    for worker in range(workers):
+        share, mine = (len(items) - len(order)) // (workers - worker), first[worker::workers]
+        order += mine
+        order += islice(others, max(share - len(mine), 0))
+    return order
 
 
 def pytest_make_parametrize_id(val: object, argname: str) -> str | None:

@@ -16,10 +16,12 @@ from PySide6.QtWidgets import QApplication
 from kochab.core.attitude import radec_deg, separation_deg, unit_vectors
 from kochab.core.camera import Camera, ChartCamera
 from kochab.core.frame import Hint, Site
+from kochab.core.progress import run as finish
 from kochab.sky.milky_way import MilkyWay
 from kochab.window.atlas.dialog import Atlas
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
 from kochab.window.atlas.sky_painting import paint_frame, paint_glow, paint_stars
+from kochab.window.atlas.sky_reading import read_sky
 from kochab.window.image.screen_image import Viewport
 from kochab.window.themes import theme_colours
 from tests.window.fakes import fake_solution
@@ -416,3 +418,9 @@ def test_a_turning_chart_paints_over_the_picture_before(atlas):
     chart.look(unit_vectors(80.0, 5.0))
     chart.repaint()
     assert chart._picture[1] is before
+
+
+def test_charts_share_one_count_of_the_milky_way():
+    """It takes half a second of processor: the atlas and each mount room counted it anew."""
+    first, second = finish(read_sky()), finish(read_sky())
+    assert first[2] is second[2]

@@ -14,13 +14,16 @@ from kochab.sky.small_bodies import SmallBodies, bodies_near
 from kochab.sky.solar_system import Body
 
 BODIES_MAG = 10.0  # down to which asteroids and comets are drawn
+_READ: list[tuple[SkyTables, Catalogue, MilkyWay]] = []
 
 
 def read_sky() -> Task[tuple[SkyTables, Catalogue, MilkyWay]]:
-    """Stars, objects and lines of the whole sky, as :meth:`StarChart.fill` takes them."""
+    """Stars, objects and lines of the whole sky, as :meth:`StarChart.fill` takes them; charts share them."""
     yield Progress("sky")
-    tables, catalogue = sky_tables(), open_catalogue()
-    return tables, catalogue, (yield from milky_way(catalogue))
+    if not _READ:
+        tables, catalogue = sky_tables(), open_catalogue()
+        _READ.append((tables, catalogue, (yield from milky_way(catalogue))))
+    return _READ[0]
 
 
 def read_bodies(when: datetime, site: Site | None) -> Task[tuple[datetime, list[Body]]]:
