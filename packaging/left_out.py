@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 
 CODECS = (
-    *("imcd", "jpeg8", "jpeg2k", "jpegls", "jpegxl", "jpegxr", "lerc", "ljpeg", "png", "webp"),
+    *("imcd", "jpeg8", "jpeg2k", "jpegls", "lerc", "ljpeg", "png", "webp"),
     *("deflate", "lz4", "lzma", "zlib", "zstd", "shared", "shared_cython"),
 )
 QT = ("Core", "Gui", "OpenGL", "OpenGLWidgets", "Svg", "Widgets")  # pyqtgraph asks for OpenGL
@@ -80,12 +80,18 @@ DROPPED: Mapping[str, tuple[str, ...]] = {
         for ending in "pyi pyx pxd pxi h hpp c cpp f90 inc lib a pyc".split()  # noqa: SIM905
     ),
     "examples": ("pyqtgraph/examples/*", "sdl2/examples/*", "pyqtgraph/opengl/*"),
+    "PyQtGraph's icons and colour maps": ("pyqtgraph/icons/*.svg", "pyqtgraph/icons/*.png", "pyqtgraph/colors/maps/*"),
     "astropy's cosmology, time series and plots": tuple(
         f"astropy/{name}/*" for name in ("cosmology", "timeseries", "visualization", "samp")
     ),
     "tables of the Earth's rotation since 1962, which Kochab does not read": (
         *("astropy_iers_data/data/eopc*", "astropy_iers_data/data/finals*"),
     ),
+    "photutils' galaxies, fitted profiles and data sets, SciPy's graphs, PyQtGraph's flow charts": (
+        *(f"photutils/{name}/*" for name in ("datasets", "isophote", "morphology", "psf", "psf_matching")),
+        *("scipy/sparse/csgraph/*", "pyqtgraph/flowchart/*"),
+    ),
+    "lists of the packages' files": ("*.dist-info/RECORD", "*.dist-info/sboms/*"),
     "SDL's sound, fonts and pictures": tuple(f"sdl2dll/dll/*{name}*" for name in ("ttf", "mixer", "image", "gfx")),
     "Qt's software OpenGL": ("*opengl32sw.dll",),
     "NumPy's tools for Fortran and its tests' SIMD": ("numpy/distutils/*", "numpy/_core/_simd.*"),

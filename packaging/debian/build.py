@@ -41,6 +41,7 @@ LIBRARIES = {
     "libexpat.so.1": "libexpat1",
     "libffi.so.8": "libffi8",
     "libgcc_s.so.1": "libgcc-s1",
+    "libgomp.so.1": "libgomp1",
     "libgthread-2.0.so.0": "libglib2.0-0",
     "liblzma.so.5": "liblzma5",
     "libsqlite3.so.0": "libsqlite3-0",
@@ -199,9 +200,12 @@ def dependencies(program: Path) -> list[str]:
     of_qt = re.search(r'^libraries="(.*?)"', (CHECKOUT / ".ci/system.sh").read_text(), re.M | re.S)
     assert of_qt is not None
     known = dict(pair.split("=") for pair in of_qt[1].split()) | LIBRARIES
-    programs = [*program.rglob("*.so*"), program / "python/bin/python3"]
-    here = {path.name for path in programs}
+    every = list(program.rglob("*.so*"))
+    of_the_system = [path for path in every if path.is_symlink() and path.readlink().is_absolute()]
+    programs = [*(path for path in every if path not in of_the_system), program / "python/bin/python3"]
+    here = {path.name for path in every}
     asked = {re.sub(r"^ld-linux.*", "ld-linux", name) for path in programs for name in tree.needs(path)} - here
+    asked |= {path.readlink().name for path in of_the_system}
     if unknown := asked - set(known):
         sys.exit(f"No package is known for {', '.join(sorted(unknown))}.")
     return sorted({known[name] for name in asked})

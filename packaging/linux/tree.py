@@ -5,7 +5,6 @@ nothing of it is run. FOLDER becomes /usr/lib/kochab: a virtual environment whos
 apt, dpkg-deb, ARCH's binutils and the network; prints what was left out.
 """
 
-import compileall
 import os
 import py_compile
 import re
@@ -13,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from collections import Counter
 from pathlib import Path
 
@@ -27,8 +27,10 @@ PLATFORMS = {"amd64": "x86_64-manylinux_2_36", "arm64": "aarch64-manylinux_2_36"
 TRIPLETS = {"amd64": "x86_64-linux-gnu", "arm64": "aarch64-linux-gnu"}
 EXTRAS = ("indi", "gamepad")  # webcams bring 104 MB of FFmpeg
 DEBIANS_OWN = ("pysdl2-dll",)  # SDL comes from Debian's package, when it is installed
-# Packages whose makers try them without docstrings (python -OO). Others read theirs: astropy's units are a grammar.
-WITHOUT_DOCSTRINGS = ("numpy", "scipy", "erfa")
+# Libraries of one ABI for many years, which the wheels carry under names of their own.
+SYSTEMS = {"libgomp-": "libgomp.so.1", "liblzma-": "liblzma.so.5", "libzstd-": "libzstd.so.1"}
+# Nothing here reads their docstrings (python -OO). Others read their own: astropy's units are a grammar.
+WITHOUT_DOCSTRINGS = ("numpy", "scipy", "erfa", "PIL", "pyqtgraph", "sdl2", "tifffile")
 STDLIB_LEFT_OUT = (
     *("test", "tests", "idlelib", "lib2to3", "turtledemo", "turtle.py", "ensurepip", "pydoc_data", "__pycache__"),
     *("_test*", "_xx*", "xx*", "_ctypes_test*", "nis.*", "ossaudiodev.*", "_dbm.*", "readline.*", "_curses*"),
@@ -42,10 +44,12 @@ def build(arch: str, folder: Path) -> Counter[str]:
     with tempfile.TemporaryDirectory() as scratch:
         python(arch, folder, Path(scratch))
         wheels(arch, site, Path(scratch))
-        left = prune(site) + prune_libraries(site)
-        left += stub(site, arch, Path(scratch)) + strip(folder, arch, Path(scratch))
+        left = prune(site) + never_called(site) + stub(site, arch, Path(scratch))
+        left += prune_libraries(site) + strip(folder, arch, Path(scratch))
+    left += take_systems(site, arch)
+    join_fortran(site)
     join_equal_files(site)
-    left += compile_all(folder)
+    left += compile_all(folder) + zip_library(folder)
     # A virtual environment looks for no packages of the system or the user.
     (folder / "bin").mkdir()
     (folder / "bin" / "python3").symlink_to("../python/bin/python3")
@@ -133,6 +137,43 @@ def prune(site: Path) -> Counter[str]:
     return left
 
 
+NEVER_CALLED = {
+    "Qt's OpenGL, which PyQtGraph imports and Kochab does not switch on": (
+        *("PySide6/QtOpenGL.abi3.so", "PySide6/QtOpenGLWidgets.abi3.so"),
+        *("PySide6/Qt/lib/libQt6OpenGL.so*", "PySide6/Qt/lib/libQt6OpenGLWidgets.so*"),
+    ),
+    "SciPy's linear programs": ("scipy/optimize/_highspy/_core.*.so", "scipy/optimize/_highspy/_highs_options.*.so"),
+}
+ABSENT = """
+class _Names(type):
+    def __getattr__(cls, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return cls
+
+class Absent(metaclass=_Names):
+    def __init__(self, *_, **__):
+        raise NotImplementedError(__name__ + " was left out of this installation")
+
+def __getattr__(name):
+    if name.startswith("__"):
+        raise AttributeError(name)
+    return Absent
+"""
+
+
+def never_called(site: Path) -> Counter[str]:
+    """Put a module that has every name, and nothing behind it, in the place of those that are imported only."""
+    left: Counter[str] = Counter()
+    for why, patterns in NEVER_CALLED.items():
+        for path in [path for pattern in patterns for path in site.glob(pattern)]:
+            left[why] += path.lstat().st_size
+            path.unlink()
+            if not path.name.startswith("lib"):
+                path.with_name(path.name.partition(".")[0] + ".py").write_text(ABSENT)
+    return left
+
+
 def prune_libraries(site: Path) -> Counter[str]:
     """Remove bundled libraries (``NAME.libs``) that no extension which was kept needs."""
     left: Counter[str] = Counter()
@@ -156,7 +197,7 @@ def prune_libraries(site: Path) -> Counter[str]:
 
 
 def stub(site: Path, arch: str, scratch: Path) -> Counter[str]:
-    """Put empty libraries in the place of two that are linked and never of use."""
+    """Put empty libraries in the place of those that are linked and never of use."""
     left: Counter[str] = Counter()
     returns = {"amd64": "xor %eax, %eax; ret", "arm64": "mov x0, #0; ret"}[arch]
     (icu,) = site.glob("PySide6/Qt/lib/libicudata.so.*")
@@ -169,14 +210,16 @@ def stub(site: Path, arch: str, scratch: Path) -> Counter[str]:
     left["ICU's rules for sorting and old encodings (an empty library in their place)"] += replace(
         icu, data, arch, scratch
     )
-    for x265 in site.glob("*.libs/libx265*"):
-        asked = {
-            name for heif in x265.parent.glob("libheif*") for name in symbols(heif, "UND") if name.startswith("x265_")
-        }
-        code = "".join(f".text\n.globl {name}\n.type {name}, %function\n{name}: {returns}\n" for name in sorted(asked))
-        left["x265, for writing HEIC, which Kochab only reads (an empty library in its place)"] += replace(
-            x265, code, arch, scratch
-        )
+    for what, library, asking, prefix in (
+        ("x265, for writing HEIC, which Kochab only reads", "*.libs/libx265*", "*.libs/libheif*", "x265_"),
+        ("X11's library for Pillow's picture of the screen", "pillow.libs/libxcb*", "PIL/_imaging.*", "xcb_"),
+    ):
+        for path in site.glob(library):
+            asked = {name for one in site.glob(asking) for name in symbols(one, "UND") if name.startswith(prefix)}
+            code = "".join(
+                f".text\n.globl {name}\n.type {name}, %function\n{name}: {returns}\n" for name in sorted(asked)
+            )
+            left[f"{what} (an empty library in its place)"] += replace(path, code, arch, scratch)
     return left
 
 
@@ -218,6 +261,31 @@ def loads(library: Path) -> bool:
     return all((int(row[1], 16) - int(row[2], 16)) % int(row[-1], 16) == 0 for row in rows)
 
 
+def take_systems(site: Path, arch: str) -> Counter[str]:
+    """Links to Debian's libraries in the place of those that wheels bring too; the bytes saved."""
+    saved = 0
+    for path in [path for path in site.glob("*.libs/*") if path.is_file()]:
+        for prefix, name in SYSTEMS.items():
+            if path.name.startswith(prefix):
+                saved += path.stat().st_size
+                path.unlink()
+                path.symlink_to(f"/usr/lib/{TRIPLETS[arch]}/{name}")
+    return Counter({"libraries that Debian has as well": saved})
+
+
+def join_fortran(site: Path) -> None:
+    """One of the two runtimes of Fortran, of one version, that NumPy and SciPy bring."""
+    kept = next(site.glob("numpy.libs/libgfortran-*.so.5*"))
+    for name in needs(kept):
+        if (beside := kept.parent / name).exists() and not (there := site / "scipy.libs" / name).exists():
+            there.symlink_to(os.path.relpath(beside, there.parent))
+    for path in site.glob("scipy.libs/libgfortran-*.so.5*"):
+        asked = [name for name in needs(path) if (path.parent / name).exists() and name not in needs(kept)]
+        for unused in (path, *(path.parent / name for name in asked)):
+            unused.unlink()
+        path.symlink_to(os.path.relpath(kept, path.parent))
+
+
 def join_equal_files(site: Path) -> None:
     """One file for libraries that several packages bring alike."""
     seen: dict[bytes, Path] = {}
@@ -229,12 +297,12 @@ def join_equal_files(site: Path) -> None:
 
 
 def compile_all(folder: Path) -> Counter[str]:
-    """Compiled modules in the place of the sources, but for Kochab's own, which has both; bytes of sources left out."""
+    """Compiled modules in the place of the sources; bytes of sources left out."""
     saved = 0
     mode = py_compile.PycInvalidationMode.UNCHECKED_HASH
     site = folder / "lib" / f"python{PYTHON}" / "site-packages"
-    own, short = site / "kochab", [site / name for name in WITHOUT_DOCSTRINGS]
-    for path in [path for path in folder.rglob("*.py") if own not in path.parents]:
+    short = [site / name for name in WITHOUT_DOCSTRINGS]
+    for path in list(folder.rglob("*.py")):
         inside = f"/usr/lib/kochab/{path.relative_to(folder)}"
         level = 2 if any(package in path.parents for package in short) else 0
         try:
@@ -243,8 +311,25 @@ def compile_all(folder: Path) -> Counter[str]:
             continue  # a template, not a module
         saved += path.stat().st_size
         path.unlink()
-    compileall.compile_dir(own, quiet=1, stripdir=folder, prependdir="/usr/lib/kochab", invalidation_mode=mode)
-    return Counter({"sources of other packages' modules (compiled ones are there)": saved})
+    return Counter({"sources of modules (compiled ones are there)": saved})
+
+
+def zip_library(folder: Path) -> Counter[str]:
+    """The standard library as the archive that Python looks for first, as on Windows; the bytes saved."""
+    library = folder / "python" / "lib" / f"python{PYTHON}"
+    modules = [path for path in sorted(library.rglob("*.pyc")) if "lib-dynload" not in path.parts]
+    archive = library.parent / f"python{PYTHON.replace('.', '')}.zip"
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
+        for path in modules:
+            file.write(path, path.relative_to(library))
+    saved = sum(path.stat().st_size for path in modules) - archive.stat().st_size
+    for path in modules:
+        if path.name != "os.pyc":  # by which Python knows its own folder
+            path.unlink()
+    for path in sorted(library.rglob("*"), reverse=True):
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()
+    return Counter({"the standard library, packed": saved})
 
 
 def needs(path: Path) -> list[str]:

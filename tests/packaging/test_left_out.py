@@ -1,6 +1,7 @@
 """What installed programs leave out, against what Kochab imports."""
 
 import ast
+import importlib
 import re
 
 import pytest
@@ -75,3 +76,23 @@ def test_kochab_and_its_data_are_whole(left_out, repository):
         for path in folder.rglob("*"):
             if path.is_file() and path.suffix != ".pyc":
                 assert left_out.reason(f"{place}/{path.relative_to(folder).as_posix()}") is None, path
+
+
+def test_a_module_that_is_imported_only_keeps_its_names_and_does_nothing(packaged, imported, tmp_path, monkeypatch):
+    tree = packaged("linux/tree.py")
+    modules = [path.split(".")[0].replace("/", ".") for paths in tree.NEVER_CALLED.values() for path in paths]
+    assert not imported & set(modules)
+    (tmp_path / "PySide6").mkdir()
+    for name in ("QtOpenGL.abi3.so", "QtWidgets.abi3.so"):
+        (tmp_path / "PySide6" / name).write_bytes(b"ELF")
+    assert sum(tree.never_called(tmp_path).values()) == 3
+    assert sorted(path.name for path in (tmp_path / "PySide6").iterdir()) == ["QtOpenGL.py", "QtWidgets.abi3.so"]
+    monkeypatch.syspath_prepend(tmp_path / "PySide6")
+    absent = importlib.import_module("QtOpenGL")
+    assert issubclass(type("Curve", (absent.QOpenGLWidget,), {}), absent.QOpenGLWidget.Type.Other)
+    with pytest.raises(NotImplementedError, match="QtOpenGL was left out"):
+        absent.QOpenGLBuffer(absent.QOpenGLBuffer.Type.VertexBuffer)
+
+
+def test_a_library_of_the_system_is_a_dependency(packaged):
+    assert set(packaged("linux/tree.py").SYSTEMS.values()) <= set(packaged("debian/build.py").LIBRARIES)
