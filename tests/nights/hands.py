@@ -19,12 +19,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kochab.core.frame import Site
+from kochab.polar.camera_axis import with_axis_seen_before
 from kochab.polar.error import Knob
-from kochab.polar.live import LivePhase
-from kochab.polar.measure import Measurement, MeasureSettings, measure_local
+from kochab.polar.measure import Measurement, MeasureSettings, combine_measurements, measure_local
 from kochab.polar.sighting import LocalAttitude
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
-from kochab.workflows.polar.align import AdjustmentGuide
+from kochab.workflows.polar.align import MOST_ROUNDS, AdjustmentGuide, AlignOptions, good
 from tests.nights.guide_logs import Evening, evening, refracted_pole
 
 ARCSEC = math.pi / 648000.0
@@ -230,26 +230,34 @@ def run(kind: Kind, seed: int) -> Run:
     mount = Mount(kind, seed)
     hand, tutor, told = Hand(kind, mount), Counted(), []
     began, used, stopped, blind = mount.total_arcsec, 0, False, 0.0
-    for _ in range(8):
+    in_camera, quiet = None, None
+    for _ in range(MOST_ROUNDS):
         measurement = _measured(mount)
+        if quiet is not None:
+            measurement = combine_measurements(quiet, measurement)
+        else:
+            measurement = with_axis_seen_before(measurement, in_camera)
+        if good(measurement, AlignOptions()):
+            break
         told += [finding.text for finding in measurement.findings if finding.spoils]
         if measurement.spoilt:
             break
-        guide = AdjustmentGuide(measurement, tutor)
-        live, here = LivePhase(measurement), 0
+        guide, here = AdjustmentGuide(measurement, tutor), 0
         for _ in range(3):  # frames run before anybody is at a bolt
-            _watch(mount, guide, live)
+            _watch(mount, guide)
         while used < INSTRUCTIONS and guide.instruction.step is not TutorStep.STOP:
             told.append(guide.instruction.words)
             if not mount.bolts[guide.instruction.knob].touched:
                 blind = max(blind, abs(guide.instruction.turns))
             hand.follow(guide.instruction)
             used, here = used + 1, here + 1
-            _settle(mount, guide, live, tutor)
+            _settle(mount, guide, tutor)
         told.append(guide.instruction.words)
+        in_camera = guide.live.camera_axis
         stopped = guide.instruction.step is TutorStep.STOP
-        if not stopped or not here:
+        if not stopped or (not here and tutor.rough and quiet is not None):
             break
+        quiet = None if here else measurement
     accused = any(ACCUSED.search(words) for words in told)
     return Run(kind.name, seed, began, mount.total_arcsec, used, stopped, accused, blind, tuple(told))
 
@@ -262,18 +270,18 @@ def _measured(mount: Mount) -> Measurement:
     return measured
 
 
-def _settle(mount: Mount, guide: AdjustmentGuide, live: LivePhase, tutor: Counted) -> None:
+def _settle(mount: Mount, guide: AdjustmentGuide, tutor: Counted) -> None:
     """Frames until the tutor has looked at the turn; the person who sees nothing happen says that the bolt was turned."""
     before = tutor.advised
     for number in range(60):
-        _watch(mount, guide, live, turned=number in (10, 35))
+        _watch(mount, guide, turned=number in (10, 35))
         if tutor.advised != before:
             return
 
 
-def _watch(mount: Mount, guide: AdjustmentGuide, live: LivePhase, turned: bool = False) -> None:
+def _watch(mount: Mount, guide: AdjustmentGuide, turned: bool = False) -> None:
     mount.seconds += 5.0
-    guide.see(live.update(mount.attitude()), turned=turned)
+    guide.see(guide.live.update(mount.attitude()), turned=turned)
 
 
 def _other(knob: Knob) -> Knob:

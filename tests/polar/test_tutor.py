@@ -235,6 +235,19 @@ def test_what_is_said_is_never_more_than_what_is_wanted(turns):
     assert rotation_in_words(1.0) != rotation_in_words(-1.0)
 
 
+def test_a_hand_that_goes_too_far_again_and_again_is_asked_for_the_whole_way_to_the_degree():
+    """Each turn too little is one more in which it may lose all: from 15 degrees on others get steps of 5."""
+    tutor = BoltTutor(bolts=(replace(turned_well(arcsec_a_turn=4000.0), proved=True), AZIMUTH_BOLT))
+    tutor._last = (Knob.ALTITUDE, 1.0)
+    wanted = tutor.bolts[Knob.ALTITUDE].needed(-255.0) * 360.0
+    usual = tutor._instruction(Knob.ALTITUDE, 255.0, error_at(-255.0, 0.0)).turns * 360.0
+    assert usual == pytest.approx(wanted // 5.0 * 5.0), "rounded down, as it is better to go on than to come back"
+    tutor._too_far = 2
+    asked = tutor._instruction(Knob.ALTITUDE, 255.0, error_at(-255.0, 0.0)).turns * 360.0
+    assert abs(asked - wanted) <= 1.0
+    assert asked > usual
+
+
 def test_errors_have_words_that_hold_from_every_side():
     high_east = error_at(320.0, 65.0)
     assert altitude_in_words(high_east) == "5.3′ ± 2″ too high: lower the axis"

@@ -25,7 +25,7 @@ from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky import open_catalogue
 from kochab.sky.horizon import Refraction
-from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, _agree, adjust, align
+from kochab.workflows.polar.align import AdjustingEnd, AdjustmentGuide, AlignOptions, _agree, adjust, align, good
 from kochab.workflows.polar.measure import (
     MOST_POINTS,
     HandTurner,
@@ -832,3 +832,20 @@ def test_a_hand_turns_there_and_a_step_back_where_bolts_have_to_be_turned_anyway
     assert (
         sky.missed_arcsec(found.measurement.error) < 4.0 * found.measurement.error.with_systematics.uncertainty_arcsec
     )
+
+
+@pytest.mark.parametrize(("sigma", "enough"), [(20.0, True), (66.0, False)])
+def test_the_pole_within_an_uncertainty_larger_than_the_goal_is_no_end(sigma, enough):
+    """22 arcsec told at 66 each way stood 71 from the pole: another sweep costs no turn of a bolt."""
+    error = error_at(15.0, 15.0, sigma=sigma)
+    assert error.below_uncertainty
+    assert good(SimpleNamespace(error=error, spoilt=False), AlignOptions()) is enough
+
+
+def test_sweeps_with_bolts_turned_between_are_surer_together():
+    """The camera sees the axis at one place before and after: three frames of 30 degrees say little alone."""
+    sky = rig(seed=4)
+    done = follow(sky, replace(ALIGN, sweep=Sweep(turn_deg=30.0, frames=3, most_frames=3)))
+    alone = measure_local(done.last.attitudes, done.last.settings)
+    assert done.moves
+    assert done.last.error.uncertainty_arcsec < 0.9 * alone.error.uncertainty_arcsec

@@ -89,8 +89,9 @@ class AxisFit:
     ``axis`` (3,) in E, N, U points to the elevated pole's side. ``turns_rad`` (N,) are right-handed about it, from
     the first frame. ``reference`` (3, 3) is the first attitude as fitted. ``residuals`` (N, 3) rad about each
     camera's axes; ``weighted`` (N, 3) the same in sigmas. ``covariance`` (2, 2) rad^2 is of the axis along (altitude,
-    azimuth on the sky). ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a. ``moved``
-    counts the movements that were fitted as well.
+    azimuth on the sky). ``camera_covariance`` (3, 3) rad^2 is of the axis as the camera sees it, R_0^T a. ``joint``
+    (N + 4, N + 4) rad^2 is of the axis, the reference's rotation in E, N, U and the turns but the first, by the frames'
+    own errors alone. ``moved`` counts the movements that were fitted as well.
     """
 
     axis: Floats
@@ -100,6 +101,7 @@ class AxisFit:
     weighted: Floats
     covariance: Floats
     camera_covariance: Floats
+    joint: Floats
     moved: int = 0
 
     @property
@@ -252,11 +254,7 @@ def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, 
     weighted, jacobian = _linear(axis, turns, reference, measured, whiten)
     # (J^T J)^-1 of whitened residuals is the covariance of what was fitted.
     inverse: Floats = np.asarray(np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True), dtype=np.float64)
-    upward, clockwise = tangents(axis)
-    # R_0^T a moves with the axis, and against the reference's own rotation.
-    seen = np.zeros((3, 5))
-    seen[:, 0], seen[:, 1] = reference.T @ upward, reference.T @ clockwise
-    seen[:, 2:5] = reference.T @ np.cross(axis, np.eye(3)).T
+    seen = _camera_slopes(axis, reference, len(inverse))
     return AxisFit(
         axis=axis,
         turns_rad=turns,
@@ -264,7 +262,36 @@ def _conclude(axis: Floats, turns: Floats, reference: Floats, measured: Floats, 
         residuals=np.asarray(np.linalg.solve(whiten, weighted[..., None])[..., 0], dtype=np.float64),
         weighted=weighted,
         covariance=inverse[:2, :2],
-        camera_covariance=seen @ inverse[:5, :5] @ seen.T,
+        camera_covariance=seen @ inverse @ seen.T,
+        joint=inverse,
+    )
+
+
+def camera_slopes(fit: AxisFit) -> Floats:
+    """How the axis in the camera, R_0^T a, moves (3, N + 4) with all that was fitted, in the order of ``joint``."""
+    return _camera_slopes(fit.axis, fit.reference, len(fit.joint))
+
+
+def _camera_slopes(axis: Floats, reference: Floats, count: int) -> Floats:
+    # R_0^T a moves with the axis, and against the reference's own rotation.
+    seen = np.zeros((3, count))
+    seen[:, :2] = reference.T @ np.stack(tangents(axis), axis=1)
+    seen[:, 2:5] = reference.T @ np.cross(axis, np.eye(3)).T
+    return seen
+
+
+def moved_by(fit: AxisFit, step: Floats, joint: Floats) -> AxisFit:
+    """The fit with all its unknowns moved by a step (N + 4,), and their covariance after it (N + 4, N + 4), rad^2."""
+    axis, turns, reference = _moved(fit.axis, fit.turns_rad, fit.reference, step)
+    seen = _camera_slopes(axis, reference, len(joint))
+    return replace(
+        fit,
+        axis=axis,
+        turns_rad=turns,
+        reference=reference,
+        covariance=joint[:2, :2],
+        camera_covariance=seen @ joint @ seen.T,
+        joint=joint,
     )
 
 

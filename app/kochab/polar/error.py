@@ -227,9 +227,14 @@ NUMBERS = (
 FINEST_DEG = 2.0  # a hand cannot turn a bolt by less
 
 
-def sayable(turns: float) -> float:
-    """The amount of turns nearest to zero of ``turns`` that words can say: eighths, or degrees."""
+def sayable(turns: float, to_the_degree: bool = False) -> float:
+    """The amount of turns nearest to zero of ``turns`` that words can say: eighths, or degrees.
+
+    ``to_the_degree`` below an eighth of a turn: the nearest step of the finest that a hand can turn by.
+    """
     size = abs(turns)
+    if to_the_degree and size < 0.125:
+        return math.copysign(round(size * 360.0 / FINEST_DEG) * FINEST_DEG / 360.0, turns)
     # eighths from 45°, steps of 5° from 15°, then of 2°; 1e-9 for what floating point leaves just short of a whole step
     steps = 8.0 if size >= 0.125 else 360.0 / (5.0 if size >= 1 / 24 else FINEST_DEG)
     return math.copysign(math.floor(size * steps + 1e-9) / steps, turns)

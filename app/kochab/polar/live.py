@@ -18,6 +18,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, rotation_vector, small_rotation
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.polar.camera_axis import CameraAxis, camera_axis_of
 from kochab.polar.error import PolarError, angle_in_words, finer_in_words
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
 from kochab.polar.pole import tracking_rad_s
@@ -127,14 +128,18 @@ class LivePhase:
         self._settings = measurement.settings
         self._camera = measurement.camera
         self._start = measurement.error
-        self._camera_axis = fit.reference.T @ measurement.error.axis
-        self._camera_covariance = fit.camera_covariance + _beyond(measurement)
+        self._seen = camera_axis_of(measurement)
         # The last measured attitude as fitted: theta counts from there.
         self._reference = about(fit.axis, float(fit.turns_rad[-1])) @ fit.reference
         self._reference_time = last.time_utc
         self._before = self._moment(last)
         self._clock = ""  # the last one that was believed
         self._declination_rad = 0.0
+
+    @property
+    def camera_axis(self) -> CameraAxis | None:
+        """Where the camera sees the axis, whatever the bolts do; None once declination was seen to move."""
+        return None if self._declination_rad else self._seen
 
     def update(self, now: LocalAttitude) -> LiveError:
         """The error at a new frame, from its attitude in E, N, U."""
@@ -150,18 +155,18 @@ class LivePhase:
             covariance = covariance - np.outer(gain, slope @ covariance)
             theta, _ = self._theta(matrix)
             self._clock = prior
-        axis = matrix @ self._camera_axis
+        axis = matrix @ self._seen.axis
         # The axis along (altitude, azimuth): by this frame's attitude, and by the axis' place in the camera.
         seen = np.stack(tangents(axis)) @ matrix
-        lever = seen @ cross_matrix(self._camera_axis)
+        lever = seen @ cross_matrix(self._seen.axis)
         frame = np.asarray(lever @ covariance @ lever.T)
-        total = frame + seen @ self._camera_covariance @ seen.T
+        total = frame + seen @ self._seen.covariance @ seen.T
         error = PolarError(axis, self._start.pole, total, self._start.flexure, self._start.creep)
         moved = float(np.degrees(np.linalg.norm(axis - self._start.axis)))
         return LiveError(error, frame, now, theta, prior, moved, tuple(self._findings(error, moved, theta, now)))
 
     def _moment(self, now: LocalAttitude) -> Moment:
-        return Moment(now, *self._theta(now.matrix), now.matrix @ self._camera_axis)
+        return Moment(now, *self._theta(now.matrix), now.matrix @ self._seen.axis)
 
     def _watch_declination(self, now: LocalAttitude) -> tuple[float, Floats]:
         """The turn and its slope at a frame, once it is compared with the frame before."""
@@ -181,7 +186,7 @@ class LivePhase:
 
         A small rotation ``w`` about the camera's own axes changes theta by slope @ w.
         """
-        moved = matrix @ self._camera_axis
+        moved = matrix @ self._seen.axis
         alt0, az0 = alt_az(self._start.axis)
         alt1, az1 = alt_az(moved)
         # The bolts are undone first, azimuth about the vertical and altitude about the level line; what is left is RA.
@@ -231,19 +236,6 @@ class LivePhase:
             )
         if error.below_uncertainty:
             yield PolarFinding(PolarFindingKind.DONE, finer_in_words(error))
-
-
-def _beyond(measurement: Measurement) -> Floats:
-    """Covariance (3, 3) of the axis in the camera, of what the measurement adds to its last fit.
-
-    That is what residuals or sweeps that disagree have widened it by. A measurement that is surer
-    than its last fit stays as sure as that: frame and axis share their errors.
-    """
-    error, fit = measurement.error, measurement.fit
-    values, vectors = np.linalg.eigh(error.covariance - fit.covariance)
-    more = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    into_camera = fit.reference.T @ np.stack(tangents(error.axis), axis=1)
-    return np.asarray(into_camera @ more @ into_camera.T)
 
 
 # -- The live error while no bolt turns: a mean over frames, started anew at every movement -----

@@ -423,7 +423,7 @@ class BoltTutor:
         most = min(MOST_TURNS, max(test, GROWTH * bolt.seen_turns)) if bolt.proved else bolt.test_turns(wanted, test)
         if self.careless:
             most = min(most, self._harmless_turns(bolt, error, test))
-        turns = sayable(float(np.clip(wanted, -most, most)))
+        turns = sayable(float(np.clip(wanted, -most, most)), to_the_degree=self.rough)
         if abs(turns) < finest:
             turns = float(np.copysign(finest, wanted))
         reverses = bolt.direction == -np.sign(turns) and bolt.backlash_turns >= finest

@@ -12,6 +12,7 @@ from kochab.core.errors import RefusedError
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution
 from kochab.gear.adjusters import AdjusterAxis
+from kochab.polar.camera_axis import CameraAxis, with_axis_seen_before
 from kochab.polar.error import Knob, PolarError, angle_in_words, split_in_words, total_in_words
 from kochab.polar.flexure import UNKNOWN
 from kochab.polar.live import LiveError, LivePhase, Steady, SteadyError
@@ -323,6 +324,7 @@ def align(
     sweep, rounds, droop, wanted = options.sweep, 0, UNKNOWN, options.second_sweep
     before: Measurement | None = None
     live: LivePhase | None = None
+    in_camera: CameraAxis | None = None
 
     def agreeing(found: Measurement) -> LiveError | None:
         """What the measurement before reads in the first frame of one within the goal, where both agree."""
@@ -341,6 +343,8 @@ def align(
         if before is not None:
             both = combine_measurements(before, measured.measurement)
             measured = replace(measured, measurement=both, findings=both.findings)
+        else:
+            measured = replace(measured, measurement=with_axis_seen_before(measured.measurement, in_camera))
         history.measured(measured.measurement)
         keep(history)
         if controls.take(PolarButton.SECOND_SWEEP) or wanted:
@@ -350,15 +354,15 @@ def align(
                 history.measured(measured.measurement)
                 keep(history)
         error = measured.measurement.error
-        good = _good(measured, options)
-        if good or rounds == MOST_ROUNDS:
-            yield _done(measured, good, tutor.moves)
-            return Alignment(measured.measurement, good, rounds, tutor.moves, history)
+        enough = good(measured.measurement, options)
+        if enough or rounds == MOST_ROUNDS:
+            yield _done(measured, enough, tutor.moves)
+            return Alignment(measured.measurement, enough, rounds, tutor.moves, history)
         backwards, turn = measured.ahead
         sweep = replace(sweep, backwards=backwards, turn_deg=turn)  # RA goes back the way it came
         if measured.measurement.spoilt:
             yield _spoilt(measured, tutor.moves)
-            before = None
+            before = in_camera = None
             continue
         likely = error.total_arcsec + error.sigma_total_arcsec <= options.goal_arcsec
         if likely and before is None:  # only not sure: a second sweep costs no move of a bolt
@@ -369,11 +373,12 @@ def align(
             continue
         adjusted = yield from adjust(source, measured.measurement, tutor, controls, history, bolts)
         quiet = adjusted.end is AdjustingEnd.THERE and not adjusted.turned
-        if quiet and tutor.rough:  # it is as near as this hand goes: more rounds would find the same
-            yield _done(measured, good, tutor.moves)
-            return Alignment(measured.measurement, good, rounds, tutor.moves, history)
+        if quiet and tutor.rough and before is not None:  # found twice: it is as near as this hand goes
+            yield _done(measured, False, tutor.moves)
+            return Alignment(measured.measurement, False, rounds, tutor.moves, history)
         before = measured.measurement if quiet else None  # no bolt was turned: both count
         live = adjusted.live if adjusted.end is AdjustingEnd.THERE else None
+        in_camera = adjusted.live.camera_axis
 
 
 def _reaches_goal(found: Measurement, options: AlignOptions) -> bool:
@@ -382,10 +387,10 @@ def _reaches_goal(found: Measurement, options: AlignOptions) -> bool:
     return not found.spoilt and reach <= options.goal_arcsec
 
 
-def _good(measured: Measured, options: AlignOptions) -> bool:
-    """Whether it is within the goal for sure, or within its uncertainty."""
-    found = measured.measurement
-    return _reaches_goal(found, options) or (not found.spoilt and found.error.below_uncertainty)
+def good(found: Measurement, options: AlignOptions) -> bool:
+    """Whether it is within the goal for sure, or within an uncertainty that is itself no larger than the goal."""
+    within = found.error.below_uncertainty and found.error.uncertainty_arcsec <= options.goal_arcsec
+    return _reaches_goal(found, options) or (not found.spoilt and within)
 
 
 AGREE2 = 9.0  # squared distance in sigmas, two dimensions: one in 90 that agree are taken for others
