@@ -9,7 +9,7 @@ from PIL import Image
 from kochab.cli.main import main
 from kochab.core.errors import FrameError
 from kochab.frames import FORMATS, file_pattern, format_names, read_frame, suffixes
-from kochab.frames.readers import kind_of
+from kochab.frames.readers import kind_of, named_as_fits
 from tests.frames.files import colours, faulty_reader, one_of_each, sky
 
 
@@ -150,3 +150,17 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
 def test_a_path_that_is_no_path():
     with pytest.raises(FrameError):
         read_frame("bad\0name.fits")
+
+
+@pytest.mark.parametrize(
+    ("name", "fits", "unpacked"),
+    [
+        ("a.FITS", True, True),
+        ("a.fts", True, True),
+        ("a.fits.gz", True, False),
+        ("a.fz", True, False),
+        ("a.png", False, False),
+    ],
+)
+def test_a_name_of_fits_may_be_that_of_a_packed_file(name, fits, unpacked):
+    assert (named_as_fits(name), named_as_fits(name, packed=False)) == (fits, unpacked)

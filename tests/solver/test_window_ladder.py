@@ -181,3 +181,9 @@ def test_noise_climbs_to_nothing():
     for count in (60, 300):
         answer = run(solve_detections(Detections.from_list(rng.uniform(0, [1600, 1000], (count, 2)), 1600, 1000)))
         assert isinstance(answer, NoSolution)
+
+
+def test_chance_counts_as_many_windows_as_are_asked_of_a_frame_full_of_stars():
+    """More of them on the left and above than elsewhere, so that what lies opposite is a window of its own."""
+    xy = np.random.default_rng(1).uniform(0.0, 1000.0, (500, 2)) * [0.9, 1.0]
+    assert len(list(window_ladder._windows(Detections.from_list(xy, 1000, 1000)))) == window_ladder.MOST_WINDOWS

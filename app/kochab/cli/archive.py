@@ -4,6 +4,7 @@ import argparse
 import os
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,8 @@ from kochab.core.progress import run as finished
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:  # they load pyarrow, which the base installation has not
+    from kochab.workflows.archive.inputs import Item
+    from kochab.workflows.archive.row import Recipe, Session
     from kochab.workflows.archive.run import Chunk, Outcome, Run
 
 NEEDED = ("dask", "distributed", "pyarrow", "fsspec")
@@ -175,26 +178,28 @@ def _outcomes(args: argparse.Namespace, this: "Run") -> "Iterator[Generator[Outc
 
 def chunk_rows(chunk: "Chunk") -> "Outcome":
     """The rows of a chunk, where a worker runs; what goes wrong with an input is in its row."""
-    from kochab.workflows.archive.row import UnreachableError, failed_row, row_of
+    from kochab.workflows.archive.row import failed_row
     from kochab.workflows.archive.run import Outcome
 
     rows: list[Json] = []
     session = chunk.session
     for item, known in zip(chunk.items, chunk.known, strict=True):
-
-        def one(item: Any = item, known: str = known) -> Json:
-            nonlocal session
-            try:
-                found: Json
-                found, session = finished(row_of(item, chunk.recipe, session, known))
-            except UnreachableError as error:
-                return failed_row(item, chunk.recipe, str(error), quarantined=False)
-            return found
-
-        row = attempt(item.url, one)
+        row = attempt(item.url, partial(_one_row, item, chunk.recipe, session, known))
+        session = row.pop("session", session)
         told = "recipe" in row or "unchanged" in row
         rows.append(row if told else failed_row(item, chunk.recipe, row["error"], quarantined=True))
     return Outcome(chunk.items[0].folder, rows, session)
+
+
+def _one_row(item: "Item", recipe: "Recipe", session: "Session | None", known: str) -> Json:
+    """An input's row, and under ``"session"`` what the next ones of the chunk may start from."""
+    from kochab.workflows.archive.row import UnreachableError, failed_row, row_of
+
+    try:
+        row, after = finished(row_of(item, recipe, session, known))
+    except UnreachableError as error:
+        return failed_row(item, recipe, str(error), quarantined=False)
+    return {**row, "session": after}
 
 
 def lost_rows(chunk: "Chunk") -> "Outcome":

@@ -243,8 +243,6 @@ def _rounded(value: float | None) -> float | None:
 
 # ``kochab camera list`` and ``kochab camera take``: which cameras there are, and one frame.
 
-FITS = (".fits", ".fit", ".fts")
-
 
 def add_camera_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     """Add ``camera`` and its actions to the command line."""
@@ -301,12 +299,13 @@ def _text(facts: Json) -> str:
 def _take(args: argparse.Namespace) -> int:
     from kochab.frames.fits_write import write_fits
     from kochab.frames.outputs import refuse_input, refuse_overwriting
+    from kochab.frames.readers import named_as_fits
     from kochab.gear.cameras import open_camera
 
     if not args.source:
         raise UsageError("Choose a camera: --source NAME, or --profile NAME.")
     target = Path(args.output)
-    if target.suffix.lower() not in FITS:
+    if not named_as_fits(target, packed=False):
         raise UsageError(f"--output {target}: the frame is written as FITS, name it .fits.")
     if not target.parent.is_dir():  # told before the exposure, not after
         raise KochabError(f"{target} cannot be written: there is no folder {target.parent}.")

@@ -70,6 +70,7 @@ _OWN = {
 FORMATS: Registry[Frame] = Registry("format", "kochab.formats", {name: row.reader for name, row in _OWN.items()})
 """Readers, functions of a path. Another package's is named by its files' suffix: ``asdf``."""
 
+_PACKED = (".fz", ".gz", ".bz2")
 _SUFFIXES = {suffix: name for name, row in _OWN.items() for suffix in row.suffixes.split()}
 
 
@@ -81,9 +82,10 @@ def suffixes() -> dict[str, str]:
     return _SUFFIXES | {f".{name}": name for name in FORMATS.others()}
 
 
-def named_as_fits(path: str | os.PathLike[str]) -> bool:
-    """Whether a file's name is one of FITS, packed or not."""
-    return _SUFFIXES.get(os.path.splitext(path)[1].lower()) == "FITS"
+def named_as_fits(path: str | os.PathLike[str], packed: bool = True) -> bool:
+    """Whether a file's name is one of FITS; also where what it holds is ``packed``, unless that is no help."""
+    suffix = os.path.splitext(path)[1].lower()
+    return _SUFFIXES.get(suffix) == "FITS" and (packed or suffix not in _PACKED)
 
 
 def file_pattern() -> str:

@@ -20,6 +20,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, StarCatalogue
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver.matches import field_centre, fitted_anew
+from kochab.solver.window_ladder import MOST_WINDOWS
 from kochab.text.translation import tr
 
 POOR_FIT = 0.0005
@@ -222,8 +223,6 @@ ASPECTS = (1.06, 1.0 / 1.06, 1.125, 1.0 / 1.125, 1.19, 1.0 / 1.19)
 """A pattern bears 4 % of a stretch: these reach from 3 to 23 %, as between frames of 5:4, 4:3, 3:2 and 16:9."""
 QUICKEST = 3
 """The last of the windows' stages finds 3 of 96 more, at three times the cost."""
-WINDOWS = 9
-"""As many searches went before, in windows of the frame: chance counts them."""
 
 
 def search_stretched(detections: Detections, year: float) -> Task[Identification | NoSolution]:
@@ -246,7 +245,8 @@ def search_stretched(detections: Detections, year: float) -> Task[Identification
         found = yield from method.identify(resized(detections, 1.0 / aspect), None, year)
         if not isinstance(found, Identification):
             continue
-        found = replace(found, log10_false_alarm=found.log10_false_alarm + math.log10(WINDOWS + asked))
+        # Chance counts the windows of the frame that were asked before.
+        found = replace(found, log10_false_alarm=found.log10_false_alarm + math.log10(MOST_WINDOWS + asked))
         if found.log10_false_alarm <= ACCEPT_LOG10:
             c = found.camera
             camera = replace(c, width=detections.width, cx=(c.cx + 0.5) * aspect - 0.5, aspect=aspect)

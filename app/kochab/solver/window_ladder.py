@@ -31,6 +31,8 @@ ALONG = 0.6
 FEWEST_IN_WINDOW = 8
 MOST_AT_EDGES = 3
 """So many windows at the edges are asked, those with most stars."""
+MOST_WINDOWS = len(MIDDLE) + MOST_AT_EDGES + 2
+"""So many are asked of a frame: beside these the part above a roof, and what lies opposite many lights."""
 STAGES = (
     SearchStage(10, 5, 0.9, 0.003, 30, volume=1, max_verified=4, spread=1.6),
     SearchStage(14, 5, 0.9, 0.010, 40, focal=WIDE[:4], max_verified=8),

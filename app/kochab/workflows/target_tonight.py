@@ -12,6 +12,7 @@ from kochab.core.mount import Epoch
 from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.horizon import Horizon, hour_angle_deg
+from kochab.text.duration_text import duration_text
 from kochab.text.translation import number, tr
 
 SIDEREAL_DEG_H = 15.0410686  # that the sky turns in an hour of a clock
@@ -68,14 +69,6 @@ def _rises_h(hour_deg: float, dec_deg: float, site: Site, limits: Limits) -> flo
     return float(hours[above[0]]) if len(above) else None
 
 
-def duration_text(hours: float) -> str:
-    """Hours and minutes, as ``2 h 10 min``."""
-    minutes = max(1, round(hours * 60.0))
-    if minutes < 60:
-        return tr("{minutes} min", minutes=minutes)
-    return tr("{hours} h {minutes} min", hours=minutes // 60, minutes=minutes % 60)
-
-
 def tonight_text(place: TargetTonight, when: datetime, limits: Limits) -> str:
     """It in a line: altitude, rising or setting, the meridian; when it comes up where it is too low.
 
@@ -89,11 +82,11 @@ def tonight_text(place: TargetTonight, when: datetime, limits: Limits) -> str:
         return tr("altitude {high}°: too low, rises at {time} UTC", high=high, time=time)
     words = [tr("altitude {high}°", high=high), tr("rising") if place.rising else tr("setting")]
     if place.meridian_h > 0.0:
-        left = duration_text(place.meridian_h)
+        left = duration_text(3600.0 * place.meridian_h)
         crosses = limits.crosses_meridian
         words.append(tr("meridian in {time}", time=left) if crosses else tr("flips in {time}", time=left))
     elif place.meridian_h > -LONG_H:
-        words.append(tr("past the meridian for {time}", time=duration_text(-place.meridian_h)))
+        words.append(tr("past the meridian for {time}", time=duration_text(-3600.0 * place.meridian_h)))
     return ", ".join(words)
 
 

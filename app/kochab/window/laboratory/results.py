@@ -113,8 +113,8 @@ def _from_fit(t: Trial) -> TrialCell:
 
 
 def _time(t: Trial) -> TrialCell:
-    spent = duration_text(t.seconds)
-    tables = duration_text(t.tables_s)
+    spent = processor_time_text(t.seconds)
+    tables = processor_time_text(t.tables_s)
     tip = tr("{spent} processor time", spent=spent)
     if t.tables_s > 0:
         tip = tr("{spent} processor time; building its tables took {tables}, once", spent=spent, tables=tables)
@@ -130,7 +130,7 @@ def _sigma(t: Trial) -> TrialCell:
     return TrialCell(arcsec_text(most), most, tip)
 
 
-def duration_text(seconds: float) -> str:
+def processor_time_text(seconds: float) -> str:
     """A processor time, in microseconds below 1 ms."""
     return tr("{us:.0f} µs", us=1e6 * seconds) if 0 < seconds < 1e-3 else milliseconds_text(1e3 * seconds)
 

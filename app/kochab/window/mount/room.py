@@ -17,6 +17,7 @@ from kochab.sky.layer import Mark
 from kochab.sky.milky_way import MilkyWay
 from kochab.sky.sky_tables import SkyTables
 from kochab.text.angle_text import AngleStyle, angle_text, radec_plain
+from kochab.text.duration_text import duration_text
 from kochab.text.translation import tr
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.chart_menu import offer_menu
@@ -26,7 +27,7 @@ from kochab.window.mount.sky_overlay import MountMarks
 from kochab.window.services import Services
 from kochab.window.widgets import Page, button, column
 from kochab.workflows.goto_target import Target
-from kochab.workflows.target_tonight import duration_text, target_tonight
+from kochab.workflows.target_tonight import target_tonight
 
 MARGIN_PX = 12
 CARD_LETTERS, STRIP_LETTERS = 46, 86  # as wide as a line of so many
@@ -125,7 +126,7 @@ class MountRoom(Page):
         left = 0.0 if mount is None else target_tonight(mount, site, when, limits).meridian_h
         if left <= 0.0:
             return tr("meridian")
-        time = duration_text(left)
+        time = duration_text(3600.0 * left)
         return tr("meridian in {time}", time=time) if limits.crosses_meridian else tr("flip in {time}", time=time)
 
     def show_target(self, target: Target | None) -> None:

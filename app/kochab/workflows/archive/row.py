@@ -27,6 +27,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames import reading
 from kochab.frames.fits import read_header
+from kochab.frames.readers import named_as_fits
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import merged_hint, solve_detections, with_doubts
 from kochab.text.translation import in_english
@@ -260,7 +261,7 @@ def _hashed(path: Path) -> tuple[str, int]:
 
 def _calibration_header(fs: Any, path: str, size_bytes: int) -> dict[str, Any]:
     """The header of a large FITS file that is a dark, a flat or a bias: the rest is not fetched; else empty."""
-    if size_bytes < WORTH_A_LOOK_BYTES or not path.lower().endswith((".fits", ".fit", ".fts")):
+    if size_bytes < WORTH_A_LOOK_BYTES or not named_as_fits(path, packed=False):
         return {}
     with suppress(FrameError):  # whatever is wrong with it is told when it is read
         header = read_header(BytesIO(fs.cat_file(path, start=0, end=HEAD_BYTES)))

@@ -17,10 +17,11 @@ from kochab.core import __version__
 from kochab.core.arrays import Array
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress
+from kochab.text.duration_text import duration_text
 from kochab.workflows.archive.dataset import Dataset
 from kochab.workflows.archive.inputs import Item, items_of
 from kochab.workflows.archive.row import Recipe, Session
-from kochab.workflows.archive.status import duration_text, is_fresh, page_of, summary_of
+from kochab.workflows.archive.status import is_fresh, page_of, summary_of
 from kochab.workflows.solution_json import Json
 
 PART_ROWS, PART_S, STATE_S, PAGE_S = 10_000, 60.0, 5.0, 30.0

@@ -7,6 +7,7 @@ from typing import Any
 
 import pyarrow.compute as pc
 
+from kochab.text.duration_text import duration_text
 from kochab.text.translation import number, tr, tr_n, tr_noop
 from kochab.workflows.archive.dataset import Dataset
 from kochab.workflows.night.page import STYLE
@@ -37,17 +38,6 @@ def is_fresh(state: Json) -> bool:
     except (KeyError, ValueError):
         return False
     return abs((datetime.now(UTC) - told).total_seconds()) < FRESH_S
-
-
-def duration_text(seconds: float) -> str:
-    """A time to wait: 40 s, 12 min, 3.4 h, 5.2 days."""
-    if seconds < 90:
-        return tr("{n} s", n=number(seconds, ".0f"))
-    if seconds < 5400:
-        return tr("{n} min", n=number(seconds / 60, ".0f"))
-    if seconds < 48 * 3600:
-        return tr("{n} h", n=number(seconds / 3600, ".1f"))
-    return tr("{n} days", n=number(seconds / 86400, ".1f"))
 
 
 def summary_of(dataset: Dataset) -> Json:

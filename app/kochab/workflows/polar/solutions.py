@@ -19,6 +19,7 @@ from kochab.core.progress import Task
 from kochab.core.solution import Matches, NamedStar, NoSolution, Reason, Solution
 from kochab.frames.fits import parse_cards
 from kochab.frames.hints import NO_ZONE, aware_utc, hint_from_keywords
+from kochab.frames.readers import named_as_fits
 from kochab.frames.samples import MAX_SIDE_PX
 from kochab.frames.wcs import wcs_of
 from kochab.parsing.text_input import TextError, decoded, parse_json, read_bytes
@@ -45,7 +46,6 @@ from kochab.workflows.polar.sources import (
 
 SIGMA_PX = 0.2  # what a WCS is believed across the frame; its roll to this over a quarter of the width
 ASSUMED = tr_noop("Solved by another program: an error of {sigma} px is assumed.")
-FITS = (".fits", ".fit", ".fts")
 SOLVERS = re.compile(rb"PLTSOLVD= +T|astrometry\.net|ASTAP|PLATESOLVE|ImageSolver", re.IGNORECASE)
 """What solvers leave in a header (ASTAP and Kochab, astrometry.net, PlateSolve, PixInsight)."""
 HEADER_BYTES = 288_000
@@ -85,7 +85,7 @@ def or_as_its_header_says(file: SolvedFile) -> SolvedFile:
 
     A WCS without a solver's mark may be no more than where a mount thought it looked, and counts for nothing.
     """
-    if isinstance(file.result, Solution) or Path(file.path).suffix.lower() not in FITS:
+    if isinstance(file.result, Solution) or not named_as_fits(file.path, packed=False):
         return file
     try:
         with open(file.path, "rb") as stored:
