@@ -5,7 +5,7 @@ import pytest
 from kochab.core.errors import LineLostError
 from kochab.core.progress import Progress
 from kochab.gear import mount_line
-from kochab.gear.mount_events import Connected, LineLost, OrderDone, OrderFailed, OrderProgress
+from kochab.gear.mount_events import Connected, LineLost, OrderDone, OrderFailed, OrderProgress, StopFailed, Stopped
 from kochab.gear.mount_line import LOST, STOPPED, MountLine
 from tests.gear.mounts.imaginary import at, guarded
 
@@ -86,3 +86,12 @@ def test_an_order_given_up_is_told_as_stopped_and_one_that_ended_as_done(session
     session.line.order("limits", seven)
     (done,) = session.until(OrderDone)
     assert (done.name, done.result) == ("limits", 7)
+
+
+@pytest.mark.parametrize(("closed", "kind"), [(False, Stopped), (True, StopFailed)])
+def test_a_stop_is_told_as_sent_or_as_failed(session, closed, kind) -> None:
+    if closed:
+        session.mount.fails["stop"] = LineLostError("The cable is out.")
+    session.line.stop()
+    session.line._stopper.join()
+    assert [type(word) for word in session.told if isinstance(word, Stopped | StopFailed)] == [kind]

@@ -222,6 +222,33 @@ def arriving(left_deg, slewing, moves_deg=0.0):
     return slew, count
 
 
+@pytest.mark.parametrize(("missed", "rows", "given_up"), [(2, 3, False), (3, 1, True)])
+def test_a_slew_may_miss_two_answers_in_a_row(missed, rows, given_up) -> None:
+    """A third, at 4.5 s each, is too long a time to be blind in; those before an answer do not count."""
+    guard, mount = guarded()
+    target = at(-41.0, 40.0)
+    slew = guard.slew(*target)
+    next(slew)
+    answers = ([True] * missed + [False]) * rows
+    mount.now = replace(mount.now, slewing=True)
+
+    def position():
+        if answers and answers.pop(0):
+            raise NoAnswerError("It is silent.")
+        if not answers:
+            mount.now = replace(mount.now, slewing=False)
+        return Pointing(*target, Epoch.DATE)
+
+    mount.position = position
+    if given_up:
+        with pytest.raises(NoAnswerError):
+            run(slew)
+        assert mount.did[-1] == ("stop",)
+    else:
+        run(slew)
+        assert ("stop",) not in mount.did
+
+
 @pytest.mark.parametrize(("left_deg", "looks"), [(0.45, 1), (0.55, 8)])
 def test_a_mount_that_stands_half_a_degree_off_may_not_have_begun(left_deg, looks) -> None:
     slew, count = arriving(left_deg, False)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from kochab.core.errors import NoAnswerError, RefusedError, StrayedError
+from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, PierSide, TrackingRate
 from kochab.core.progress import run
 from kochab.gear.mounts.drivers.ioptron import Ioptron
@@ -215,3 +216,10 @@ def test_a_way_home_past_the_sun_is_refused_before_it_begins(action, side, fork,
     if fork:
         other, _ = guarded(hour_angle_deg=-40.0, dec_deg=-5.0, time_utc=NOON, crosses_meridian=True)
         assert other.preview_rest(action).allowed
+
+
+def test_south_of_the_equator_home_is_at_the_southern_pole() -> None:
+    """The Sun of June stands in the north there: the way from beside it to the other pole would lead through it."""
+    guard, mount = guarded(hour_angle_deg=0.0, dec_deg=-12.0, time_utc=NOON, site=Site(-35.0, SITE.longitude_deg))
+    mount.now = replace(mount.now, pier_side=PierSide.EAST)
+    assert guard.preview_rest("home").allowed
