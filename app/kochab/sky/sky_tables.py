@@ -157,7 +157,7 @@ def ranks_of(objects: SkyObjects) -> Floats:
     rank = rank - MESSIER * (objects.messier != "") - NAMED * (objects.common != "")
     catalogue = np.char.partition(objects.name, " ")[:, 0]
     rank += SPARSE * (np.isin(catalogue, ["Cr", "Mel"]) & (objects.messier == ""))
-    unseen = np.isin(kind, ["Neb", "EmN", "RfN"]) & ~np.isfinite(mag) & (catalogue != "NGC")
+    unseen = np.isin(kind, ["Neb", "EmN", "RfN", "PN"]) & ~np.isfinite(mag) & (catalogue != "NGC")
     rank += UNSEEN * (unseen & (objects.common == ""))
     rank += SPARSE * (np.isin(catalogue, SOUGHT) & (objects.common == ""))
     return np.where(np.isin(kind, HIDDEN), np.inf, rank)
