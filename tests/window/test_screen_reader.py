@@ -29,12 +29,13 @@ def test_a_screen_reader_solves_and_finds_a_name_for_every_control(environment):
         pytest.skip(f"a screen reader needs {missing}")
     done = subprocess.run(
         ["dbus-run-session", "--", "sh", "-c", BOTH, str(REPOSITORY), sys.executable, SYSTEM, str(READER)],
-        env=environment | {"QT_LINUX_ACCESSIBILITY_ALWAYS_ON": "1", "PYTHONPATH": str(REPOSITORY / "app")},
+        env=environment
+        | {"QT_LINUX_ACCESSIBILITY_ALWAYS_ON": "1", "PYTHONPATH": str(REPOSITORY / "app"), "PYTHONFAULTHANDLER": "1"},
         capture_output=True,
         text=True,
         timeout=550,
     )
-    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.returncode == 0, done.stderr[-8000:]  # where every thread was, if it crashed
     report = json.loads(done.stdout[done.stdout.index("{") :])  # after what the bus says of itself
     ra, dec = report["pointing"][:2]
     assert ra.startswith("05h 3")

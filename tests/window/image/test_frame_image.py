@@ -98,3 +98,13 @@ def test_level_for_never_draws_fewer_pixels_than_the_screen_has():
     picture = run(prepare(Frame(np.zeros((3000, 4000), dtype=np.uint16))))
     for scale in (2.0, 1.0, 0.6, 0.5, 0.3, 0.25, 0.13):
         assert 2 ** picture.level_for(scale) * scale <= max(1.0, scale)
+
+
+@pytest.mark.parametrize(("dtype", "full"), [(np.uint8, 255), (np.uint16, 65535), (np.uint16, 16383)])
+def test_a_flat_image_is_as_bright_as_it_is(dtype, full):
+    """A frame that was wholly overexposed was shown black, beside a card that called it too bright."""
+    for share, seen in ((1.0, 255), (0.5, 127), (0.0, 0)):
+        picture = run(prepare(Frame(np.full((64, 64), round(share * full), dtype), saturation=float(full))))
+        shown = brightness(picture, picture.auto)[picture.mono[0]]
+        assert np.ptp(shown) == 0
+        assert int(shown[0, 0]) == pytest.approx(seen, abs=1)

@@ -150,6 +150,10 @@ def test_before_the_first_frame_the_room_says_how_it_goes_and_leads_to_the_set_u
     assert view.tabs.currentWidget().widget() is view.setup
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.NOBODY)
     assert [step.text() for step in first.steps if step.isVisible()] == [DRIFT_ADVICE], "nobody turns a bolt"
+    room.show_state(AlignmentState("done", "12″", error=error(10.0, 5.0)), 0.0, 30.0)
+    assert not first.isVisible(), "who has been through it needs no introduction"
+    room.show_state(AlignmentState(), 0.0, 30.0)
+    assert first.isVisible()
     room.frame.show_picture(run(prepare(Frame(np.arange(48.0, dtype=np.float32).reshape(6, 8)))))
     room.show_state(AlignmentState(), 0.0, 30.0)
     assert not first.isVisible(), "the frame is the room"

@@ -35,11 +35,16 @@ class ScreenStretch:
         return np.asarray(np.rint(self.apply(x) * 255.0), dtype=np.uint8)
 
 
-def automatic(stored: NDArray[np.generic]) -> tuple[ScreenStretch, float, float]:
-    """The automatic stretch, and the range (low, high) in stored values that it is a share of."""
+def automatic(stored: NDArray[np.generic], full: float | None = None) -> tuple[ScreenStretch, float, float]:
+    """The automatic stretch, and the range (low, high) in stored values that it is a share of.
+
+    A flat image has nothing to stretch: it is shown as bright as it is of ``full``, where its pixels clip.
+    """
+    if stored.dtype.kind == "u" and stored.min() == stored.max():
+        level = float(stored.max())
+        return ScreenStretch(), 0.0, max(level, full or float(2 ** (8 * stored.itemsize) - 1))
     chosen = stretch_parameters(stored)
     low = min(float(chosen.black), float(stored.min()))
-    # A flat image has a range, too.
     high = max(float(chosen.white), float(stored.max()), low + 1.0)
     black = (chosen.black - low) / (high - low)
     # The middle is a share of black..white; white is moved to the top of the range here.
@@ -91,7 +96,10 @@ def prepare(frame: Frame) -> Task[FrameImage]:
     elif frame.bayer and len(frame.bayer) == 4 and min(base.shape) >= 4:
         colour = yield from _from_mosaic(frame, base)
     # A mosaic's sky is that of its mean colour.
-    auto, low, high = automatic(mono[min(1, len(mono) - 1)] if frame.bayer else base)
+    auto, low, high = automatic(
+        mono[min(1, len(mono) - 1)] if frame.bayer else base,
+        frame.saturation if base.dtype == frame.pixels.dtype else None,
+    )
     yield Progress("display", 0.9)
     counts = histogram(sampled(base, SAMPLE), low, high)
     shift = (0.0, 0.0, 0.0)

@@ -18,6 +18,7 @@ from kochab.workflows.session.alignment import FrameSource
 
 SWEEP = Qt.ItemDataRole.UserRole
 LINES = 6
+PRACTICE_EXPOSURE_S = 1.0
 
 
 class FrameList(QListWidget):
@@ -115,8 +116,9 @@ class FrameFields(QObject):
 
     @property
     def selection(self) -> CameraSelection:
-        """The camera and its exposure."""
-        return CameraSelection(self.camera.kind, self.camera.address.text().strip(), self.exposure.value())
+        """The camera and its exposure; that of a practice telescope exposes as long as its stars need."""
+        exposure_s = PRACTICE_EXPOSURE_S if self.chosen is FrameSource.PRACTICE else self.exposure.value()
+        return CameraSelection(self.camera.kind, self.camera.address.text().strip(), exposure_s)
 
     def rows(self) -> list[tuple[str, QWidget]]:
         """Titles and fields, in the order of the form."""
@@ -138,7 +140,7 @@ class FrameFields(QObject):
             form.setRowVisible(widget, files)
         form.setRowVisible(self.guided, files or drifts)
         form.setRowVisible(self.camera, self.chosen is FrameSource.CAMERA)
-        form.setRowVisible(self.exposure, not files)
+        form.setRowVisible(self.exposure, self.chosen is FrameSource.CAMERA)
         form.setRowVisible(self.dec_sign, files and any(is_guide_log(path) for path in self.files.paths(0)))
 
     def take_files(self, paths: list[Path]) -> None:

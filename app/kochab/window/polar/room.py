@@ -171,7 +171,7 @@ class PolarRoom(Page):
         self.bar.setParent(self)
         buttons.setContentsMargins(8, 6, 8, 6)
         self.bar.setLayout(buttons)
-        self.first = FirstSteps(set_up)
+        self.first, self._is_first = FirstSteps(set_up), True
         self.first.setParent(self)
         column((self.frame, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
         for over in (self.first, self.over, self.bar):
@@ -191,6 +191,7 @@ class PolarRoom(Page):
             card.show_state(state, goal_arcsec)
         self.frame.show_state(state)
         self.first.set_up.setEnabled(not state.running)
+        self._is_first = state.error is None
         self._place()
 
     def minimumSizeHint(self) -> QSize:
@@ -228,11 +229,11 @@ class PolarRoom(Page):
         self._place_first(inside)
 
     def _place_first(self, inside: QRect) -> None:
-        """Before the first frame the way there is shown, below the cards or beside them."""
+        """Before the first frame of the first alignment its way is shown, below the cards or beside them."""
         over = self.over.geometry()
         below = QRect(inside.left(), over.top() + self._column.minimumHeightForWidth(over.width()), over.width(), 0)
         below.translate(0, GAP_PX)
         below.setBottom(self.bar.y() - GAP_PX)
         self.first.drawing.setVisible(below.height() >= LOW_PX)
         fits = self.first.place(below) or self.first.place(inside.adjusted(over.width() + GAP_PX, 0, 0, 0))
-        self.first.setVisible(fits and self.frame.picture is None)
+        self.first.setVisible(fits and self._is_first and self.frame.picture is None)
