@@ -67,10 +67,13 @@ def test_every_reader_can_be_imported():
 
 
 def test_another_package_s_format_is_offered_and_named_like_ours(monkeypatch):
+    ours = format_names()
     monkeypatch.setattr(FORMATS, "_others", {"asdf": "tests.frames.files:quick_reader"})
     assert suffixes()[".asdf"] == "asdf"
     assert "*.asdf *.ASDF" in file_pattern()
-    assert format_names() == "FITS, XISF, TIFF, PNG, JPEG, BMP, GIF, WebP, HEIC, SER, AVI, asdf or camera RAW"
+    assert ours.startswith("FITS, XISF, TIFF, PNG, ")
+    assert ours.endswith(" or camera RAW")
+    assert format_names() == ours.replace(" or camera RAW", ", asdf or camera RAW")
 
 
 def test_content_beats_suffix(tmp_path):

@@ -455,6 +455,8 @@ def _frames() -> list[Target]:
         ("a.jpg", ("a.jpg", "headed.jpg"), mutate.raw, 8000, 15),
         ("a.webp", ("a.bmp", "a.gif", "a.webp"), mutate.raw, 4000, 8),
         ("a.heic", ("a.heic",), mutate.raw, 3000, 4),
+        ("a.ser", ("a.ser",), mutate.raw, 4000, 8),
+        ("a.avi", ("a.avi",), mutate.raw, 4000, 8),
         ("a.dng", ("a.dng",), mutate.raw, 3000, 4),
     ]
     return [

@@ -10,7 +10,7 @@ from kochab.window.widgets import button, column, label, row
 
 CARDS = (  # title, text, and what it speaks of
     (
-        tr_noop("Five modes at the left"),
+        tr_noop("Modes at the left"),
         tr_noop(
             "Image, Live with a camera, Mount, Polar alignment, and a Laboratory of methods. "
             "F1 opens the help for the one you are in."
