@@ -14,7 +14,7 @@ from kochab.core.solution import NoSolution, Solution
 from kochab.identification import index, index_build
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue, user_catalogues
-from kochab.solver import SolveOptions
+from kochab.solver import SolveOptions, cone_search
 from kochab.solver.cone_search import Cone, cone_stars
 from kochab.solver.pipeline import solve_detections
 from tests.sky import user_files
@@ -23,6 +23,17 @@ PLACE, DENSITY, HALF_DEG = (359.9, -35.0), 3000, 2.0
 """Across 0 h."""
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 """When the frames are taken: the shipped stars as they are stored."""
+
+
+@pytest.mark.parametrize("depth", cone_search.DEPTHS)
+def test_half_the_field_needs_four_times_the_stars_of_a_cone(depth) -> None:
+    """So many a field of the index's deepest level, and a hundred for a cone of few."""
+    cone = Cone(10.0, 20.0, 0.05, None, 2026.0)
+    wanted = [
+        cone_search._wanted(cone, cone_search.Narrow(f, (f, f), True, True), depth) - 100 for f in (0.25, 0.5, 1.0)
+    ]
+    assert wanted[0] / wanted[1] == pytest.approx(4.0, rel=0.01)
+    assert wanted[1] / wanted[2] == pytest.approx(4.0, rel=0.01)
 
 
 @pytest.fixture(scope="module")

@@ -76,6 +76,23 @@ def test_the_stars_of_a_neighbourhood_are_those_of_the_frame_brightest_first():
     np.testing.assert_allclose(camera.project(sky.vectors[stars.number] @ FIRST.T), stars.xy, atol=1e-6)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_star_is_expected_as_near_to_each_edge_as_is_asked_for(axis):
+    """Of the first pixel's middle and of the last one's, 639 and 479."""
+    camera = Camera.centred(640, 480, 640 / 2 / np.tan(np.radians(6.0)))
+    sky = Neighbourhood(open_catalogue(), camera, Attitude(FIRST), 2026.0, 7.5, 8.0)
+    stars = sky.expected(camera, FIRST, 4000, 0.0)
+    last = np.array([639.0, 479.0])
+    for away in (stars.xy, last - stars.xy):
+        k = int(
+            np.argmin(np.where(away[:, axis] == away.min(axis=1), np.minimum(away, last - away).min(axis=1), np.inf))
+        )
+        inset = np.minimum(stars.xy[k], last - stars.xy[k]).min()
+        assert stars.number[k] in sky.expected(camera, FIRST, 4000, inset - 1e-6).number
+        assert stars.number[k] not in sky.expected(camera, FIRST, 4000, inset + 1e-6).number
+    assert min(stars.xy[:, axis].min(), (last - stars.xy)[:, axis].min()) >= 0.0
+
+
 def test_a_neighbourhood_serves_until_the_frame_leaves_it_or_the_scale_changes():
     """It reaches half a field's radius beyond the corners, and a lens may change by a twentieth."""
     camera = Camera.centred(640, 480, 640 / 2 / np.tan(np.radians(6.0)))

@@ -40,6 +40,15 @@ REACHED = {
 }
 
 
+def test_no_window_of_a_frame_is_asked_twice_and_the_middle_ones_have_four_sizes() -> None:
+    xy = np.random.default_rng(3).uniform(0.0, [1600.0, 1000.0], (400, 2))
+    windows = list(window_ladder._windows(Detections.from_list(xy, 1600, 1000)))
+    asked = {(*w.middle.tolist(), w.detections.width, w.detections.height) for w in windows}
+    assert len(asked) == len(windows) <= window_ladder.MOST_WINDOWS
+    sizes = [w.detections.width for w in windows if w.middle.tolist() == [799.5, 499.5]]
+    assert sorted(sizes) == [400, 560, 800, 1120]
+
+
 @pytest.mark.parametrize("name", sorted(REACHED))
 def test_pictures_that_failed_as_a_whole_are_where_others_say(frames_reach, name):
     truth = json.loads((frames_reach / "truth.json").read_text())[name]
