@@ -113,10 +113,10 @@ def _phone_page() -> "PhonePage":
     return PhonePage()
 
 
-def _offer_telescope(telescope: "OfferedTelescope", lan: bool) -> "Offer":
+def _offer_telescope(telescope: "OfferedTelescope", lan: bool, stellarium_remote: str | None) -> "Offer":
     from kochab.server.telescope.offer import Offer
 
-    return Offer(telescope, {}, lan)
+    return Offer(telescope, {}, lan, stellarium_remote)
 
 
 def _practise(**wishes: Any) -> "PracticeNight":

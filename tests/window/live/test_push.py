@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import closing
 from functools import partial
 from types import SimpleNamespace
 
@@ -23,17 +24,19 @@ from kochab.workflows.goto_target import target_at
 from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.sync_mount import SyncDone
 from kochab.workflows.telescope.offered import _sync
+from tests.gear.dsc_box import DscBox
 from tests.server.telescope.conftest import Program
+from tests.server.telescope.test_stellarium_remote import Stellarium
 from tests.window.polar.test_phone import ask, switch_on
 from tests.window.test_night import assert_red
 from tests.workflows.live_sources import solution
 
-LIMIT_MS = 15_000
+LIMIT_MS, BEGAN_S = 15_000, time.monotonic()
 ports = {}
 
 
-def offered(telescope, lan):
-    made = Offer(telescope, {"lx200": 0}, lan)
+def offered(telescope, lan, stellarium_remote):
+    made = Offer(telescope, {"lx200": 0}, lan, stellarium_remote)
     ports.update(made.ports)
     return made
 
@@ -165,3 +168,52 @@ def test_the_window_hears_of_a_programs_sync_as_of_its_own(view) -> None:
     done = run(_sync((10.0, 20.0), verdict, guard))
     assert (verdict.result(), synced) == ("", [((10.0, 20.0), True)])
     assert isinstance(done, SyncDone)
+
+
+def test_stellariums_view_follows_when_switched_on(qtbot, view) -> None:
+    """It is asked at its address, and a wrong address is a sentence."""
+    push = view.push
+    push.remote.setChecked(True)
+    with closing(Stellarium()) as stellarium:
+        push.remote_address.setText(f"127.0.0.1:{stellarium.port}")
+        seen(view, 1, 83.0, -4.0)
+        push.offer.setChecked(True)
+        assert not push.remote.isEnabled()
+        qtbot.waitUntil(lambda: bool(stellarium.views), timeout=LIMIT_MS)
+        assert apart_deg(stellarium.views[-1], (83.0, -4.0)) < 1e-6
+        qtbot.waitUntil(lambda: "Stellarium" in push.programs.text(), timeout=LIMIT_MS)
+        push.offer.setChecked(False)
+    push.remote_address.setText("127.0.0.1/path")
+    push.offer.setChecked(True)
+    qtbot.waitUntil(lambda: "is not an address" in push.state.text(), timeout=LIMIT_MS)
+    assert push.remote.isEnabled()
+
+
+def test_encoders_move_the_arrow_between_two_frames(qtbot, view) -> None:
+    push, angles = view.push, [0.0, 0.0]
+    push.encoders.setChecked(True)
+    assert "Give the port" in push.message.text()
+    assert not push.encoders.isChecked()
+    push._aim(target_at(83.0, -4.0))
+    with DscBox(lambda: tuple(angles)) as box:
+        push.encoder_port.setText(box.port)
+        push.encoders.setChecked(True)
+        qtbot.waitUntil(lambda: "Encoders connected" in push.message.text(), timeout=LIMIT_MS)
+        for number, (west, north) in enumerate(((0.0, 0.0), (8.0, 6.0), (-5.0, 3.0), (4.0, -8.0)), 1):
+            angles[:] = west, north
+            qtbot.wait(2500)  # as long as a telescope stands still for a frame
+            seen(view, number, *on_sky(west, north))
+        assert "±" not in push.distance.text()
+        angles[:] = 6.0, -3.0
+        true = apart_deg(on_sky(6.0, -3.0), (83.0, -4.0))
+        qtbot.waitUntil(lambda: abs(push.arrow.way.distance_deg - true) < 0.1, timeout=LIMIT_MS)
+        assert "±" in push.distance.text()
+        push.encoders.setChecked(False)
+        assert "±" not in push.distance.text()
+        assert push.encoder_port.isEnabled()
+
+
+def on_sky(west, north):
+    """ICRS degrees of an equatorial mount without a drive that was turned so far."""
+    turned = 15.041 * (time.monotonic() - BEGAN_S) / 3600.0
+    return 90.0 - west + turned, 2.0 + north

@@ -29,7 +29,7 @@ from kochab.workflows.telescope.offered import OfferedTelescope
 
 PORT = 8090
 WHO = "Stellarium Remote Control"
-EVERY_S, AGAIN_S, ANSWER_S = 0.5, 5.0, 4.0
+EVERY_S, AGAIN_S, ANSWER_S, JOIN_S = 0.5, 5.0, 4.0, 0.5
 LARGEST_BYTES = 256_000
 MOVED_DEG = 1.0 / 30.0
 """The view is not turned for less: a standing telescope's solves scatter."""
@@ -81,9 +81,9 @@ class StellariumRemote:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ask and turn no more."""
+        """Ask and turn no more; a question under way to a Stellarium that hangs ends by itself."""
         self._over.set()
-        self._thread.join(ANSWER_S)
+        self._thread.join(JOIN_S)
 
     def _run(self) -> None:
         told = ""

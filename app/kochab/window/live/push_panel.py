@@ -4,14 +4,13 @@ from collections.abc import Callable
 from functools import partial
 from time import monotonic
 
-from PySide6.QtCore import QObject, QPointF, QSize, Qt, Signal
+from PySide6.QtCore import QObject, QPointF, QSignalBlocker, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPolygonF
 from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
 
 from kochab.core.errors import RefusedError
 from kochab.core.progress import Progress, Task
 from kochab.gear.mount_line import MakeTask
-from kochab.text.angle_text import angle_text
 from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
 from kochab.window.job import Job
@@ -22,6 +21,7 @@ from kochab.window.widgets import Page, button, column, label, row, show_text, s
 from kochab.workflows.goto_target import Target, resolved
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.wiring import TelescopePorts
+from kochab.workflows.telescope.encoder_aid import EncoderAid
 from kochab.workflows.telescope.offered import OfferedTelescope
 from kochab.workflows.telescope.push_to import PushTo, push_to
 
@@ -30,6 +30,7 @@ WHAT = tr_noop(
 )
 CLEAR_SHARE = 0.25
 """A distance that changed by this share is played."""
+MOVES_MS, CLOSING_S = 200, 1.0
 NO_TARGET = tr_noop("Set a target; each solved frame then shows which way to push.")
 NO_POINTING = tr_noop("Start the camera: its first solved frame shows the way.")
 
@@ -123,9 +124,11 @@ class PushPanel(Page):
         self._solved = 0
         self._played_deg: float | None = None
         self._build()
+        self._moves = QTimer(self, interval=MOVES_MS)  # by encoders, between two frames
+        self._moves.timeout.connect(self.write)
         self.told.connect(self._say)
         services.mount.changed.connect(self._follow_mount)
-        services.jobs.closing.connect(self.close_ports)
+        services.jobs.closing.connect(self._close)
         self.write()
 
     def _build(self) -> None:
@@ -138,10 +141,27 @@ class PushPanel(Page):
         self.age = label("", "wrong", wrap=True)
         self.tones = switch(tr("T&ones: nearer, further, there"), self.cues.description)
         self.tones.toggled.connect(self._sound)
+        self.encoders = switch(tr("Encoders"), tr("Move the arrow between two solves, which align them"))
+        self.encoders.toggled.connect(self._use_encoders)
+        self.encoder_port = text_field(
+            tr("Port of the encoders"),
+            tr("/dev/ttyUSB0, COM3 or tcp://HOST:PORT"),
+            tr("Where the box of encoders is connected (DSC protocol)"),
+        )
+        self.encoder_port.setText(self._services.settings.text("encoders", ""))
         self.offer = switch(tr("&Offer to planetarium programs"))
         self.offer.setEnabled(self._services.wiring.offer_telescope is not None)
         self.offer.toggled.connect(self._toggle)
         self.lan = switch(tr("Local network too, unencrypted"), tr("For a phone or tablet; else this computer only"))
+        self.remote = switch(
+            tr("Stellarium follows"),
+            tr("Its plug-in Remote Control turns its view to the telescope; select an object there to push to it"),
+        )
+        self.remote_address = text_field(
+            tr("Address of Stellarium"),
+            "127.0.0.1:8090",
+            tr("HOST or HOST:PORT; with a password, :PASSWORD@HOST. Empty: this computer"),
+        )
         self.move_mount = switch(tr("Let them move the mount"), tr("Within its limits; they may always stop it"))
         self.move_mount.toggled.connect(self._allow)
         self.state = label(tr("Off."), "muted", wrap=True)
@@ -153,9 +173,11 @@ class PushPanel(Page):
             row((self.target, 1), self.set),
             row(self.arrow, (beside, 1)),
             self.tones,
+            row(self.encoders, (self.encoder_port, 1)),
             self.offer,
             what,
             self.lan,
+            row(self.remote, (self.remote_address, 1)),
             self.move_mount,
             self.state,
             self.programs,
@@ -176,20 +198,23 @@ class PushPanel(Page):
         known = self._services.mount.known
         report = known.report if known.phase == "on" else None
         self.telescope.mount = self._orders if report is not None else None
-        self.telescope.site = self._services.mount.kept.site
         slewing = report is not None and (bool(report.state.slewing) or report.target_deg is not None)
         self.telescope.see_mount(None if report is None else report.icrs_deg, slewing)
         self.write()
 
     def write(self) -> None:
         """Show the way, and who is connected."""
-        self.telescope.site = self._services.mount.kept.site
+        site = self._services.mount.kept.site
+        if site != self.telescope.site:
+            self.telescope.site = site
+            if self.encoders.isChecked():
+                self._use_encoders(True)  # where the base stands is another place
         way = push_to(self.telescope, monotonic())
         self._play(self.arrow.way, way)
         self.arrow.way = way
         self.arrow.setAccessibleDescription("" if way is None else way.words)
         self.arrow.update()
-        self.distance.setText("" if way is None else angle_text(way.distance_deg))
+        self.distance.setText("" if way is None else way.distance_text)
         waiting = NO_TARGET if self.telescope.target is None else NO_POINTING
         show_text(self.words, tr(waiting) if way is None else way.words, "muted" if way is None else "")
         show_text(self.age, "" if way is None else way.age_words)
@@ -238,23 +263,46 @@ class PushPanel(Page):
     def _allow(self, on: bool) -> None:
         self.telescope.may_move = on
 
+    def _use_encoders(self, on: bool) -> None:
+        self._leave_encoders(0.0)
+        port = self.encoder_port.text().strip()
+        if on and not port:
+            with QSignalBlocker(self.encoders):
+                self.encoders.setChecked(False)
+            self._say(tr("Give the port of the encoders first."))
+            return
+        self.encoder_port.setEnabled(not on)
+        if on:
+            self._services.settings.keep("encoders", port)
+            self.telescope.encoders = EncoderAid(port, self.told.emit, self.telescope.now, self.telescope.site)
+            self._moves.start()
+        self.write()
+
+    def _leave_encoders(self, wait_s: float) -> None:
+        self._moves.stop()
+        encoders, self.telescope.encoders = self.telescope.encoders, None
+        if encoders is not None:
+            encoders.stop(wait_s)
+
     def _toggle(self, on: bool) -> None:
-        self.lan.setEnabled(not on)
+        for choice in (self.lan, self.remote, self.remote_address):
+            choice.setEnabled(not on)
         if not on:
             self.close_ports()
             show_text(self.state, tr("Off."), "muted")
             self.write()
             return
         show_text(self.state, tr("Switching on…"), "muted")
-        self._job = job = self._services.jobs.run(self._open(self.lan.isChecked()), "telescope")
+        remote = self.remote_address.text() if self.remote.isChecked() else None
+        self._job = job = self._services.jobs.run(self._open(self.lan.isChecked(), remote), "telescope")
         job.succeeded.connect(self._opened)
         job.failed.connect(self._failed)
 
-    def _open(self, lan: bool) -> Task[TelescopePorts]:
+    def _open(self, lan: bool, remote: str | None) -> Task[TelescopePorts]:
         yield Progress("ports")
         offer = self._services.wiring.offer_telescope
         assert offer is not None
-        return offer(self.telescope, lan)
+        return offer(self.telescope, lan, remote)
 
     def _opened(self, ports: TelescopePorts) -> None:
         self._ports = ports
@@ -274,3 +322,7 @@ class PushPanel(Page):
         if ports is not None:
             ports.stop()
         self.cues.close()
+
+    def _close(self) -> None:
+        self.close_ports()
+        self._leave_encoders(CLOSING_S)

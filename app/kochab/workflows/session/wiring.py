@@ -25,8 +25,11 @@ class TelescopePorts(Protocol):
         """Close every port."""
 
 
-OfferTelescope = Callable[[OfferedTelescope, bool], TelescopePorts]
-"""Listens, on the local network too when that is True; PortError when a port cannot be had."""
+OfferTelescope = Callable[[OfferedTelescope, bool, str | None], TelescopePorts]
+"""Listens, on the local network too when that is True, and turns Stellarium's view at the address, unless None.
+
+PortError when a port cannot be had, UsageError for an address that is none.
+"""
 
 ToRecord = Callable[[LiveUpdate], dict[str, Any]]
 

@@ -74,10 +74,14 @@ class EncoderAid:
         self._thread = threading.Thread(target=self._run, name="kochab-encoders", daemon=True)
         self._thread.start()
 
-    def stop(self) -> None:
-        """Give the port back."""
+    def stop(self, wait_s: float = JOIN_S) -> None:
+        """Tell nothing more and give the port back; returns when that is done, or after ``wait_s``."""
         self._over.set()
-        self._thread.join(JOIN_S)
+        self._thread.join(wait_s)
+
+    def _say(self, sentence: str) -> None:
+        if not self._over.is_set():
+            self._tell(sentence)
 
     # -- What is seen ------------------------------------------------------------------------------
 
@@ -90,7 +94,7 @@ class EncoderAid:
             off = self._model.see(self._earth_fixed(solution, at_s), near[len(near) // 2], self._since(at_s))
             known, self._aligned_s = self._aligned_s is not None, at_s
         if off is not None and known:
-            self._tell(
+            self._say(
                 tr(
                     "The encoders were {angle} off: they slipped or were reset. Aligned again by this frame.",
                     angle=angle_text(off),
@@ -127,11 +131,11 @@ class EncoderAid:
             try:
                 with closing(EncoderBox(self._port)) as box:
                     told = ""
-                    self._tell(tr("Encoders connected. Solve two frames some degrees apart along both axes."))
+                    self._say(tr("Encoders connected. Solve two frames some degrees apart along both axes."))
                     self._read(box)
             except DeviceError as error:
                 if str(error) != told:
-                    self._tell(tr("{why} Solves alone show the way.", why=error))
+                    self._say(tr("{why} Solves alone show the way.", why=error))
                 told = str(error)
             with self._lock:
                 self._aligned_s = None  # what turned meanwhile, nobody counted: the next solve tells
@@ -146,11 +150,11 @@ class EncoderAid:
                 look = (monotonic(), box.counts())
             except NoAnswerError as error:
                 if not told:
-                    self._tell(tr("{why} Solves alone show the way.", why=error))
+                    self._say(tr("{why} Solves alone show the way.", why=error))
                 told = True
                 continue
             if told:
-                self._tell(tr("The encoders answer again."))
+                self._say(tr("The encoders answer again."))
                 told = False
             with self._lock:
                 self._looks.append(look)

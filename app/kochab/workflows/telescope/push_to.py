@@ -16,7 +16,7 @@ from kochab.text.translation import tr, tr_noop
 from kochab.workflows.goto_target import Target
 from kochab.workflows.telescope.offered import OfferedTelescope
 
-THERE_DEG = 5.0 / 60.0
+THERE_DEG, WORTH_SAYING_DEG = 5.0 / 60.0, 0.5 / 60.0
 OLD_S = 10.0
 """A telescope that is pushed has gone on since a frame older than this."""
 BELOW = tr_noop("{name} is below the horizon.")
@@ -81,7 +81,7 @@ class PushTo:
     def distance_text(self) -> str:
         """How far it is, with 1 sigma where encoders say it."""
         distance = angle_text(self.distance_deg)
-        return f"{distance} ± {angle_text(self.sigma_deg)}" if self.sigma_deg else distance
+        return f"{distance} ± {angle_text(self.sigma_deg)}" if self.sigma_deg >= WORTH_SAYING_DEG else distance
 
     @property
     def age_words(self) -> str:
