@@ -65,6 +65,19 @@ def test_an_answer_is_silent_where_it_is_wrong_and_nothing_said_so():
     assert not bench._goal(accused).met
 
 
+def test_a_share_is_given_with_what_so_many_evenings_tell_of_it():
+    """The rule of three: nothing seen in n leaves 3.7 / n at the 97.5 % limit; 11 of 200 are no other than a twentieth."""
+    wrong = {"bolts": True, "code": 0, "inside": False, "off_arcsec": 900.0, "findings": ()}
+    right = wrong | {"inside": True}
+    none = bench._row("kick", [right] * 200)
+    assert (none["low_95"], none["high_95"]) == (0.0, pytest.approx(1.0 - 0.025 ** (1.0 / 200.0)))
+    some = bench._row("kick", [wrong] * 11 + [right] * 189)
+    assert some["low_95"] < 0.05 < some["silent"] < some["high_95"]
+    assert not bench._goal(some).met, "the goal stays where it is"
+    accused = bench._row("healthy", [right | {"code": 1}] * 3 + [right] * 197)
+    assert accused["low_95"] < 3.0 / 200.0 < accused["high_95"]
+
+
 def test_a_site_that_is_wrong_leaves_the_bolts_where_they_are():
     """The axis is scored against the pole that the bolts are turned from, not the one where nobody stands."""
     sweep = sky.random_sweep(np.random.default_rng(7))

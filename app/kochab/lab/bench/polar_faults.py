@@ -176,10 +176,13 @@ def _many_frames(count: int) -> Row:
 
 
 def _row(kind: str, own: Sequence[Row]) -> Row:
+    """Scores of one kind; ``low_95`` to ``high_95`` holds what so many evenings tell of the share that is judged."""
     trusted = kind in ON_TRUST
     doubted = [trusted and r["code"] == IN_DOUBT and "ON_TRUST" in r["findings"] for r in own]
     silent = [r["bolts"] and not r["inside"] and not admitted for r, admitted in zip(own, doubted, strict=True)]
     off = [r["off_arcsec"] for r in own if r["bolts"]]
+    spoilt = sum(r["code"] == 1 for r in own)
+    low, high = _interval(spoilt if kind.startswith("healthy") else sum(silent), len(own))
     return {
         "kind": f"evening: {kind}",
         "runs": len(own),
@@ -187,9 +190,19 @@ def _row(kind: str, own: Sequence[Row]) -> Row:
         "worst_arcsec": max(off, default=np.nan),
         "in_95": float(np.mean([r["inside"] for r in own])),
         "silent": float(np.mean(silent)),
-        "spoilt": float(sum(r["code"] == 1 for r in own)),
+        "low_95": low,
+        "high_95": high,
+        "spoilt": float(spoilt),
         "in_doubt": float(sum(r["code"] == IN_DOUBT for r in own)),
     }
+
+
+def _interval(count: int, of: int) -> tuple[float, float]:
+    """The exact 95 % interval of a share, ``count`` of ``of`` seen (Clopper and Pearson 1934, Biometrika 26, 404)."""
+    from scipy.stats import binomtest  # it takes two seconds to load
+
+    found = binomtest(count, of).proportion_ci(0.95)
+    return float(found.low), float(found.high)
 
 
 def _goal(row: Row) -> Goal:
