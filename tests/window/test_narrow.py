@@ -84,6 +84,9 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
         if name == "polar":
             made = commands.views.docks[name].view
             texts, over = (made.room.number.total, made.buttons.start, made.buttons.more), (room.number, room.bar)
+        elif name == "last_night":
+            made = commands.views.docks[name].view
+            texts, over = (made.folder, room), (made.start, made.save)
         elif window.in_room:  # the mount's, with a card of its own
             view = commands.views.docks[name].view
             texts, over = (view.pointing.state,), (room.card, room.strip)

@@ -1,7 +1,6 @@
 """``kochab night FOLDER``: what a folder of frames says of the night, as one page and one table."""
 
 import argparse
-import json
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -150,11 +149,11 @@ def measure_one(
 def _write(night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]") -> None:
     from kochab.frames.atomic_file import write_atomically
     from kochab.workflows.night.page import night_page
-    from kochab.workflows.night.table import night_csv, night_json
+    from kochab.workflows.night.table import night_csv, night_json_text
 
     write_atomically(targets["html"], night_page(night, name, earlier))
     write_atomically(targets["csv"], night_csv(night))
-    write_atomically(targets["json"], json.dumps(night_json(night, earlier), indent=1) + "\n")
+    write_atomically(targets["json"], night_json_text(night, earlier))
 
 
 def _summary(night: "Night", earlier: "Sequence[Compared]") -> Json:

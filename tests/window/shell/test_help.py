@@ -38,7 +38,7 @@ def test_f1_opens_the_page_of_the_mode(qtbot, opened, mode):
     window, commands = opened
     commands.views.show(mode)
     commands.actions["help"].trigger()
-    assert window.findChild(HelpBook).list.currentItem().text().lower().startswith(mode)
+    assert window.findChild(HelpBook).list.currentItem().text().lower().startswith(mode.replace("_", " "))
 
 
 def test_a_search_leaves_the_pages_with_all_words_and_finds_the_first(qtbot, book):

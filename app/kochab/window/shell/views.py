@@ -28,6 +28,7 @@ class Mode(NamedTuple):
     made_by: str  # "module:Class"
     short: str = ""  # on the rail, where it differs from the title
     needs_mount: bool = False  # the bar shows the mount's state from then on
+    on_rail: bool = True  # else among the tools alone
 
 
 VIEWS: dict[str, Mode] = {
@@ -37,6 +38,7 @@ VIEWS: dict[str, Mode] = {
         tr_noop("&Polar alignment"), "F4", "kochab.window.polar.view:PolarView", tr_noop("Polar"), needs_mount=True
     ),
     "laboratory": Mode(tr_noop("&Laboratory"), "F6", "kochab.window.laboratory.view:LaboratoryView", tr_noop("Lab")),
+    "last_night": Mode(tr_noop("Last nig&ht"), "F9", "kochab.window.night.view:NightView", on_rail=False),
 }
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 BESIDE_ROOM, BESIDE_ROOM_PX = 0.2, 400  # the same beside a view's own room
@@ -101,7 +103,8 @@ class Views(QObject):
         self.image.triggered.connect(lambda _=False: self.show("image"))
         self.actions = {name: self._action(name, tr(mode.title), mode.key, mode.short) for name, mode in VIEWS.items()}
         window.rail.fill(
-            [self.image, *self.actions.values()], [window.actions_by_name[name] for name in ("night", "preferences")]
+            [self.image, *(self.actions[name] for name, mode in VIEWS.items() if mode.on_rail)],
+            [window.actions_by_name[name] for name in ("night", "preferences")],
         )
         colour_icons(window.actions_by_name, theme_colours())  # those of the views are new
         self.actions["details"] = window.actions_by_name["details"]

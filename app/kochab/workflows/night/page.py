@@ -11,7 +11,7 @@ from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.drawings import sharpness_map, timeline
 from kochab.workflows.night.earlier import QUANTITIES, Compared
 from kochab.workflows.night.measure import Measure
-from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, Night, advice_of
+from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, SHOWN, Night, advice_of
 from kochab.workflows.night.tracking import Tracking
 
 STYLE = """
@@ -61,13 +61,34 @@ figcaption { font-size: 14px; overflow-wrap: anywhere; padding-top: 4px; }
 
 def night_page(night: Night, name: str, earlier: Sequence[Compared] = ()) -> str:
     """The page of a night whose frames lie in a folder of that name, beside earlier ones of the same equipment."""
-    title = escape(_title(night, name))
-    parts = [f"<h1>{title}</h1>", f'<p class="sub">{escape(_under(night, name))}</p>']
+    body = "\n".join(night_parts(night, name, earlier))
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(_title(night, name))}</title><style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
+    )
+
+
+def night_parts(night: Night, name: str, earlier: Sequence[Compared] = (), columns: int = 0) -> list[str]:
+    """The body of the page, part by part.
+
+    Parameters
+    ----------
+    night : Night
+        What was measured.
+    name : str
+        Of the folder.
+    earlier : sequence of Compared
+        Tonight beside earlier nights.
+    columns : int
+        Tiles and pictures stand in tables so many columns wide, for what knows no CSS grid; 0: in grids.
+    """
+    parts = [f"<h1>{escape(_title(night, name))}</h1>", f'<p class="sub">{escape(_under(night, name))}</p>']
     if len(night.frames) < night.asked:
         text = tr("Stopped early: {done} of {all} frames measured.", done=len(night.frames), all=night.asked)
         parts.append(f'<p class="stopped">{escape(text)}</p>')
     parts.append(f'<p class="advice">{escape(advice_of(night))}</p>')
-    parts.append(f'<div class="tiles">{"".join(_tiles(night))}</div>')
+    parts.append(_side_by_side("tiles", _tiles(night), columns))
     if earlier:
         parts.append(_earlier(earlier))
     if drawn := timeline(night):
@@ -85,16 +106,24 @@ def night_page(night: Night, name: str, earlier: Sequence[Compared] = ()) -> str
         parts.append(_mount(night.tracking))
     for heading, rows in ((tr("Best frames"), night.best), (tr("Worst frames"), night.worst)):
         if rows:
-            shown = "".join(_figure(night, k) for k in rows)
-            parts.append(f'<section><h2>{escape(heading)}</h2><div class="frames">{shown}</div></section>')
+            shown = _side_by_side("frames", [_figure(night, k) for k in rows], min(columns, SHOWN))
+            parts.append(f"<section><h2>{escape(heading)}</h2>{shown}</section>")
     notes = "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(night))
     heading = tr("How to read this")
-    parts.append(f"<section><h2>{escape(heading)}</h2>{notes}</section>")
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
-    )
+    return [*parts, f"<section><h2>{escape(heading)}</h2>{notes}</section>"]
+
+
+def _side_by_side(kind: str, cells: list[str], columns: int) -> str:
+    """Cells in a grid of their class, or in a table so many columns wide."""
+    if not columns:
+        return f'<div class="{kind}">{"".join(cells)}</div>'
+    # What knows no grid knows no blocks either.
+    lines = [cell.replace("<b>", "<br><b>").replace("</b>", "</b><br>") for cell in cells]
+    lines = [line.replace("<figcaption>", "<br><figcaption>") for line in lines]
+    rows = [lines[k : k + columns] for k in range(0, len(lines), columns)]
+    filled = [row + [""] * (columns - len(row)) for row in rows]
+    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in filled)
+    return f'<table class="{kind}" width="100%" cellpadding="8">{body}</table>'
 
 
 def _title(night: Night, name: str) -> str:

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import json
 import math
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -131,6 +132,11 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             "worst": [night.frames[k].file for k in night.worst],
             "advice": advice_of(night),
         }
+
+
+def night_json_text(night: Night, earlier: Sequence[Compared] = ()) -> str:
+    """The same as it is written into a file."""
+    return json.dumps(night_json(night, earlier), indent=1) + "\n"
 
 
 def night_csv(night: Night) -> str:

@@ -1,0 +1,1 @@
+"""Last night: what a folder of frames says, as ``kochab night`` does."""

@@ -1,0 +1,81 @@
+"""A folder of frames measured in this process, one frame a step: what a face shows of the night as it grows."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from kochab.core.errors import FrameError, UsageError
+from kochab.core.frame import Site
+from kochab.core.progress import Progress, Task
+from kochab.frames import suffixes
+from kochab.sky.elements import kept_elements
+from kochab.solver import SolveOptions
+from kochab.text.translation import tr
+from kochab.workflows.night.earlier import Compared, against_earlier, keep_night, kept_nights, record_of
+from kochab.workflows.night.frame import NightFrame, measure_frame
+from kochab.workflows.night.summary import Night, night_of
+
+
+def measure_folder(
+    folder: Path, options: SolveOptions, site: Site | None, into: list[NightFrame]
+) -> Task[tuple[Night, list[Compared]]]:
+    """Measure every frame of a folder; the night, and how it compares with earlier ones.
+
+    Raises UsageError for a folder without frames.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the frames are.
+    options : SolveOptions
+        How they are solved.
+    site : Site or None
+        Where they were taken; None for what the headers say.
+    into : list of NightFrame
+        Grows by each frame, so that a night that is given up is not lost.
+    """
+    files = frames_of(folder)
+    more = kept_elements()
+    for k, file in enumerate(files):
+        here = Progress("night", k / len(files), tr("Frame {k} of {n}", k=k + 1, n=len(files)))
+        yield here
+        try:
+            into.append((yield from _as_one(measure_frame(str(file), options, site, more), here)))
+        except FrameError as error:
+            into.append(NightFrame(str(file), error=str(error)))
+    night = night_of(into, asked=len(files))
+    if not night.frames:
+        raise UsageError("{folder} has calibration frames alone.", folder=folder.name)
+    record = record_of(night)
+    earlier = against_earlier(record, kept_nights()) if record else []
+    if record:
+        keep_night(record)
+    return night, earlier
+
+
+def frames_of(folder: Path) -> list[Path]:
+    """The frames of a folder by name; UsageError where it has none or cannot be read."""
+    try:
+        known = {*suffixes()} - {".gz", ".bz2"}
+        found = sorted(path for path in folder.iterdir() if path.suffix.lower() in known and path.is_file())
+    except OSError as error:
+        raise UsageError("{folder} cannot be read: {why}.", folder=folder, why=error.strerror or error) from error
+    if not found:
+        raise UsageError("{folder} is a folder without frames.", folder=folder)
+    return found
+
+
+def half_done(into: Sequence[NightFrame], folder: Path) -> Night | None:
+    """The night as far as it was measured; None while nothing is."""
+    night = night_of(into, asked=len(frames_of(folder)))
+    return night if night.frames else None
+
+
+def _as_one(task: Task[NightFrame], here: Progress) -> Task[NightFrame]:
+    """The same telling the place of the frame among all in place of its own steps."""
+    while True:
+        try:
+            next(task)
+        except StopIteration as end:
+            measured: NightFrame = end.value
+            return measured
+        yield here
