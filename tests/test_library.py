@@ -73,6 +73,18 @@ def test_it_needs_no_qt(repository, block):
     assert done.stdout.strip() == "QT []", done.stdout + done.stderr
 
 
+def test_a_solve_imports_nothing_that_it_does_not_use(repository):
+    """Ten milliseconds of a cold process are numpy.ma's, four zipfile's."""
+    code = (
+        "import sys\n"
+        "from kochab.cli.main import main\n"
+        "main(['solve', 'resources/samples/pleiades.fits', '--no-worker', '--json'])\n"
+        "print([n for n in ('numpy.ma', 'zipfile', 'scipy', 'astropy') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=200)
+    assert done.stdout.splitlines()[-1] == "[]", done.stdout[-200:] + done.stderr
+
+
 def test_the_package_says_that_it_is_typed(repository):
     assert (repository / "app" / "kochab" / "py.typed").exists()
 

@@ -380,7 +380,7 @@ def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation
     size = np.array([state.camera.width, state.camera.height])
     cell = np.clip(state.matches.xy * BLOCKS // size, 0, BLOCKS - 1).astype(np.int64) @ [1, BLOCKS]
     # Only blocks with stars that count can be left out.
-    names = np.unique(cell[counted])
+    names = sorted(set(cell[counted].tolist()))
     if len(names) < FEWEST_BLOCKS:
         return plain
     rows, twice = fitted.rows / fitted.scale[:, None], np.concatenate([cell, cell])

@@ -239,7 +239,7 @@ def measure_mesh(pixels: Array, how: Halving) -> Mesh:
     level, spread = cells.quartiles(samples)
     steps = np.concatenate([np.abs(np.diff(level, axis=k)).ravel() for k in (0, 1)])
     # Where the level rises by more than the noise from tile to tile, as under vignetting or moonlight.
-    if steps.size and np.percentile(steps, 90) > median(spread):
+    if steps.size and np.count_nonzero(steps > median(spread)) > 0.1 * steps.size:
         level, spread = cells.quartiles(samples, _median3(level))  # a slope would count as noise
     quantum = 1.0 if pixels.dtype.kind in "iub" else 0.0  # between the values that pixels can have
     return cells.mesh(x, y, level / how.gain, spread / how.noise_gain, quantum)

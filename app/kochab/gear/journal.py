@@ -6,11 +6,9 @@ Every room logs under its module's name with the standard library; :func:`open_j
 import json
 import logging
 import os
-import platform
 import re
 import sys
 import threading
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -92,12 +90,14 @@ class JournalFormatter(logging.Formatter):
 
 
 def versions(packages: bool = True) -> dict[str, str]:
-    """Versions of Kochab, Python, the system and, as they are installed, the main ``packages``."""
-    found = {"Kochab": __version__, "Python": platform.python_version(), "system": platform.platform()}
+    """Versions of Kochab, Python and the system; with ``packages`` of the system in full and of the main packages."""
+    found = {"Kochab": __version__, "Python": sys.version.split()[0], "system": sys.platform}
     if not packages:
         return found
+    import platform
     from importlib import metadata
 
+    found["system"] = platform.platform()
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
@@ -202,6 +202,8 @@ def save_report(path: Path, settings: Mapping[str, Any] | None = None, folder: P
     User and computer names, folders and passwords are left out, the site is given to a degree.
     `OSError` when it cannot be written.
     """
+    import zipfile
+
     from kochab.frames.atomic_file import atomic_file  # a sync needs no reader of frames
 
     with atomic_file(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as report:
@@ -217,6 +219,7 @@ def save_report(path: Path, settings: Mapping[str, Any] | None = None, folder: P
 def redacted(text: str) -> str:
     """``text`` without passwords in addresses, folders, and the names of user and computer."""
     import getpass
+    import platform
 
     text = re.sub(r"(?<=://)[^\s/@'\"]+@", "…@", text)
     text = text.replace(str(Path.home()), "~")

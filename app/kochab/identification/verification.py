@@ -44,9 +44,9 @@ def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float, firs
     sky = directions(np.broadcast_to(found.focal[:, None], (h, d)), p) @ found.matrix
     hit = np.zeros((h, d), dtype=bool)
     reach = reach_px / found.focal
-    for level in np.unique(found.level):
+    for level in sorted(set(found.level.tolist())):
         rows = np.nonzero(found.level == level)[0]
-        hit[rows] = _occupied(volume, int(level), sky[rows], reach[rows, None])
+        hit[rows] = _occupied(volume, level, sky[rows], reach[rows, None])
     proposer = (found.detections[:, :, None] == np.arange(first, first + d)).any(axis=1)
     return np.asarray((hit & ~proposer).sum(axis=1))
 

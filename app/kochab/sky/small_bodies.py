@@ -1,5 +1,6 @@
 """Asteroids and comets in a frame: carried from the table's dates to the frame's, the planets' pull counted."""
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -70,6 +71,8 @@ RETURNS_JD = 2447892.5
 
 STRAY_DEG_PER_YEAR = 0.5
 """How far a body may stray from a two-body orbit: this times years to the power of 1.5; 99.9 % do less."""
+MOONS_WITHIN_RAD = math.radians(0.25)
+"""Of their planet: Callisto and Iapetus come to 0.18 deg from the Earth."""
 
 CALLED: tuple[Callable[[str], str], ...] = (
     str,
@@ -295,7 +298,8 @@ def bodies_near(
         return []
     observer = observer_at(time_utc, site, exposure_s)
     everything = major_bodies(observer)
-    for planet in [body for body in everything if body.name in MOONS]:
+    moons_reach = float(np.cos(min(np.pi, radius_rad + MOONS_WITHIN_RAD)))
+    for planet in [body for body in everything if body.name in MOONS and body.vector @ centre >= moons_reach]:
         everything += [moon for moon in planet_moons(observer, planet) if moon.magnitude <= faintest]
     found = [
         body

@@ -270,7 +270,8 @@ def _field_stars(
     w, h = fit.camera.width, fit.camera.height
     count = int(wanted * np.pi / 4.0 * (w * w + h * h) / (w * h))  # in the circle about the frame
     # identified stars stay candidates, even fainter than all these
-    rows = np.union1d(catalogue.brightest(centre, radius, count, year), found.matches.star)
+    rows = np.concatenate([catalogue.brightest(centre, radius, count, year), found.matches.star])
+    rows = np.unique(rows, return_index=True)[0]  # without the index NumPy imports numpy.ma, 10 ms of a cold process
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
     seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
     widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
