@@ -199,10 +199,11 @@ def _row(kind: str, own: Sequence[Row]) -> Row:
 
 def _interval(count: int, of: int) -> tuple[float, float]:
     """The exact 95 % interval of a share, ``count`` of ``of`` seen (Clopper and Pearson 1934, Biometrika 26, 404)."""
-    from scipy.stats import binomtest  # it takes two seconds to load
+    from scipy.special import betaincinv  # scipy.stats takes two seconds to load, and is in no installed program
 
-    found = binomtest(count, of).proportion_ci(0.95)
-    return float(found.low), float(found.high)
+    low = betaincinv(count, of - count + 1, 0.025) if count else 0.0
+    high = betaincinv(count + 1, of - count, 0.975) if count < of else 1.0
+    return float(low), float(high)
 
 
 def _goal(row: Row) -> Goal:
