@@ -186,8 +186,8 @@ def chunk_rows(chunk: "Chunk") -> "Outcome":
     for item, known in zip(chunk.items, chunk.known, strict=True):
         row = attempt(item.url, partial(_one_row, item, chunk.recipe, session, known))
         session = row.pop("session", session)
-        told = "recipe" in row or "unchanged" in row
-        rows.append(row if told else failed_row(item, chunk.recipe, row["error"], quarantined=True))
+        is_row = "recipe" in row or "unchanged" in row
+        rows.append(row if is_row else failed_row(item, chunk.recipe, row["error"], quarantined=True))
     return Outcome(chunk.items[0].folder, rows, session)
 
 

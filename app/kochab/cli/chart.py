@@ -38,8 +38,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.pdf} already exists: --overwrite replaces it.")
     is_image = os.path.isfile(args.what)
     made = _image(args) if is_image else _finder(args)
-    told: dict[str, Any] = {"what": args.what, "pdf": args.pdf if made == "" else None, "reason": made or None}
-    tell(told, made or f"{args.pdf}: {args.what}, {args.paper}", args.json)
+    outcome: dict[str, Any] = {"what": args.what, "pdf": args.pdf if made == "" else None, "reason": made or None}
+    tell(outcome, made or f"{args.pdf}: {args.what}, {args.paper}", args.json)
     return int(made != "")
 
 

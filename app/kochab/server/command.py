@@ -239,9 +239,9 @@ def _start(where: Place, idle_min: float) -> int:
         text=True,
     )
     assert started.stdout is not None
-    said = started.stdout.readline()  # it speaks when it is ready, or ends
-    if not said.startswith("The worker is ready"):
-        raise KochabError(said.removeprefix("kochab: ").strip() or "The worker ended at once.")
+    first_line = started.stdout.readline()  # it speaks when it is ready, or ends
+    if not first_line.startswith("The worker is ready"):
+        raise KochabError(first_line.removeprefix("kochab: ").strip() or "The worker ended at once.")
     print(f"The worker is ready (process {started.pid}).")
     return 0
 
@@ -267,5 +267,5 @@ def _process(where: Place) -> int:
     if connection is None:
         return 0
     with connection:
-        told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-        return int(struct.unpack("3i", told)[0])
+        credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        return int(struct.unpack("3i", credentials)[0])

@@ -94,8 +94,8 @@ def peer_user(connection: "socket.socket") -> int:
 
     if not hasattr(socket, "SO_PEERCRED"):
         return os.geteuid()
-    told = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    return int(struct.unpack("3i", told)[1])
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    return int(struct.unpack("3i", credentials)[1])
 
 
 def hand_over(arguments: Sequence[str]) -> int | None:
@@ -159,13 +159,13 @@ def _awaited(connection: "socket.socket") -> int | None:
     connection.settimeout(None)
     written = False
     try:
-        while said := connection.recv(1):
-            if said == WRITTEN:
+        while answer := connection.recv(1):
+            if answer == WRITTEN:
                 written = True
-            elif said == OTHER_VERSION:
+            elif answer == OTHER_VERSION:
                 _restart()
                 return None
-            elif said == DONE:
+            elif answer == DONE:
                 return int.from_bytes(connection.recv(4), "big")
     except OSError:
         pass

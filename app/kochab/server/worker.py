@@ -382,13 +382,13 @@ def _follow(connection: socket.socket, over: threading.Event) -> None:
     """Raise here the signals that the command's process gets; its end cancels the work, within `OLD_S`."""
     while True:
         try:
-            said = connection.recv(1)
+            signals = connection.recv(1)
         except OSError:
-            said = b""
-        if not said:
+            signals = b""
+        if not signals:
             break
-        if said[0] in PASSED:
-            os.kill(os.getpid(), said[0])
+        if signals[0] in PASSED:
+            os.kill(os.getpid(), signals[0])
     if not over.is_set():
         os.kill(os.getpid(), signal.SIGTERM)
         if not over.wait(OLD_S):

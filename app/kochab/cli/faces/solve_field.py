@@ -273,15 +273,15 @@ def _answered(
         examined = yield from examine_frame(frame, _with_hint(options, hint_for(frame.width)))
         detections, result = examined.detections, examined.result
     result = bounds(result)
-    said = [f"Field: {printable(file)}"]
+    lines = [f"Field: {printable(file)}"]
     if isinstance(result, NoSolution):
         failures = _written(_lists(outputs, detections, None, file))
-        said += ["Did not solve (or no WCS file was written).", f"{result.reason}: {result.advice}"]
-        return {"said": "\n".join(said), "failures": failures}
+        lines += ["Did not solve (or no WCS file was written).", f"{result.reason}: {result.advice}"]
+        return {"said": "\n".join(lines), "failures": failures}
     failures = _written(_lists(outputs, detections, result, file)) + _with_wcs(order, outputs, file, frame, result)
     if outputs["solved"]:
         failures += _written([(outputs["solved"], b"\x01")])
-    return {"said": "\n".join([*said, *_told(result)]), "failures": failures}
+    return {"said": "\n".join([*lines, *_told(result)]), "failures": failures}
 
 
 def _with_hint(options: "SolveOptions", hint: Hint | None) -> "SolveOptions":

@@ -187,9 +187,9 @@ def _mean(values: list[Measure]) -> Measure | None:
     return Measure(float(np.mean([one.value for one in values])), float(np.mean([one.sigma for one in values])))
 
 
-def _row(fault: str, true: float, told: Measure | None, found: bool) -> dict[str, Any]:
-    off = (told.value - true) / told.sigma if told and told.sigma > 0.0 else None
-    value, sigma = (told.value, told.sigma) if told else (None, None)
+def _row(fault: str, true: float, measure: Measure | None, found: bool) -> dict[str, Any]:
+    off = (measure.value - true) / measure.sigma if measure and measure.sigma > 0.0 else None
+    value, sigma = (measure.value, measure.sigma) if measure else (None, None)
     return {
         "fault": fault,
         "planted": bool(true),

@@ -236,13 +236,13 @@ class AlpacaTelescope:
 
     def _state(self) -> list[Json]:
         """What a program would else ask one by one; what there is not, or not yet, is left out."""
-        told = []
+        states = []
         for name in STATE:
             try:
-                told.append({"Name": name, "Value": self._get(name.lower(), {})})
+                states.append({"Name": name, "Value": self._get(name.lower(), {})})
             except Fault:
                 continue
-        return [*told, {"Name": "TimeStamp", "Value": self._gets["utcdate"]()}]
+        return [*states, {"Name": "TimeStamp", "Value": self._gets["utcdate"]()}]
 
     def _put(self, name: str, given: Mapping[str, str]) -> Any:
         match name:

@@ -65,8 +65,8 @@ class Property:
     def changed(self) -> str:
         """The element that tells of its new values."""
         inner = "".join(self._member(name, value, False) for name, value in self.values.items())
-        said = f" message={quoteattr(self.message)}" if self.message else ""
-        return f'<set{self.kind}Vector {self._head()} timeout="60"{said}>{inner}</set{self.kind}Vector>'
+        message = f" message={quoteattr(self.message)}" if self.message else ""
+        return f'<set{self.kind}Vector {self._head()} timeout="60"{message}>{inner}</set{self.kind}Vector>'
 
     def _head(self) -> str:
         now = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}"
@@ -178,23 +178,23 @@ class Device:
 
     async def _tell(self, line: Line, anew: str | None = None) -> None:
         """Send what has changed, and define what was not sent before; ``anew`` defines all again, or the one named."""
-        told = self.clients[line]
-        if anew is None and not told:
+        defined = self.clients[line]
+        if anew is None and not defined:
             return  # it has not asked yet
         current = {prop.name: prop for prop in self.properties()}
         out = []
-        for name in [name for name in told if name not in current]:
-            del told[name]
+        for name in [name for name in defined if name not in current]:
+            del defined[name]
             out.append(f'<delProperty device="{DEVICE}" name="{name}"/>')
         for name, prop in current.items():
             if anew is not None and anew in ("", name):
-                told.pop(name, None)
-            elif anew is not None and name not in told:
+                defined.pop(name, None)
+            elif anew is not None and name not in defined:
                 continue
             values = f"{prop.state} {dict(prop.values)} {prop.message}"
-            if told.get(name) != values:
-                out.append(prop.changed() if name in told else prop.defined())
-                told[name] = values
+            if defined.get(name) != values:
+                out.append(prop.changed() if name in defined else prop.defined())
+                defined[name] = values
         if out:
             await line.send("".join(f"{element}\n" for element in out).encode())
 

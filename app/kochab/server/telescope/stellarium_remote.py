@@ -86,19 +86,19 @@ class StellariumRemote:
         self._thread.join(JOIN_S)
 
     def _run(self) -> None:
-        told = ""
+        last_error = ""
         while not self._over.is_set():
             try:
                 self._turn()
-                told = ""
+                last_error = ""
             except _Unanswered as error:
                 self._shown = None
                 if self._there:
                     self._there = False
                     self._telescope.leave(WHO)
-                elif str(error) != told:
+                elif str(error) != last_error:
                     self._telescope.say(str(error))
-                    told = str(error)
+                    last_error = str(error)
             self._over.wait(EVERY_S if self._there else AGAIN_S)
         if self._there:
             self._telescope.leave(WHO)

@@ -111,13 +111,13 @@ class PushPanel(Page):
     """Keeps the telescope that is offered; ``way`` is told whenever it is written anew."""
 
     way = Signal(object)  # PushTo | None
-    told = Signal(str)
+    status = Signal(str)
 
     def __init__(self, services: Services) -> None:
         super().__init__()
         self._services = services
         self._orders = _Orders(services.mount)
-        self.telescope = OfferedTelescope(self.told.emit)
+        self.telescope = OfferedTelescope(self.status.emit)
         self.cues = Cues(QApplication.beep)
         self._ports: TelescopePorts | None = None
         self._job: Job | None = None
@@ -126,7 +126,7 @@ class PushPanel(Page):
         self._build()
         self._moves = QTimer(self, interval=MOVES_MS)  # by encoders, between two frames
         self._moves.timeout.connect(self.write)
-        self.told.connect(self._say)
+        self.status.connect(self._say)
         services.mount.changed.connect(self._follow_mount)
         services.jobs.closing.connect(self._close)
         self.write()
@@ -274,7 +274,7 @@ class PushPanel(Page):
         self.encoder_port.setEnabled(not on)
         if on:
             self._services.settings.keep("encoders", port)
-            self.telescope.encoders = EncoderAid(port, self.told.emit, self.telescope.now, self.telescope.site)
+            self.telescope.encoders = EncoderAid(port, self.status.emit, self.telescope.now, self.telescope.site)
             self._moves.start()
         self.write()
 

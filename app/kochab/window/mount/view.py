@@ -116,8 +116,8 @@ class MountView(View):
         whole.setAlignment(self.unfold, Qt.AlignmentFlag.AlignTop)
         strip, progress = styled_frame("card"), row((self.bar, 1), self.cancel_find)
         self.go.lay_out(self.buttons.sync)
-        said = row((self.message, 1), self.flip)
-        column(self.go, said, self.why, progress, on=strip, spacing=4, margins=(10, 10, 10, 10))
+        notes = row((self.message, 1), self.flip)
+        column(self.go, notes, self.why, progress, on=strip, spacing=4, margins=(10, 10, 10, 10))
         self.room = MountRoom(self._services, self.pointing, strip, self.aim)
 
     def _side(self) -> QWidget:

@@ -19,15 +19,15 @@ class Message:
     role: str = "muted"
 
 
-def most_urgent(state: AlignmentState, said: Message) -> Message:
+def most_urgent(state: AlignmentState, message: Message) -> Message:
     """What to say now. ``said`` answers what a person did last; empty where nothing was done or its time is over."""
-    if said.text and said.role == "wrong":
-        return said
+    if message.text and message.role == "wrong":
+        return message
     spoilt = next((finding.text for finding in state.findings if finding.spoils), "")
     if state.running and spoilt:
         return Message(spoilt, "wrong")
-    if said.text:
-        return said
+    if message.text:
+        return message
     if state.instruction is not None and state.instruction.note:
         return Message(state.instruction.note, "wrong")
     if state.running and not state.solved:

@@ -271,8 +271,8 @@ class Palette(QDialog):
             self.list.addItem(item)
         if results:
             self.list.setCurrentRow(1)  # below the first group's name
-        told = bool(results or (self._names is not None and self.field.text().strip()))
-        self.count.setText(tr_n("{n} result", "{n} results", len(results)) if told else "")
+        searched = bool(results or (self._names is not None and self.field.text().strip()))
+        self.count.setText(tr_n("{n} result", "{n} results", len(results)) if searched else "")
         self.list.setVisible(bool(results))
         self._chosen()
         self._fit()

@@ -241,10 +241,10 @@ def left_to_do(inputs: pa.Table, index: pa.Table, recipe: str, where: pa.Table |
     failed = pc.and_(pc.is_valid(mine["error"]), pc.invert(pc.fill_null(mine["quarantined"], False)))
     done = mine.filter(pc.invert(failed)).select(["url", "stamp"])
     left = inputs.join(done, ["url", "stamp"], join_type="left anti")
-    told = mine.filter(pc.and_(pc.is_valid(mine["content"]), pc.is_null(mine["error"])))
-    left = left.join(told.select(["url", "content"]), "url", join_type="left outer")
+    measured = mine.filter(pc.and_(pc.is_valid(mine["content"]), pc.is_null(mine["error"])))
+    left = left.join(measured.select(["url", "content"]), "url", join_type="left outer")
     # A file of that name and size that is no more where it was: moved, most likely.
-    moved = _named(told.join(inputs.select(["url"]), "url", join_type="left anti"))
+    moved = _named(measured.join(inputs.select(["url"]), "url", join_type="left anti"))
     moved = moved.group_by(_NAMED).aggregate([("content", "min")]).rename_columns([*_NAMED, "moved"])
     left = _named(left).join(moved, _NAMED, join_type="left outer")
     known = pc.coalesce(left["content"], left["moved"])

@@ -40,8 +40,8 @@ def objects_of(night: NightFrame, found: SolvedFrame) -> Task[Json]:
 
 def _streak(one: Crossing) -> Json:
     ends = dict(zip((name for name, _ in _ENDS), (value for end in one.ends_deg for value in end), strict=True))
-    told: Json = {"kind": str(one.kind), "name": one.name or None, "length_deg": one.length_deg, "whole": one.whole}
-    return told | ends | {"sigma_arcsec": _known(one.sigma_arcsec), "snr": _known(one.snr)}
+    fields: Json = {"kind": str(one.kind), "name": one.name or None, "length_deg": one.length_deg, "whole": one.whole}
+    return fields | ends | {"sigma_arcsec": _known(one.sigma_arcsec), "snr": _known(one.snr)}
 
 
 def _place(one: Sight) -> Json:

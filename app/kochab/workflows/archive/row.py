@@ -370,16 +370,16 @@ def _level(detections: Detections) -> Json:
 
 def _answer(result: Solution | NoSolution, stars: int) -> Json:
     """The columns of a solution, or of why there is none."""
-    told = as_json("", result)
-    times = {f"{name}_ms": value for name, value in told["elapsed_ms"].items() if name != "total"}
-    told |= times | {"stars": stars}
+    solved = as_json("", result)
+    times = {f"{name}_ms": value for name, value in solved["elapsed_ms"].items() if name != "total"}
+    solved |= times | {"stars": stars}
     if isinstance(result, Solution):
-        told |= told.pop("camera") | dict(zip(("qw", "qx", "qy", "qz"), told["quaternion"], strict=True))
-        told |= dict(zip(("fov_x_deg", "fov_y_deg"), told["fov_deg"], strict=True))
+        solved |= solved.pop("camera") | dict(zip(("qw", "qx", "qy", "qz"), solved["quaternion"], strict=True))
+        solved |= dict(zip(("fov_x_deg", "fov_y_deg"), solved["fov_deg"], strict=True))
         sigmas = ("sigma_x_arcsec", "sigma_y_arcsec", "sigma_roll_arcsec")
-        told |= dict(zip(sigmas, told["sigma_arcsec"], strict=True)) | {"width": result.camera.width}
-        told |= {"height": result.camera.height, "reason": None}
-    return {name: value for name, value in told.items() if name in NAMES}
+        solved |= dict(zip(sigmas, solved["sigma_arcsec"], strict=True)) | {"width": result.camera.width}
+        solved |= {"height": result.camera.height, "reason": None}
+    return {name: value for name, value in solved.items() if name in NAMES}
 
 
 def _after(result: Solution | NoSolution, camera: str, session: Session | None) -> Session | None:

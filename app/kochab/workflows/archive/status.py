@@ -34,10 +34,10 @@ td.number, th.number { text-align: right; } td.file { overflow-wrap: anywhere; }
 def is_fresh(state: Json) -> bool:
     """Whether a run has told of itself lately."""
     try:
-        told = datetime.fromisoformat(str(state["updated_utc"]))
+        updated = datetime.fromisoformat(str(state["updated_utc"]))
     except (KeyError, ValueError):
         return False
-    return abs((datetime.now(UTC) - told).total_seconds()) < FRESH_S
+    return abs((datetime.now(UTC) - updated).total_seconds()) < FRESH_S
 
 
 def summary_of(dataset: Dataset) -> Json:
@@ -107,14 +107,14 @@ def page_of(summary: Json, url: str) -> str:
         rows = []
         for name, run in summary["runs"].items():
             word = tr(STATES.get(run["state"], run["state"]))
-            told = tr(
+            ended = tr(
                 "{shard}: {state}, workers: {workers}, from {host}",
                 shard=name,
                 state=word,
                 workers=run["workers"],
                 host=run["host"],
             )
-            rows.append((escape(told), f"{run['done']} / {run['to_do']}"))
+            rows.append((escape(ended), f"{run['done']} / {run['to_do']}"))
         parts.append(_table(tr("Runs"), (tr("Shard"), tr("Done")), rows))
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'

@@ -133,13 +133,13 @@ def _title(night: Night, name: str) -> str:
 
 def _under(night: Night, name: str) -> str:
     solved = len(night.frames) - len(night.unsolved)
-    said = [name, tr("{solved} of {total} frames solved", solved=solved, total=len(night.frames))]
+    parts = [name, tr("{solved} of {total} frames solved", solved=solved, total=len(night.frames))]
     if night.hours >= 1.0:
-        said.append(tr("{hours} h", hours=number(night.hours, ".1f")))
+        parts.append(tr("{hours} h", hours=number(night.hours, ".1f")))
     elif night.hours:
-        said.append(tr("{minutes} min", minutes=number(60.0 * night.hours, ".0f")))
-    said += [camera for camera, _ in Counter(f.camera for f in night.frames if f.camera).most_common(1)]
-    return " · ".join(said)
+        parts.append(tr("{minutes} min", minutes=number(60.0 * night.hours, ".0f")))
+    parts += [camera for camera, _ in Counter(f.camera for f in night.frames if f.camera).most_common(1)]
+    return " · ".join(parts)
 
 
 def _tiles(night: Night) -> list[str]:
@@ -250,14 +250,14 @@ def _field(night: Night) -> str:
     tilt, curved = shape.tilt, shape.curvature
     if shape.tilt_chance < NO_TILT:
         where = tr(shape.softest)
-        said = tr("Softest towards the {corner}: {tilt} px wider than opposite.", corner=where, tilt=tilt.text())
+        verdict = tr("Softest towards the {corner}: {tilt} px wider than opposite.", corner=where, tilt=tilt.text())
     elif shape.tilt_chance < 0.01:
-        said = tr("Tilt is not sure: {tilt} px from side to side.", tilt=tilt.text())
+        verdict = tr("Tilt is not sure: {tilt} px from side to side.", tilt=tilt.text())
     else:
-        said = tr("No tilt: {tilt} px from side to side.", tilt=tilt.text())
+        verdict = tr("No tilt: {tilt} px from side to side.", tilt=tilt.text())
     corners = tr("Corners against the middle, tilt apart: {curved} px.", curved=curved.text("+"))
     seen = tr("As the frame is recorded, FWHM in px. Tilt in micrometres can't be told at one focus position.")
-    texts = "".join(f"<p>{escape(text)}</p>" for text in (said, corners))
+    texts = "".join(f"<p>{escape(text)}</p>" for text in (verdict, corners))
     words = f'<div>{texts}<p class="note">{escape(seen)}</p></div>'
     heading = escape(tr("Sharpness over the field"))
     return f'<section><h2>{heading}</h2><div class="beside">{sharpness_map(shape, usual)}{words}</div></section>'
@@ -290,16 +290,16 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
 
 def _figure(night: Night, k: int) -> str:
     frame, lost = night.frames[k], night.lost[k]
-    said = [Path(frame.file).name]
+    parts = [Path(frame.file).name]
     if frame.time_utc:
-        said.append(f"{frame.time_utc:%H:%M} UTC")
+        parts.append(f"{frame.time_utc:%H:%M} UTC")
     if frame.sharp:
-        said.append(tr("FWHM {fwhm} px", fwhm=frame.sharp.fwhm_px.text()))
+        parts.append(tr("FWHM {fwhm} px", fwhm=frame.sharp.fwhm_px.text()))
     if lost and lost.sigma > 0.0:
-        said.append(tr("{mag} mag lost", mag=lost.text()))
+        parts.append(tr("{mag} mag lost", mag=lost.text()))
     if not frame.solved:
-        said.append(frame.error or tr(frame.reason))
-    text = escape(" · ".join(said))
+        parts.append(frame.error or tr(frame.reason))
+    text = escape(" · ".join(parts))
     picture = b64encode(frame.thumbnail).decode()
     image = f'<img alt="{escape(Path(frame.file).name)}" src="data:image/jpeg;base64,{picture}">' if picture else ""
     return f"<figure>{image}<figcaption>{text}</figcaption></figure>"

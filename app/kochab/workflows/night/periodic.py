@@ -106,8 +106,8 @@ def periodic_error(
         return None
     slope = len(np.unique(group))
     rate = Measure(float(terms[slope]) / span * 3600.0, math.sqrt(float(covariance[slope, slope])) / span * 3600.0)
-    told = [one for k, one in enumerate(amplitudes) if k == 0 or one.sigmas > SIGMAS]
-    return Periodic(tuple(told), period, chance, error, rate, rms)
+    kept = [one for k, one in enumerate(amplitudes) if k == 0 or one.sigmas > SIGMAS]
+    return Periodic(tuple(kept), period, chance, error, rate, rms)
 
 
 def _best(time_s: Floats, values: Floats, base: Floats, frequencies: Floats) -> float:

@@ -126,17 +126,17 @@ class EncoderAid:
     # -- The box -----------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        told = ""
+        last_error = ""
         while not self._over.is_set():
             try:
                 with closing(EncoderBox(self._port)) as box:
-                    told = ""
+                    last_error = ""
                     self._say(tr("Encoders connected. Solve two frames some degrees apart along both axes."))
                     self._read(box)
             except DeviceError as error:
-                if str(error) != told:
+                if str(error) != last_error:
                     self._say(tr("{why} Solves alone show the way.", why=error))
-                told = str(error)
+                last_error = str(error)
             with self._lock:
                 self._aligned_s = None  # what turned meanwhile, nobody counted: the next solve tells
                 self._looks.clear()
@@ -144,18 +144,18 @@ class EncoderAid:
 
     def _read(self, box: EncoderBox) -> None:
         """Look until it is over or the line is gone; an answer that makes no sense is told when it is not the last."""
-        told = False
+        is_lost = False
         while not self._over.wait(EVERY_S):
             try:
                 look = (monotonic(), box.counts())
             except NoAnswerError as error:
-                if not told:
+                if not is_lost:
                     self._say(tr("{why} Solves alone show the way.", why=error))
-                told = True
+                is_lost = True
                 continue
-            if told:
+            if is_lost:
                 self._say(tr("The encoders answer again."))
-                told = False
+                is_lost = False
             with self._lock:
                 self._looks.append(look)
                 while look[0] - self._looks[0][0] > KEPT_S:

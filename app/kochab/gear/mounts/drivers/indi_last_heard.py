@@ -30,13 +30,13 @@ class LastHeard:
 
     def look(self) -> bool:
         """Whether it has told of another place since the last look that found one."""
-        told = self._told_deg()
-        if told is None:
+        place = self._told_deg()
+        if place is None:
             return False
         before = self._place_deg
-        if before is not None and max(abs(wrapped(told[0] - before[0])), abs(told[1] - before[1])) < NEWS_DEG:
+        if before is not None and max(abs(wrapped(place[0] - before[0])), abs(place[1] - before[1])) < NEWS_DEG:
             return False
-        self._place_deg, self.at_s, self.deaf = told, monotonic(), False
+        self._place_deg, self.at_s, self.deaf = place, monotonic(), False
         return True
 
     def news(self, within_s: float) -> bool:
