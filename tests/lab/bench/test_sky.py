@@ -1,4 +1,5 @@
 import json
+from importlib import invalidate_caches
 
 import numpy as np
 
@@ -42,3 +43,14 @@ def test_the_bench_of_the_sky_measures_planets_asteroids_and_time(monkeypatch, t
     for package in ("stellarium-data", "fchart3", "skyfield"):
         assert package in missing
     assert "0.22" not in missing  # the asteroids are here
+
+
+def test_skyfield_counts_as_here_when_it_lies_where_the_bench_says(monkeypatch, tmp_path):
+    monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path))
+    monkeypatch.setattr("sys.path", [])
+    assert not sources.skyfield_is_here()
+    for name in ("skyfield", "skyfield_data", "jplephem"):
+        (tmp_path / "second-sources" / name).mkdir(parents=True)
+        (tmp_path / "second-sources" / name / "__init__.py").touch()
+    invalidate_caches()
+    assert sources.skyfield_is_here()

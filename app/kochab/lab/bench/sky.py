@@ -10,7 +10,6 @@ from configparser import RawConfigParser
 from contextlib import closing, suppress
 from datetime import UTC, datetime, timedelta
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -34,7 +33,14 @@ from kochab.lab.bench.second_source import (
     pairs,
     read_hnsky,
 )
-from kochab.lab.bench.sources import HNSKY, STELLARIUM_ASTEROIDS, STELLARIUM_OBJECTS, absent, source_file
+from kochab.lab.bench.sources import (
+    HNSKY,
+    STELLARIUM_ASTEROIDS,
+    STELLARIUM_OBJECTS,
+    absent,
+    skyfield_is_here,
+    source_file,
+)
 from kochab.lab.bench.stellarium_objects import plain, read_names, read_stellarium
 from kochab.sky.apparent import JD_UNIX
 from kochab.sky.elements import bodies_of, perihelion_jd
@@ -68,7 +74,7 @@ def run(quick: bool, report: Report) -> BenchResult:
     places = [Site(*rng.uniform([-70, -180, 0], [75, 180, 2500]).tolist()) for _ in times]
     report("planets")
     rows = [*against_erfa(times)]
-    beside = list(against_skyfield(times, places)) if find_spec("skyfield") and find_spec("skyfield_data") else []
+    beside = list(against_skyfield(times, places)) if skyfield_is_here() else []
     report("asteroids")
     others = list(against_stellarium(source_file(STELLARIUM_ASTEROIDS)))
     off = np.array([row["arcsec"] for row in others])

