@@ -420,3 +420,14 @@ def mean(image):
     image = image.convertToFormat(QImage.Format.Format_Grayscale8)
     bits = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), -1)
     return float(bits[:, : image.width()].mean())
+
+
+def test_the_compass_keeps_clear_of_the_buttons(qapp):
+    """In a narrow room the buttons stand at the top, and covered the letter of north."""
+    overlay = Overlay(Layers(dict.fromkeys(MARKS, False) | {"compass": True}))
+    overlay.show(np.empty((0, 2)), fake_solution(600, 400))
+    buttons = QRect(300, 8, 260, 40)
+    assert painted(overlay)[8:48, 300:560].any()
+    overlay.covered.append(buttons)
+    assert not painted(overlay)[8:48, 300:560].any()
+    assert painted(overlay)[48:160, 400:].any()

@@ -1,6 +1,6 @@
 """The marks over a frame: how each kind is painted, and all of them in one pass; sizes are screen px."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -248,10 +248,13 @@ def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
     return np.asarray((x > -20) & (y > -20) & (x < view.width + 20) & (y < view.height + 20))
 
 
-def arrows(brush: Brush, solution: Solution) -> None:
-    """Arrows in the top right corner, with dark edges that keep them readable on a bright sky."""
+def arrows(brush: Brush, solution: Solution, covered: Sequence[QRect] = ()) -> None:
+    """Arrows at the top right, below what covers that, with dark edges that keep them readable on a bright sky."""
     north, east = compass(solution)
     box = QRectF(brush.view.width - 2 * AROUND_ARROW_PX - 10, 10, 2 * AROUND_ARROW_PX, 2 * AROUND_ARROW_PX)
+    for taken in covered:
+        if box.intersects(QRectF(taken)):
+            box.moveTop(taken.bottom() + 4)
     # No label goes under the arrows.
     brush.space.place(box)
     for shade, more in (
@@ -376,7 +379,7 @@ class Overlay:
                 brush.pen(colour, width, alpha)
                 cross(brush, x, y, 6.0, 18.0)
         if self.layers.on["compass"]:
-            arrows(brush, solution)
+            arrows(brush, solution, self.covered)
         if self.selected is not None and self.selected < len(solution.stars):
             star = solution.stars[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])
