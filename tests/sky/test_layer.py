@@ -188,6 +188,20 @@ def test_closer_shows_more_and_the_amount_too(tables):
     assert len(outlined(sky, near, {"object": 14.0})) > 5
 
 
+def test_a_name_stands_beside_the_disc_of_its_star_however_close_one_looks(tables):
+    solution = solution_at(83.6, -1.0, 0.0, 15.0)
+    sky = in_frame(tables, solution)
+    for scale in (0.8, 6.0):
+        view = View(scale, 600 - 750 * scale, 400 - 500 * scale, (0.0, 0.0, 1200.0, 800.0))
+        found = [one for one in labels(sky, view, faintest_of(view, solution), text_size) if one.mark.kind == "star"]
+        assert found
+        for label in found:
+            x, y, width, height = label.box
+            at = view.to_screen(label.mark.xy)
+            apart = np.maximum(np.maximum((x, y) - at, at - (x + width, y + height)), 0.0)
+            assert np.hypot(*apart) > max(5.0, 4.0 * scale) * 0.7
+
+
 def test_lines_stay_on_the_sky_they_belong_to(tables):
     """Each place of the ecliptic and of the galactic equator is on its great circle; boundaries cross narrow frames."""
     poles = {"ecliptic": [0.0, -0.3977771, 0.9174821], "galactic": [-0.8676661, -0.1980764, 0.4559838]}

@@ -32,6 +32,7 @@ SAMPLES = 16  # of a line across the half diagonal
 WAYS = np.array([[1, 0], [1, -1], [-1, 0], [0, -1], [0, 1], [-1, -1], [1, 1], [-1, 1]], dtype=np.float64)
 AROUND_FIGURE = ((0, 0), (0, 1), (0, -1), (0, 2), (0, -2), (1, 0), (-1, 0), (1, 2), (-1, 2), (1, -2), (-1, -2))
 GAP_PX, STAR_PX = 4.0, 5.0  # from an outline and from a star to the name
+DISC_PX = 4.0  # of the image: how far the disc of a bright star reaches, which grows with the zoom
 APART_PX = 5.0  # between two names on a line
 BRIGHTEST = 1.0  # stars so bright are known by their names, however many words those have
 TWIN_PX = 3.0  # so near on the screen, two stars are one, with one name
@@ -498,7 +499,8 @@ def _outline(mark: Mark, view: View, at: Floats) -> Floats:
         places = places[((places >= view.bounds[:2]) & (places <= view.bounds[2:])).all(axis=1)]
         if len(places):
             return places
-    radius = max(mark.radius * view.scale, STAR_PX if mark.kind == "star" else DOT_PX)
+    least = max(STAR_PX, DISC_PX * view.scale) if mark.kind == "star" else DOT_PX
+    radius = max(mark.radius * view.scale, least)
     return np.asarray(at + radius * WAYS / np.hypot(*WAYS.T)[:, None])
 
 
