@@ -197,7 +197,7 @@ def prune_libraries(site: Path) -> Counter[str]:
 
 
 def stub(site: Path, arch: str, scratch: Path) -> Counter[str]:
-    """Put empty libraries in the place of those that are linked and never of use."""
+    """Replace libraries that are linked but never used with empty ones."""
     left: Counter[str] = Counter()
     returns = {"amd64": "xor %eax, %eax; ret", "arm64": "mov x0, #0; ret"}[arch]
     (icu,) = site.glob("PySide6/Qt/lib/libicudata.so.*")
@@ -274,7 +274,7 @@ def take_systems(site: Path, arch: str) -> Counter[str]:
 
 
 def join_fortran(site: Path) -> None:
-    """One of the two runtimes of Fortran, of one version, that NumPy and SciPy bring."""
+    """Keep one Fortran runtime: NumPy and SciPy each bring the same version."""
     kept = next(site.glob("numpy.libs/libgfortran-*.so.5*"))
     for name in needs(kept):
         if (beside := kept.parent / name).exists() and not (there := site / "scipy.libs" / name).exists():

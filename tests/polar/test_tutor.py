@@ -236,7 +236,7 @@ def test_what_is_said_is_never_more_than_what_is_wanted(turns):
 
 
 def test_a_hand_that_goes_too_far_again_and_again_is_asked_for_the_whole_way_to_the_degree():
-    """Each turn too little is one more in which it may lose all: from 15 degrees on others get steps of 5."""
+    """Every extra turn is a chance to overshoot; other hands are asked in steps of 5 degrees from 15 degrees on."""
     tutor = BoltTutor(bolts=(replace(turned_well(arcsec_a_turn=4000.0), proved=True), AZIMUTH_BOLT))
     tutor._last = (Knob.ALTITUDE, 1.0)
     wanted = tutor.bolts[Knob.ALTITUDE].needed(-255.0) * 360.0

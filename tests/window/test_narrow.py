@@ -36,7 +36,7 @@ def whole(window, shown):
 
 @pytest.mark.parametrize("name", ["image", *VIEWS])
 def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, opened, name):
-    """Live asked for 776 x 467, the Polar room for 730 x 474, and the rail lost Night and Settings."""
+    """Live needed 776 x 467 px, the Polar room 730 x 474, and the rail lost Night and Settings."""
     window, commands = opened
     commands.views.show(name)
     qtbot.wait(50)

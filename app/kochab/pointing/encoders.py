@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, rotation_vectors, separation_deg, small_rotation, unit, wrapped
+from kochab.core.attitude import rotation_vectors, separation_deg, small_rotation, unit, wrapped
 
-Counts = Degrees
+Counts = tuple[float, float]
 """Of both axes, as the box counts them, over whole turns without a jump."""
 
 LEAN_DEG, CONE_DEG = 2.0, 3.0
@@ -70,7 +70,7 @@ class _Fit:
         return np.asarray(last.attitude @ there.T @ here)
 
     def variance(self, last: _Sighting, counts: Counts) -> float:
-        """Of the direction, rad^2, by what the fit leaves open."""
+        """Variance of the direction, rad^2, from the covariance of the fit."""
         here, h = self.anchored(last, counts)[2], 1e-6
         columns = [(self.anchored(last, counts, self.values + h * one)[2] - here) / h for one in np.eye(8)]
         slope = np.stack(columns, axis=1)
@@ -103,7 +103,7 @@ class EncoderModel:
 
     @property
     def counts_in_a_turn(self) -> tuple[float | None, float | None]:
-        """Of both axes as learned, negative where they fall as the angle grows; None while unknown."""
+        """Counts in a full turn of each axis as learned; negative if they fall as it grows, None while unknown."""
         if len(self._sightings) < 2:
             return None, None
         fit = self._fits[0]

@@ -7,7 +7,7 @@ seen of it. Marks are in image px, label boxes in screen px; whoever draws bring
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from math import hypot
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else
 BODIES = -20.0  # the rank down to which all are bodies
 MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
+Magnitude = TypeVar("Magnitude", float, Floats)
 NUMBERED, FIRST = 2.0, 1.5  # ranks by which a star with only a number is named later, and one of one word earlier
 NAMELESS = 7.0  # the rank that a frame's first name has at least: no solved frame is without one
 MOST_RADII = 1.0  # of the view: a larger outline says nothing
@@ -268,7 +269,7 @@ def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, 
         name = stars.called(row)
         plain = " " not in name or stars.mag[row] < BRIGHTEST  # Rigil Kentaurus comes before Toliman
         later = NUMBERED if not stars.name[row] else -FIRST * plain
-        yield Mark("star", row, place, 0.0, 1.2 * float(stars.mag[row]) + 2.0 + later, name, name)
+        yield Mark("star", row, place, 0.0, star_rank(float(stars.mag[row])) + later, name, name)
 
 
 def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach: float) -> Iterable[Floats]:
@@ -332,15 +333,15 @@ def named_to(across_deg: float, stars: float = 1.0, objects: float = 1.0) -> dic
     """The ranks down to which so wide a view names stars and objects; of each as much as is wished, 0 to 1."""
     wide = float(np.log10(np.clip(across_deg, 0.05, 180.0)))
     return {
-        "star": max(12.0 - 4.2 * wide, 1.2 * TO_MAG + 2.0) + 8.0 * (stars - 0.5),
+        "star": max(12.0 - 4.2 * wide, star_rank(TO_MAG)) + 8.0 * (stars - 0.5),
         "object": 15.5 - 6.0 * wide + 10.0 * (objects - 0.5),
         "body": BODIES,
     }
 
 
-def star_rank(mag: Floats) -> Floats:
-    """The rank that stars (N,) have at least; names of one word come before all others of their magnitude."""
-    return np.asarray(1.2 * mag + 2.0 - FIRST)
+def star_rank(mag: Magnitude) -> Magnitude:
+    """The rank of stars by their magnitude; `NUMBERED` and `FIRST` move it by what kind of name they have."""
+    return 1.2 * mag + 2.0
 
 
 def mark_at(sky: SkyInFrame, x: float, y: float, reach: float, shown: dict[str, float]) -> Mark | None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from PySide6.QtCore import QPoint, Qt
-from PySide6.QtGui import QColor, QDropEvent, QGuiApplication, QIcon, QPainter, QPalette
+from PySide6.QtGui import QColor, QDropEvent, QGuiApplication, QIcon, QImage, QPainter, QPalette
 from PySide6.QtWidgets import QAbstractButton, QFileDialog, QGraphicsEffect, QInputDialog, QMessageBox, QWidget
 
 from kochab.core.errors import KochabError
@@ -16,6 +16,16 @@ def is_red() -> bool:
     """Whether the application uses red light alone."""
     text = QGuiApplication.palette().color(QPalette.ColorRole.WindowText)
     return text.red() > 0 and text.green() == text.blue() == 0
+
+
+def reddened(image: QImage) -> QImage:
+    """An image without transparency in red light alone."""
+    red = image.convertToFormat(QImage.Format.Format_RGB32)
+    painter = QPainter(red)
+    painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
+    painter.fillRect(red.rect(), QColor(255, 0, 0))
+    painter.end()
+    return red
 
 
 def redden_caret(field: QWidget) -> None:

@@ -206,7 +206,7 @@ def test_what_it_lacks_is_not_sent(ability, order) -> None:
 )
 @pytest.mark.parametrize("action", ["home", "park"])
 def test_a_way_home_past_the_sun_is_refused_before_it_begins(action, side, fork, refused) -> None:
-    """One that fell silent on it was seen again 22 deg from the Sun. A fork may rest anywhere, as any mount may park."""
+    """A mount that stopped answering on its way came within 22 deg of the Sun. Where a fork rests is not known."""
     guard, mount = guarded(hour_angle_deg=-40.0, dec_deg=-5.0, time_utc=NOON, crosses_meridian=fork)
     mount.now = replace(mount.now, pier_side=side)
     told = " ".join(guard.preview_rest(action).refusals)

@@ -652,7 +652,7 @@ def with_paths(plan: Plan, flip: bool = False) -> Plan:
 
 
 def paths_home(plan: Plan) -> tuple[Floats, ...]:
-    """The likeliest way home: of a German mount to the pole, its counterweight down; none where that is not known."""
+    """The likeliest path home: a German mount's, to the pole with its counterweight down; empty where none is known."""
     ends = plan.hour_angles_deg()
     if plan.site is None or ends is None or plan.never_flips or plan.state.alt_azimuth:
         return ()

@@ -34,7 +34,7 @@ DATE_UNIX = 1_800_000_000.0
 BEFORE_MIDNIGHT_S = 4.8 * 3600.0
 """When a night begins: satellites are still in the Sun."""
 ASTEROID, ASTEROID_DEG, ASTEROID_MAG = "4 Vesta", (20.29, 1.45), 8.0
-"""Where the body stands on that night; the nights with planted faults point next to it."""
+"""Where the body is on that night; nights with planted faults point close to it."""
 FWHM_PX = 2.8
 EXPOSURE_S, EVERY_S = 30.0, 40.0
 WORM_S = 2.0 / 15.041 * 3600.0

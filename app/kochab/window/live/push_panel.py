@@ -269,7 +269,7 @@ class PushPanel(Page):
         if on and not port:
             with QSignalBlocker(self.encoders):
                 self.encoders.setChecked(False)
-            self._say(tr("Give the port of the encoders first."))
+            self._say(tr("Give the port of the encoder box first."))
             return
         self.encoder_port.setEnabled(not on)
         if on:

@@ -9,7 +9,7 @@ from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QFrame, QTextBrowser
 
 from kochab.text.translation import tr, tr_noop
-from kochab.window.dialogs import is_red
+from kochab.window.dialogs import is_red, reddened
 from kochab.window.themes import Colours, theme_colours
 from kochab.workflows.night.earlier import Compared
 from kochab.workflows.night.page import night_parts
@@ -76,7 +76,7 @@ class NightBrowser(QTextBrowser):
         wide = max(120, self._room // min(self._columns, SHOWN) - 3 * MARGIN_PX)
         image = image.scaledToWidth(round(wide * self.devicePixelRatioF()), Qt.TransformationMode.SmoothTransformation)
         image.setDevicePixelRatio(self.devicePixelRatioF())
-        return _reddened(image) if is_red() else image
+        return reddened(image) if is_red() else image
 
     @property
     def _room(self) -> int:
@@ -108,18 +108,8 @@ class NightBrowser(QTextBrowser):
             self._again.start()
 
 
-def _reddened(image: QImage) -> QImage:
-    """In red light alone."""
-    red = image.convertToFormat(QImage.Format.Format_RGB32)
-    painter = QPainter(red)
-    painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
-    painter.fillRect(red.rect(), QColor(255, 0, 0))
-    painter.end()
-    return red
-
-
 def _style(c: Colours) -> str:
-    """Of the text: what Qt's rich text knows."""
+    """The style sheet of the text, in the part of CSS that Qt's rich text supports."""
     return f"""
 h1 {{ color: {c.text}; font-size: x-large; }} h2 {{ color: {c.text}; font-size: large; }}
 p,td,b {{ color: {c.text}; }} .sub,.note,th,span,figcaption {{ color: {c.muted}; }}
@@ -129,7 +119,7 @@ th {{ text-align: left; padding-right: 14px; }} td {{ padding-right: 14px; }} b 
 
 
 def _drawing_style(c: Colours) -> str:
-    """Of the drawings; Qt's SVG knows classes, and no variables."""
+    """The style sheet of the drawings; Qt's SVG supports classes, but no variables."""
     return f"""
 text {{ font-size: 13px; font-family: sans-serif; fill: {c.muted}; }} text.value {{ fill: {c.text}; }}
 .tick {{ text-anchor: end; }} .time {{ text-anchor: middle; }}

@@ -45,7 +45,6 @@ class Card(QFrame):
         self.old = label("", "old", wrap=True)
         self.ra, self.dec = position_labels()
         self.facts = label("", wrap=True)
-        self._pointing = (self.ra, self.dec, self.facts)
         self._short = False
         self._numbers = facts_grid(3)
         self.again = button(tr("Solve agai&n"), self.again_wanted.emit)
@@ -54,7 +53,7 @@ class Card(QFrame):
         self.open = button(tr("Open an&other…"), self.open_wanted.emit)
         buttons = grid((self.again, self.hints), (self.copy,), (self.open,), across=8, down=6, stretch=(0, 0, 1))
         state = (self.title, self.text, self.advice, self._numbers, buttons)
-        column(*state, self.old, *self._pointing, on=self, spacing=4, margins=(12, 10, 12, 10))
+        column(*state, self.old, self.ra, self.dec, self.facts, on=self, spacing=4, margins=(12, 10, 12, 10))
         self._say(tr("No image"), tr("Open an image of the night sky."))
         self.show_pointing(None)
 
@@ -92,7 +91,7 @@ class Card(QFrame):
         show_text(self.old, old)
         for value in (self.ra, self.dec):
             set_role(value, "value_old" if old_from else "value")
-        for shown in self._pointing:
+        for shown in (self.ra, self.dec):
             shown.setVisible(solution is not None)
         self._show_parts()
         self.set_style(self.style_of_angles)

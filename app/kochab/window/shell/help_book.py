@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QLocale, QObject, Qt, QUrl
-from PySide6.QtGui import QColor, QImage, QPainter, QTextDocument
+from PySide6.QtGui import QImage, QTextDocument
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QTextBrowser, QWidget
 
 from kochab.core import __version__
 from kochab.folders import data_folder
 from kochab.gear.journal import save_report
 from kochab.text.translation import tr, tr_noop
-from kochab.window.dialogs import ask_save, is_red, save_task, tell, without_icons
+from kochab.window.dialogs import ask_save, is_red, reddened, save_task, tell, without_icons
 from kochab.window.job import Jobs
 from kochab.window.settings import WindowSettings
 from kochab.window.shell.actions import COMMANDS, NEWS
@@ -62,13 +62,7 @@ class PageBrowser(QTextBrowser):
         if kind != QTextDocument.ResourceType.ImageResource.value or image.isNull():
             return None
         image = image.scaledToWidth(PICTURE_PX, Qt.TransformationMode.SmoothTransformation)
-        if is_red():
-            image = image.convertToFormat(QImage.Format.Format_RGB32)
-            painter = QPainter(image)
-            painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_Multiply)
-            painter.fillRect(image.rect(), QColor(255, 0, 0))
-            painter.end()
-        return image
+        return reddened(image) if is_red() else image
 
 
 class HelpBook(QDialog):

@@ -83,6 +83,9 @@ class EncoderAid:
         if not self._over.is_set():
             self._tell(sentence)
 
+    def _say_lost(self, error: DeviceError) -> None:
+        self._say(tr("{why} For now only solved frames show the way.", why=error))
+
     # -- What is seen ------------------------------------------------------------------------------
 
     def see(self, solution: Solution, at_s: float) -> None:
@@ -102,7 +105,7 @@ class EncoderAid:
             )
 
     def pointing(self, eyepiece: Floats) -> ByEncoders | None:
-        """Where a direction (3,) of the camera's axes looks now; None while the encoders cannot tell."""
+        """Where a direction (3,) in camera axes points now; None while the encoders cannot tell."""
         with self._lock:
             if self._aligned_s is None or not self._looks or monotonic() - self._looks[-1][0] > FRESH_S:
                 return None
@@ -135,7 +138,7 @@ class EncoderAid:
                     self._read(box)
             except DeviceError as error:
                 if str(error) != last_error:
-                    self._say(tr("{why} Solves alone show the way.", why=error))
+                    self._say_lost(error)
                 last_error = str(error)
             with self._lock:
                 self._aligned_s = None  # what turned meanwhile, nobody counted: the next solve tells
@@ -150,7 +153,7 @@ class EncoderAid:
                 look = (monotonic(), box.counts())
             except NoAnswerError as error:
                 if not is_lost:
-                    self._say(tr("{why} Solves alone show the way.", why=error))
+                    self._say_lost(error)
                 is_lost = True
                 continue
             if is_lost:

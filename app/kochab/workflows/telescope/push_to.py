@@ -74,12 +74,12 @@ class PushTo:
         if abs(self.on_sky_deg[1]) > THERE_DEG / 2.0:
             way.append(f"{angle_text(abs(self.up_deg))} {up if self.up_deg > 0 else down}")
         if not way:
-            return tr("{name} is near. The next solved frame tells.", name=self.target.name)
+            return tr("{name} is close. The next solved frame shows the rest of the way.", name=self.target.name)
         return tr("Push {way}.", way=", ".join(way))
 
     @property
     def distance_text(self) -> str:
-        """How far it is, with 1 sigma where encoders say it."""
+        """The distance, with its 1 sigma when it comes from the encoders."""
         distance = angle_text(self.distance_deg)
         return f"{distance} ± {angle_text(self.sigma_deg)}" if self.sigma_deg >= WORTH_SAYING_DEG else distance
 
