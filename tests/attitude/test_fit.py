@@ -385,3 +385,14 @@ def test_two_rounds_weigh_the_matches_as_four_do_when_there_is_nothing_to_leave_
     np.testing.assert_allclose(two.residuals_px, four.residuals_px, atol=1e-6)
     np.testing.assert_allclose(two.attitude.covariance, four.attitude.covariance, rtol=1e-6)
     assert np.abs(one.residuals_px - four.residuals_px).max() > 1e-4  # a least-squares fit, unweighted
+
+
+@pytest.mark.parametrize("off_px", [(450.0, 300.0), (450.0, 450.0), (600.0, 300.0)])
+def test_a_fit_of_many_stars_is_no_worse_than_the_camera_it_is_given(off_px: tuple[float, float]) -> None:
+    """Of a crop, whose axis is far off the middle, stars in the middle half found the axis; from the middle out of
+    reach, it left one in twelve with residuals of 2 to 30 px."""
+    for seed in range(20):
+        field = simulate(seed, 124, 62.0, 0.15, 0.004, off_centre_px=off_px)
+        middle = np.flatnonzero((np.abs(field.matches.xy - (1499.5, 999.5)) < (750.0, 500.0)).all(axis=1))
+        fit = refine(field.matches.take(middle), field.camera, field.attitude, rounds=1)
+        assert np.median(np.hypot(*fit.residuals_px.T)) < 0.5

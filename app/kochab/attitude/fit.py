@@ -188,21 +188,23 @@ def refine(
     count = len(matches)
     sigma = np.broadcast_to(1.0 if sigma_px is None else sigma_px, count)
     # The principal point goes too: told by fewer stars, its error would be in the centre and in no sigma.
-    if distortion and count >= ENOUGH_TO_START_PLAIN:
-        camera = undistorted(camera)
+    plain = undistorted(camera) if distortion and count >= ENOUGH_TO_START_PLAIN else camera
     everyone = np.ones(count, dtype=np.bool_)
-    state = FitState(
+    given = FitState(
         camera,
         attitude.matrix,
         matches,
         median(sigma) / sigma,
         everyone,
-        camera,
+        plain,
         np.ones(count),
         largest=math.inf if worst_px is None else worst_px / 3.0,
     )
     base = columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
-    free, state = _without_outliers(state.descend(base), base, distortion, rounds)
+    free, state = _without_outliers(replace(given, camera=plain).descend(base), base, distortion, rounds)
+    # A principal point far off, as in a crop, is out of reach from the middle: no fit is worse than what was given.
+    if plain is not camera and _typical(state) > _typical(given):
+        free, state = _without_outliers(given.descend(base), base, distortion, rounds)
     # A distortion that was given, as by a camera profile, has to agree with these stars too.
     if distortion and rounds > 1 and not distortion_supported(state, free):
         free, state = _without_outliers(without_distortion(state).descend(base), base, distortion, rounds)
@@ -213,6 +215,11 @@ def refine(
     if rounds > 1:
         state = _reweighted(state, free)
     return _fit_of(state, free, max(floor_px, FLOOR_PX) if rounds > 1 else None, principal_point_sigma)
+
+
+def _typical(state: FitState) -> float:
+    """Median length of all residuals, px, those of outliers too."""
+    return median(np.hypot(*state.residuals().T))
 
 
 def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: int) -> tuple[Indices, FitState]:
