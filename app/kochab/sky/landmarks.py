@@ -44,7 +44,8 @@ def _boundaries() -> tuple[Floats, list[str], dict[str, str]]:
         [line.strip().split(maxsplit=most) for line in (data / name).read_text("utf-8").splitlines() if line[0] != "#"]
         for name, most in (("constellation_data_roman87.dat", 3), ("constellation_names.dat", 1))
     )
-    called = dict(names) | {"Oph": "Ophiuchus"}  # Astropy has misspelt it
+    # Three of the IAU's names are misspelt in Astropy.
+    called = dict(names) | {"Cha": "Chamaeleon", "Oph": "Ophiuchus", "PsA": "Piscis Austrinus"}
     return np.array([zone[:3] for zone in zones], dtype=np.float64), [zone[3] for zone in zones], called
 
 
