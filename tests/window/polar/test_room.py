@@ -1,10 +1,16 @@
 """The Polar room: one number that stays where it is, a card for each knob, one message, and the star to drag."""
 
+import math
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from astropy.coordinates import CIRS, ICRS, AltAz, EarthLocation, SkyCoord
+from astropy.time import Time
+from astropy.units import deg
 
+from kochab.core.attitude import angle_between as separation
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.polar.error import Knob
@@ -176,3 +182,40 @@ def test_nothing_is_drawn_over_the_names_of_the_plots_directions(qtbot, wide):
     ]
     assert changed, "there are names"
     assert all(drawn.pixel(x, y) == ground for x, y in changed)
+
+
+def at_the_pole(sky):
+    """Degrees from the cross on the chart to the pole of date, and where the zenith is from it, degrees from the top."""
+    date = Time(datetime.now(UTC))
+    pole = CIRS(ra=0 * deg, dec=math.copysign(90.0, sky.site.latitude_deg) * deg, obstime=date).transform_to(ICRS())
+    here = EarthLocation.from_geodetic(sky.site.longitude_deg * deg, sky.site.latitude_deg * deg)
+    zenith = SkyCoord(alt=90 * deg, az=0 * deg, frame=AltAz(obstime=date, location=here)).icrs
+    (x, y), (up_x, up_y) = sky.sheet.pixels_of(np.array([pole.cartesian.xyz.value, zenith.cartesian.xyz.value]))
+    middle = sky.width() / 2.0, sky.height() / 2.0
+    assert (x + 0.5, y + 0.5) == pytest.approx(middle, abs=2.0), "the pole"
+    return math.degrees(separation(sky.pole, pole.cartesian.xyz.value)), math.degrees(math.atan2(up_x - x, y - up_y))
+
+
+@pytest.mark.parametrize("latitude_deg", [52.0, -33.0])
+def test_before_the_first_frame_the_sky_around_the_pole_is_shown_as_one_sees_it(polar, latitude_deg):
+    """The room was bare; the pole and the zenith over it are Astropy's."""
+    _, view = polar()
+    view.setup.aim.site.setText(f"{latitude_deg}, 11.6")
+    sky = view.room.sky
+    assert sky.isVisible()
+    assert sky.site.latitude_deg == latitude_deg
+    off_deg, tilt_deg = at_the_pole(sky)
+    assert off_deg < 0.05, "refracted, it is an arcminute higher"
+    assert abs(tilt_deg) < 0.5
+    free = sky.mapTo(view.room, sky.rect().center())
+    assert not (view.room.over.geometry() | view.room.first.geometry()).contains(free)
+
+
+def test_a_frame_takes_the_place_of_the_pole_s_sky(polar, qtbot):
+    _, view = polar()
+    room = view.room
+    room.frame.see(Frame(np.zeros((40, 60), np.float32)), None)
+    qtbot.waitUntil(lambda: room.frame.picture is not None)
+    assert not room.sky.isVisible()
+    room.frame.begin()
+    assert room.sky.isVisible()

@@ -118,6 +118,7 @@ class StarChart(QWidget):
         self.catalogue: Catalogue | None = None
         self._glow: MilkyWay | None = None
         self.centre, self.field_deg = np.array([1.0, 0.0, 0.0]), 60.0
+        self.roll_deg = 0.0  # of its top from north, as of :func:`frame_at`
         self.own: ViewsOwn | None = None
         self.is_light = False  # as wide charts are: while it turns with something, twice as fast
         self._picture: tuple[object, QPixmap] | None = None  # of the sky, until something of it changes
@@ -131,11 +132,11 @@ class StarChart(QWidget):
 
     @property
     def sheet(self) -> Solution:
-        """The chart as a frame, north up and east to the left."""
-        key = self.centre.tobytes(), self.field_deg, self.width(), self.height(), self.is_light
+        """The chart as a frame, north up and east to the left, but for its roll."""
+        key = self.centre.tobytes(), self.roll_deg, self.field_deg, self.width(), self.height(), self.is_light
         if key != self._key or self.overlay.solution is None:
             camera = ChartCamera.of(self.width(), self.height(), self.field_deg)
-            self._key, sheet = key, frame_at(camera, self.centre)
+            self._key, sheet = key, frame_at(camera, self.centre, self.roll_deg)
             self.overlay.tables = self._suit()
             self.overlay.show(NO_STARS, sheet)
             self.overlay.show_bodies(tuple(self._marks(sheet)))

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPen
 
 from kochab.core.frame import Frame
@@ -28,6 +28,8 @@ BELOW_PX = 16.0  # of a mark, for the middle of its word
 class LiveFrame(FrameView):
     """Shows frames as they come, the newest always next; a frame is prepared in a job."""
 
+    pictured = Signal()  # there is a picture now, or none any more
+
     def __init__(self, services: Services) -> None:
         super().__init__()
         self.setAccessibleName(tr("Live frame"))
@@ -43,6 +45,7 @@ class LiveFrame(FrameView):
         """Nothing of another alignment is shown any more."""
         self._next = self._solution = self.target = None
         self.show_picture(None)
+        self.pictured.emit()
 
     def see(self, frame: Frame, solution: Solution | None) -> None:
         """Show a frame; one that comes while another is prepared takes the place of those that wait."""
@@ -74,6 +77,7 @@ class LiveFrame(FrameView):
         self._solution = solution or self._solution
         self.show_picture(picture, keep_view=kept)
         self.set_look(picture.auto, colour=False, red=self._services.looks.is_night)
+        self.pictured.emit()
 
     def _prepared(self) -> None:
         self._job = None

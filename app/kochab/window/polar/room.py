@@ -1,4 +1,4 @@
-"""The Polar room: the live frame, and over it one number, a card for each knob, one message and four buttons."""
+"""The Polar room: the live frame or the pole's sky; over it one number, a card for each knob, a message, buttons."""
 
 from collections.abc import Callable
 
@@ -14,6 +14,7 @@ from kochab.window.polar.bolts_painting import Spinner
 from kochab.window.polar.first_steps import LOW_PX, FirstSteps
 from kochab.window.polar.live_frame import LiveFrame
 from kochab.window.polar.messages import Message
+from kochab.window.polar.pole_chart import PoleChart
 from kochab.window.services import Services
 from kochab.window.widgets import Page, column, label, row, set_property, set_role, show_text, styled_frame, value_label
 from kochab.workflows.session.alignment_state import AlignmentState
@@ -174,9 +175,13 @@ class PolarRoom(Page):
         self.first, self._is_first = FirstSteps(set_up), True
         self.first.setParent(self)
         column((self.frame, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
+        self.sky = PoleChart(services)
+        self.sky.setParent(self)
+        self.frame.pictured.connect(self._place)
         for over in (self.first, self.over, self.bar):
             over.raise_()
             over.installEventFilter(self)
+        self.sky.stackUnder(self.first)
 
     @property
     def message(self) -> QLabel:
@@ -229,11 +234,17 @@ class PolarRoom(Page):
         self._place_first(inside)
 
     def _place_first(self, inside: QRect) -> None:
-        """Before the first frame of the first alignment its way is shown, below the cards or beside them."""
+        """Before the first frame the sky around the pole, and an alignment's way below the cards or beside them."""
         over = self.over.geometry()
         below = QRect(inside.left(), over.top() + self._column.minimumHeightForWidth(over.width()), over.width(), 0)
         below.translate(0, GAP_PX)
         below.setBottom(self.bar.y() - GAP_PX)
         self.first.drawing.setVisible(below.height() >= LOW_PX)
         fits = self.first.place(below) or self.first.place(inside.adjusted(over.width() + GAP_PX, 0, 0, 0))
-        self.first.setVisible(fits and self._is_first and self.frame.picture is None)
+        bare = self.frame.picture is None
+        self.first.setVisible(fits and self._is_first and bare)
+        self.sky.setVisible(bare)
+        cards = QRect(over.topLeft(), QSize(over.width(), below.top() - GAP_PX - over.top()))
+        if not self.first.isHidden():
+            cards |= self.first.geometry()
+        self.sky.place(self.rect(), cards, self.bar.geometry())

@@ -1,13 +1,14 @@
 """The Polar alignment view: the room with the live frame, and beside it the axis, the set-up, tonight and the phone."""
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QApplication, QLabel, QSizePolicy
 
-from kochab.core.errors import KochabError
+from kochab.core.errors import KochabError, UsageError
 from kochab.gear.session import EXPOSURE_S
 from kochab.text.translation import number, tr, tr_noop
 from kochab.window.devices.mount_status import StopKey
@@ -296,6 +297,8 @@ class PolarView(View):
             self.bolts.show_state(state, now_s)
         self.buttons.show_state(self.alignment, self._waiting)
         self.room.first.say(self.setup.other_steps)
+        with suppress(UsageError):  # while a site is typed
+            self.room.sky.show_site(self.setup.aim.typed_site)
         message = most_urgent(state, self._said)
         self.room.strip.show_message(message if message.text else Message(self.setup.sentence))
 

@@ -1,0 +1,98 @@
+"""The sky around the celestial pole: what the Polar room shows before its first frame."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+from PySide6.QtCore import QPoint, QPointF, QRect, QSize, Qt
+from PySide6.QtGui import QPainter, QShowEvent
+
+from kochab.core.frame import Site
+from kochab.polar.pole import northern, pole_direction
+from kochab.polar.rotations import alt_az, direction
+from kochab.sky.horizon import Horizon
+from kochab.text.translation import tr
+from kochab.window.atlas.chart import StarChart
+from kochab.window.atlas.mosaic import frame_at
+from kochab.window.atlas.sky_reading import read_sky
+from kochab.window.image.overlay import Brush, cross
+from kochab.window.image.screen_image import LabelSpace, Viewport
+from kochab.window.services import Services
+from kochab.window.themes import theme_colours
+
+FIELD_DEG = 44.0  # of the shorter side: the pole's constellation, and Kochab in it
+UNKNOWN = Site(45.0, 0.0)  # whoever has said no site sees the northern pole
+ABOVE_RAD = 0.1  # what is so far above the pole tells which way the zenith is
+CROSS_PX = 6.0, 20.0  # the inner and outer end of a tick
+
+
+class PoleChart(StarChart):
+    """Drawn as one sees it who faces the pole, the zenith above; it is looked at only."""
+
+    def __init__(self, services: Services) -> None:
+        super().__init__()
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        self.setAccessibleName(tr("Sky around the celestial pole"))
+        self.setAccessibleDescription("")
+        self.overlay.layers.on["boundaries"] = False
+        self.own, self.site, self.pole = self, UNKNOWN, np.array([0.0, 0.0, 1.0])
+        self._services, self._is_read = services, False
+
+    def show_site(self, site: Site | None) -> None:
+        """Turn to the pole of a site as it stands there now; None: its hemisphere is not known."""
+        if (site or UNKNOWN) != self.site:
+            self.site = site or UNKNOWN
+            self._turn()
+
+    def _turn(self) -> None:
+        horizon = Horizon(self.site, datetime.now(UTC))
+        pole = pole_direction(self.site)
+        altitude, azimuth = alt_az(pole)
+        self.pole, above = horizon.catalogue(np.stack([pole, direction(altitude + ABOVE_RAD, azimuth)]))
+        # North is no way up here: the pole of the chart's coordinates is another by a sixth of a degree.
+        right, down = np.diff(frame_at(self.sheet.camera, self.pole).pixels_of(np.stack([self.pole, above])), axis=0)[0]
+        self.roll_deg = float(np.degrees(np.arctan2(-right, -down)))
+        self.look(self.pole, FIELD_DEG)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        self._turn()
+        if not self._is_read:
+            self._is_read = True
+            job = self._services.jobs.run(read_sky(), "pole-sky")
+            job.succeeded.connect(lambda read: self.fill(*read))
+
+    def place(self, room: QRect, cards: QRect, bar: QRect) -> None:
+        """Fill a room with the pole where the cards leave most free, beside them or between them and the bar."""
+        beside = room.adjusted(cards.right(), 0, 0, 0)
+        below = QRect(room.left(), cards.bottom(), room.width(), bar.top() - cards.bottom())
+        middle = max((beside, below), key=lambda free: min(free.width(), free.height())).center()
+        wide = max(middle.x() - room.left(), room.right() - middle.x())
+        high = max(middle.y() - room.top(), room.bottom() - middle.y())
+        self.setGeometry(QRect(middle - QPoint(wide, high), QSize(2 * wide, 2 * high)))
+        reach, font = round(CROSS_PX[1]), self.fontMetrics()
+        aside = font.horizontalAdvance(self._name) // 2
+        mark = QRect(middle, middle).adjusted(-aside, -reach, aside, reach + 2 * font.height())
+        self.overlay.covered[:] = [box.translated(-self.pos()) for box in (cards, bar, mark)]
+
+    @property
+    def _name(self) -> str:
+        return tr("north celestial pole") if northern(self.site) else tr("south celestial pole")
+
+    @property
+    def ground_key(self) -> object:
+        return self.pole.tobytes()
+
+    def paint_ground(self, painter: QPainter, chart: StarChart) -> None:
+        """Nothing: no ground is in sight."""
+
+    def paint_marks(self, painter: QPainter, chart: StarChart) -> None:
+        """A cross where the axis is to point."""
+        colours, view = theme_colours(), Viewport(self.width(), self.height())
+        brush = Brush(painter, view, colours, LabelSpace(view.width, view.height))
+        x, y = (self.sheet.pixels_of(self.pole[None])[0] + 0.5).tolist()
+        brush.pen(colours.centre, 2.0)
+        cross(brush, x, y, *CROSS_PX)
+        box, _ = brush.words(self._name, colours.centre)
+        at = QPointF(x - box.width() / 2.0, y + CROSS_PX[1] + box.height() / 2.0)
+        brush.draw(at, self._name, colours.centre)
