@@ -30,6 +30,9 @@ os.environ["WIN_PD_OVERRIDE_LOCAL_APPDATA"] = str(Path(_home.name, "config"))
 
 choose_folder()
 
+# As the program itself has it: our matrices are small, and threads of the linear algebra take a tenth more of the processor.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A shell lets what it runs in the background ignore Ctrl-C, and so would every child of a test.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

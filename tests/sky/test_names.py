@@ -97,7 +97,9 @@ def test_the_names_of_objects_agree_with_the_second_source(catalogue):
     assert checked > 250
 
 
-@pytest.mark.parametrize("name", ["", "nope", "HIP 0", "HIP 999999", "HD 99999999", "M 999"])
+@pytest.mark.parametrize(
+    "name", ["", "nope", "HIP 0", "HIP 999999", "HD 99999999", "HIP 10000000001", "HD " + 5000 * "9", "M 999"]
+)
 def test_what_nobody_is_called_is_said_in_a_sentence(catalogue, name):
     with pytest.raises(UsageError, match=r"\.$"):
         catalogue.find(name)

@@ -3,6 +3,7 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
+import erfa
 import numpy as np
 import pytest
 
@@ -11,7 +12,7 @@ from kochab.core.attitude import ARCSEC, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import run
-from kochab.sky.elements import bodies_of, read_elements, short_name
+from kochab.sky.elements import bodies_of, julian_date, read_elements, short_name
 from kochab.sky.ephemeris import GM, shipped_ephemeris
 from kochab.sky.landmarks import constellation_at
 from kochab.sky.orbits import carried, two_body
@@ -381,3 +382,21 @@ def test_a_comet_is_where_its_own_elements_have_it_when_carried_from_a_nearer_da
     far = run(carried(table.state[row], table.epoch_jd[row], jd, shipped_ephemeris()))
     arcsec = np.linalg.norm(near[0, :3] - far[0, :3]) / np.linalg.norm(far[0, :3]) / ARCSEC
     assert arcsec < 0.5
+
+
+@pytest.mark.parametrize(
+    ("year", "month", "day"),
+    [(1600, 1, 1.0), (2200, 12, 31.9), (1858, 11, 17.0), (2024, 2, 29.75), (2000, 1, 1.5), (1900, 3, 1.0)],
+)
+def test_a_day_of_elements_is_the_julian_date_of_erfa(year, month, day):
+    whole = int(day)
+    assert julian_date(year, month, day) == pytest.approx(sum(erfa.cal2jd(year, month, whole)) + day - whole, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("year", "month", "day"),
+    [(1599, 12, 31.0), (2201, 1, 1.0), (2024, 0, 1.0), (2024, 13, 1.0), (2024, 5, 0.99), (2024, 5, 32.0)],
+)
+def test_what_is_no_day_of_elements_is_refused(year, month, day):
+    with pytest.raises(ValueError):  # noqa: PT011 - read_elements says which line it is
+        julian_date(year, month, day)

@@ -113,6 +113,14 @@ def test_areas_of_all_the_sky_are_told_apart(tmp_path, sky):
     assert database.reach().density_deg2 == pytest.approx(30_000 / 41_253, rel=0.2)
 
 
+def test_one_file_for_all_the_sky_tells_how_deep_it_goes(tmp_path, stars):
+    """Its density is of the whole sky's 41,253 square degrees."""
+    reach = open_user_catalogue(make_wide(tmp_path, stars)).reach()
+    assert reach.density_deg2 == pytest.approx(len(stars) / 41_252.96, rel=1e-6)
+    assert reach.faintest_mag == pytest.approx(stars[:, 2].max(), abs=0.051)
+    assert reach.sky_share == 1.0
+
+
 def test_of_a_series_the_smallest_scale_is_searched_and_borders_count_once(tmp_path, stars):
     half = len(stars) // 2
     user_files.write_index(tmp_path / "index-5210.fits", stars[:50], index_id=5210)

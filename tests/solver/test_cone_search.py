@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from kochab.core.attitude import apart_deg, attitude_from, unit_vectors
+from kochab.core.attitude import apart_deg, attitude_from, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
@@ -209,6 +210,22 @@ def test_a_star_that_both_have_counts_once_and_keeps_its_name(in_use, catalogue,
     assert len(again.v) == len(shipped.v)
     assert both.labels(np.arange(5))[0][0]
     assert (np.diff(both.v) >= 0).all()
+
+
+def test_a_field_without_a_shipped_star_has_the_users_alone(catalogue):
+    """A cone of 30 arcsec where the shipped catalogue has none."""
+    rng = np.random.default_rng(5)
+    radius = np.radians(30.0 / 3600.0)
+    for place in unit(rng.normal(size=(200, 3))):
+        cone = Cone(float(np.arctan2(place[1], place[0])), float(np.arcsin(place[2])), float(radius))
+        if not len(cone_stars(cone, None).v):
+            break
+    user = user_catalogues.StarCone(*(np.array([value]) for value in (cone.ra_rad, cone.dec_rad, 15.0)))
+    found = cone_stars(cone, SimpleNamespace(cone=lambda asked: user))
+    assert found.v.tolist() == [15.0]
+    assert found.shipped.tolist() == [-1]
+    nobody = user_catalogues.StarCone(*np.zeros((3, 0)))
+    assert len(cone_stars(cone, SimpleNamespace(cone=lambda asked: nobody)).v) == 0
 
 
 class _Twice:
