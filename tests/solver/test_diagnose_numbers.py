@@ -457,15 +457,15 @@ def test_glare_is_brighter_than_half_the_clipping_level(level: float, share: flo
 # -- Discs ---------------------------------------------------------------------------------------
 
 
-def discs(diameter_px: float, level: float, hole: float = 0.0, count: int = 12) -> Frame:
-    """Even discs, sharp but for the seeing, on a sky that falls off to one side."""
+def discs(diameter_px: float, level: float, hole: float = 0.0, count: int = 12, spread_mag: float = 0.0) -> Frame:
+    """Discs, sharp but for the seeing, on a sky that falls off to one side, from the brightest to the faintest."""
     from scipy.ndimage import gaussian_filter
 
     y, x = np.mgrid[:H, :W]
     pixels = np.zeros((H, W))
     for k in range(count):
         away = np.hypot(x - 110.3 - 180.0 * (k % 4), y - 100.6 - 190.0 * (k // 4)) * 2.0 / diameter_px
-        pixels[(away < 1.0) & (away >= hole)] = level
+        pixels[(away < 1.0) & (away >= hole)] = level * 10.0 ** (-0.4 * spread_mag * k / max(count - 1, 1))
     return Frame((gaussian_filter(pixels, 1.3) + noisy(500.0) + 0.3 * x).astype(np.uint16), saturation=65535.0)
 
 
@@ -504,7 +504,7 @@ def test_stars_of_two_sizes_are_not_out_of_focus_together() -> None:
 @pytest.mark.parametrize(("clear", "count", "blurred"), [(20, 3, True), (30, 3, False), (6, 2, False), (2, 2, True)])
 def test_discs_among_many_sharp_stars_are_something_else(clear: int, count: int, blurred: bool) -> None:
     """Nebulae, ghosts and lamps: at least one in eight clear stars, and three where there are so many."""
-    frame = discs(40.0, 60.0, count=count)
+    frame = discs(40.0, 300.0, count=count, spread_mag=2.0)
     found = doctor(stars(clear, snr=20.0, blended=True), None, frame)
     assert all_discs(frame).count == count
     assert (found.reason is Reason.OUT_OF_FOCUS) is blurred
@@ -512,12 +512,29 @@ def test_discs_among_many_sharp_stars_are_something_else(clear: int, count: int,
 
 
 def test_discs_are_told_before_the_glare_and_where_the_detector_finds_nothing() -> None:
-    frame = discs(40.0, 60.0)
+    frame = discs(40.0, 300.0, spread_mag=2.0)
     pixels = frame.pixels.copy()
     pixels[20:70, 550:600] = 65535
     lit = Frame(pixels, saturation=65535.0)
     assert doctor(stars(9, snr=20.0, blended=True), None, lit).reason is Reason.OUT_OF_FOCUS
     assert "40 px wide" in doctor(stars(0), None, frame).advice
+
+
+@pytest.mark.parametrize(("level", "spread_mag", "dust"), [(60.0, 0.5, True), (60.0, 2.0, False), (600.0, 0.5, False)])
+def test_faint_discs_all_as_bright_are_dust_on_a_flat_of_another_night(level, spread_mag, dust) -> None:
+    """Stars' discs differ by magnitudes, or stand far above the sky."""
+    frame = discs(40.0, level, spread_mag=spread_mag)
+    found = all_discs(frame)
+    assert found.count >= 8
+    assert found.dust is dust
+    assert found.share == pytest.approx(level / np.median(frame.pixels), rel=0.1)
+    sky = doctor(stars(6, snr=20.0, blended=True, fwhm_px=25.0), None, frame)
+    assert (sky.reason is Reason.OUT_OF_FOCUS) is not dust
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_two_discs_do_not_tell_dust_from_stars(count) -> None:
+    assert all_discs(discs(40.0, 60.0, count=count)).dust is (count == 3)
 
 
 def test_sharp_stars_are_in_focus_whatever_discs_are_there() -> None:

@@ -61,7 +61,8 @@ Finding = tuple[Reason, str]
 class Evidence:
     """What a diagnosis is made from, and what was measured of it so far.
 
-    ``frame`` is None for a bare list of stars.
+    ``frame`` is None for a bare list of stars. ``dust``: what looks like stars out of focus are specks, which a flat of
+    another night left bright.
     """
 
     detections: Detections
@@ -70,6 +71,7 @@ class Evidence:
     measured: dict[str, float] = field(default_factory=dict)
     light: FrameLevels | None = None
     trails: Trails | None = None
+    dust: bool = False
 
 
 def diagnose(evidence: Evidence, refusal: NoSolution | None, elapsed_ms: Mapping[str, float]) -> NoSolution:
@@ -119,7 +121,9 @@ def _measure(evidence: Evidence) -> None:
         width = out.get("half_flux_diameter_px", discs.diameter_px)  # two thirds of an even disc's
         least = max(min(FEWEST_DISCS, clear), clear / 8) if clear else FEWEST_DISCS  # a cloud may look like one or two
         if discs.count >= least and width > discs.diameter_px / 3.0:
-            out["disc_diameter_px"] = discs.diameter_px
+            evidence.dust = discs.dust
+            if not discs.dust:
+                out["disc_diameter_px"] = discs.diameter_px
     field_deg = implied_field_deg(evidence)
     if field_deg is not None:
         out["field_deg"] = field_deg
@@ -234,7 +238,7 @@ def _discs(case: Evidence) -> Iterator[Finding]:
 def _focus(case: Evidence) -> Iterator[Finding]:
     """Stars that are wide, all round and clear: bumps of noise, glow and vignetting are wide as well, and long."""
     fwhm, stars = case.measured.get("fwhm_px", 0.0), case.detections.take(np.flatnonzero(_clear(case.detections)))
-    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and fwhm < WIDEST_PX:
+    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and fwhm < WIDEST_PX and not case.dust:
         yield from _wide(min(case.measured.get("half_flux_diameter_px", fwhm), fwhm))
 
 

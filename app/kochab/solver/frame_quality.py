@@ -1,7 +1,7 @@
 """Sky brightness, trails and focus of a frame that did not solve."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ DISC_BINS = (4.0, 5.6)
 LEAST_DISC_PX = 12.0
 CLEAR_DISC_SNR = 15.0
 DISCS_ALIKE = 0.12
+DUST_SHARE, DUST_SPREAD = 0.4, 0.35
+"""A speck takes some per cent of the light, more of a stretched picture; one brightness spans a factor of two or so."""
 SLENDER, DIRECTION_DEG, LENGTH = 1.8, 20.0, 1.6
 """Trails are longer than wide by so much, in one direction so nearly, and within so large a factor as long."""
 FAR_SKY = 5.0
@@ -69,10 +71,24 @@ class Trails:
 
 @dataclass(frozen=True, slots=True)
 class Discs:
-    """Stars out of focus: the ``count`` of discs or rings all as wide, and their median diameter."""
+    """Stars out of focus: the ``count`` of discs or rings all as wide, and their median diameter.
+
+    ``share`` is how far the brightest stands above the sky, as a share of the frame's median level; ``spread`` the
+    standard deviation of their brightness in its natural logarithm, NaN of one.
+    """
 
     diameter_px: float = 0.0
     count: int = 0
+    share: float = math.inf
+    spread: float = math.nan
+
+    @property
+    def dust(self) -> bool:
+        """Whether they are bright specks that a flat of another night left: all faint, and alike.
+
+        Stars' light spans more than that of a few shadows: it falls off as a power near -1, whose spread is 1.
+        """
+        return self.count >= 3 and self.share < DUST_SHARE and self.spread < DUST_SPREAD
 
 
 def binned(frame: Frame) -> Bins:
@@ -117,7 +133,8 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
     from scipy import ndimage
 
     image, step = bins.image, bins.step
-    found: list[tuple[float, float, Floats]] = []
+    found: list[_Disc] = []
+    sky = median(image)
     # halved again and again: two radii, sqrt 2 apart, are looked for at every size
     while min(image.shape) > 14 * DISC_BINS[-1]:
         for radius in DISC_BINS if 2.0 * DISC_BINS[-1] * step > LEAST_DISC_PX else ():
@@ -127,22 +144,40 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
             peaks = np.argwhere((light == ndimage.maximum_filter(light, 2 * round(radius) + 1)) & (light > 0))
             brightest = np.argsort(-light[tuple(peaks.T)])[:20]
             discs = (_disc(image, place, radius, clip) for place in peaks[brightest].astype(float))
-            found += [(snr, r * step, place * step) for snr, r, place in filter(None, discs)]
+            found += [disc.at_full_scale(step) for disc in discs if disc is not None]
         h, w = (side // 2 for side in image.shape)
         image, step = image[: 2 * h, : 2 * w].reshape(h, 2, w, 2).mean(axis=(1, 3)), 2 * step
-    apart: list[tuple[float, Floats]] = []
-    for _, radius, place in sorted(found, key=lambda disc: -disc[0]):
+    apart: list[_Disc] = []
+    for disc in sorted(found, key=lambda disc: -disc.snr):
         # a disc is found at neighbouring sizes, too: the clearest counts
-        if all(np.hypot(*(place - there)) > r for r, there in apart):
-            apart.append((radius, place))
-    radii = np.array([radius for radius, _ in apart])
-    alike = [radii[abs(radii / radius - 1.0) < DISCS_ALIKE] for radius in radii]
-    widest = max(alike, key=len, default=radii)
-    return Discs(2.0 * float(np.median(widest)), len(widest)) if len(widest) else Discs()
+        if all(np.hypot(*(disc.place - there.place)) > there.radius for there in apart):
+            apart.append(disc)
+    radii, levels = np.array([(disc.radius, disc.level) for disc in apart]).reshape(-1, 2).T
+    alike = [abs(radii / radius - 1.0) < DISCS_ALIKE for radius in radii]
+    if not alike:
+        return Discs()
+    widest = max(alike, key=np.count_nonzero)
+    own, count = levels[widest], int(np.count_nonzero(widest))
+    spread = float(np.std(np.log(own), ddof=1)) if count > 1 else math.nan
+    share = float(own.max()) / sky if sky > 0.0 else math.inf
+    return Discs(2.0 * float(np.median(radii[widest])), count, share, spread)
 
 
-def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[float, float, Floats] | None:
-    """Signal to noise, radius and centre (y, x) of a disc near ``place``, all in bins; None when it is none."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Disc:
+    """Signal to noise, level above the sky, radius and centre (2,) as y, x of a disc, in bins."""
+
+    snr: float
+    level: float
+    radius: float
+    place: Floats
+
+    def at_full_scale(self, step: int) -> "_Disc":
+        return replace(self, radius=self.radius * step, place=self.place * step)
+
+
+def _disc(image: Floats, place: Floats, radius: float, clip: float) -> _Disc | None:
+    """The disc near ``place``; None when it is none."""
     # moved and sized twice by its own light, then judged
     for last in (False, False, True):
         reach, (y, x) = math.ceil(2.0 * radius), np.round(place).astype(int)
@@ -182,7 +217,7 @@ def _disc(image: Floats, place: Floats, radius: float, clip: float) -> tuple[flo
     # noise averages out over the ring; clouds, whose neighbours go together, do not
     alike = float(np.clip(_shared(light, around) / max(noise**2, 1e-18), 0.0, 0.99))
     snr = level * math.sqrt(ring.size) / max(noise, 1e-9) * (1.0 - alike) / (1.0 + alike)
-    return (snr, radius, place) if flat and edge and snr > CLEAR_DISC_SNR else None
+    return _Disc(snr, level, radius, place) if flat and edge and snr > CLEAR_DISC_SNR else None
 
 
 def _shared(light: Floats, where: NDArray[np.bool_]) -> float:
