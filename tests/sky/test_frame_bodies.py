@@ -142,6 +142,19 @@ def test_a_source_three_magnitudes_brighter_than_the_star_there_is_unknown(
     assert any(abs(source.x - star.x) < 1.0 and abs(source.y - star.y) < 1.0 for source in told) is unknown
 
 
+@pytest.mark.parametrize(("away_px", "unknown"), [(14.5, False), (15.5, True)])
+def test_a_source_is_a_stars_within_ten_residuals_three_widths_and_five_pixels(field, catalogue, away_px, unknown):
+    """A residual of 0.1 px and a width that is not known, which counts as 3 px: 15 px."""
+    solution, detections, _ = field
+    star = min(solution.stars, key=lambda star: star.mag)
+    here = int(np.argmin(np.hypot(*(detections.xy - [star.x, star.y]).T)))
+    xy, flux = detections.xy.copy(), detections.flux.copy()
+    xy[here, 0] += away_px
+    flux[here] = 10 ** (-0.4 * star.mag)
+    told = found((solution, replace(detections, xy=xy, flux=flux), None), catalogue).unknown
+    assert any(source.x == xy[here, 0] for source in told) is unknown
+
+
 def test_no_zero_point_no_unknown(field, catalogue):
     solution, detections, _ = field
     assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()

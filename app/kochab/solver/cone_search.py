@@ -140,8 +140,6 @@ def _absent(there: Floats, place: Floats) -> Bools:
     """Which of ``place`` (N, 3) are none of ``there`` (M, 3)."""
     from scipy.spatial import cKDTree
 
-    if not len(there) or not len(place):
-        return np.ones(len(place), dtype=bool)
     distance, _ = cKDTree(there).query(place, distance_upper_bound=SAME_ARCSEC * ARCSEC)
     return np.asarray(~np.isfinite(distance))
 
