@@ -20,6 +20,7 @@ from kochab.lab.bench.night_made import (
     ASTEROID_MAG,
     CLOUD_FRAMES,
     CROSSED,
+    EXPOSURE_S,
     FWHM_PX,
     NEW_STAR_MAG,
     UNKNOWN_ARCSEC_H,
@@ -29,10 +30,13 @@ from kochab.lab.bench.night_made import (
     MadeNight,
     made_night,
 )
+from kochab.simulate.camera import CameraConfig
+from kochab.simulate.night_sky import LocalSky, sun_and_moon, surface_mag
 from kochab.solver import SolveOptions
 from kochab.workflows.night.crossings import Crossing, CrossingKind
-from kochab.workflows.night.frame import measure_frame
+from kochab.workflows.night.frame import NightFrame, measure_frame
 from kochab.workflows.night.measure import Measure
+from kochab.workflows.night.sky_brightness import DarkLevel
 from kochab.workflows.night.strangers import StrangerKind
 from kochab.workflows.night.summary import NO_TILT, Night, advice_of, night_of
 from kochab.workflows.night.tracking import SIDEREAL_ARCSEC_S
@@ -90,7 +94,10 @@ def planted(name: str, seed: int, faults: Faults) -> list[Row]:
         for step in made_night(Path(folder), seed, faults, FRAMES):
             made = step if isinstance(step, MadeNight) else None
         assert made is not None
-        night = night_of([finish(measure_frame(file, SolveOptions(), more=made.elements)) for file in made.files])
+        frames = [finish(measure_frame(file, SolveOptions(), more=made.elements)) for file in made.files]
+        sensor = next(frame.on_sky.sensor for frame in frames if frame.on_sky)
+        dark = DarkLevel(sensor, EXPOSURE_S, CameraConfig().sensor.bias)
+        night = night_of([*frames, NightFrame("dark", calibration=True, dark=dark)])
         rows: list[Row] = [{"night": name, **row} for row in compared(night, made, faults)]
     clean = faults == Faults(dither_px=faults.dither_px)
     calm = advice_of(night).startswith("Nothing stands out")
@@ -115,9 +122,23 @@ def compared(night: Night, made: MadeNight, faults: Faults) -> Iterator[dict[str
     slip = 60.0 * faults.slip_arcmin * math.cos(math.radians(night.frames[0].dec_deg))
     row = _row("slipped clutch, arcsec", slip, knocks[0].size if knocks else None, bool(knocks))
     yield {**row, "found": len(knocks) == 1 and knocks[0].axis == "RA" if slip else bool(knocks)}
+    yield from _of_the_sky(night, made, clouded | wanted)
     yield from _of_the_worm(night, faults)
     yield from _crossed(night, made, faults)
     yield from _among_the_stars(night, made, faults)
+
+
+def _of_the_sky(night: Night, made: MadeNight, clouded: set[int]) -> Iterator[dict[str, Any]]:
+    """The brightness of the clear sky, frame by frame, in the mean."""
+    true, found = [], []
+    for k, (frame, one) in enumerate(zip(night.frames, night.brightness, strict=True)):
+        if one and frame.time_utc and _frame_of(night, k) not in clouded:
+            unix_s = frame.time_utc.timestamp()
+            local = LocalSky(made.site, unix_s)
+            there = local.to_enu(unit_vectors(frame.ra_deg, frame.dec_deg)[None])
+            true.append(float(surface_mag(there, sun_and_moon(local, unix_s))[0]))
+            found.append(one)
+    yield _row("sky, mag/arcsec2", float(np.mean(true)) if true else 0.0, _mean(found), bool(found))
 
 
 def _of_the_worm(night: Night, faults: Faults) -> Iterator[dict[str, Any]]:

@@ -55,7 +55,10 @@ ANSWER = {
     **{f"q{axis}": _F for axis in "wxyz"},
     "warnings": pa.list_(_S),
 }
-_WITH_SIGMA = ("fwhm_px", "elongation", "trail", "tilt_px", "curvature_px", "zero_point_mag")
+_WITH_SIGMA = (
+    *("fwhm_px", "elongation", "trail", "tilt_px", "curvature_px"),
+    *("zero_point_mag", "sky_mag_arcsec2", "limiting_mag"),
+)
 MEASURES = {
     **{name: _F for one in _WITH_SIGMA for name in (one, f"{one}_sigma")},
     **{"trail_deg": _F, "softest": _S, "background": _F, "noise": _F, "altitude_deg": _F, "sun_altitude_deg": _F},

@@ -20,13 +20,15 @@ TWILIGHT_DEG = (("day", -0.8), ("civil", -6.0), ("nautical", -12.0), ("astronomi
 
 
 def timeline(night: Night) -> str:
-    """Light lost, FWHM, and altitudes of field and Moon over the night; over frame numbers where times are unknown."""
+    """Light lost, sky, FWHM, altitudes of field and Moon over the night; over frame numbers where times are unknown."""
     timed = all(frame.time_utc for frame in night.frames)
     at = _hours(night) if timed else np.arange(len(night.frames), dtype=float)
     span = (float(at[0]), float(at[-1])) if at[-1] > at[0] else (float(at[0]) - 0.5, float(at[0]) + 0.5)
     strips = []
     if any(night.lost):
         strips.append((tr("Light lost (mag)"), "lost", [*night.lost], True))
+    if any(night.brightness):
+        strips.append((tr("Sky (mag/arcsec²)"), "sky", [*night.brightness], False))
     if night.fwhm:
         widths = [f.sharp.fwhm_px if f.sharp else None for f in night.frames]
         strips.append((tr("FWHM (px)"), "fwhm", widths, False))

@@ -26,8 +26,8 @@ SITE_DEG = 0.1
 """Sites nearer than that are one."""
 SCALE_SHARE = 0.03
 """Share by which the scale of one telescope and camera changes."""
-UNUSUAL, LEAST_SHARE = 3.0, 0.15
-"""Times the nights' scatter, and share of the usual value, from which a night is another one."""
+UNUSUAL, LEAST_SHARE, LEAST_MAG = 3.0, 0.15, 0.15
+"""Times the nights' scatter, and share of the usual value or magnitudes, from which a night is another one."""
 QUANTITIES = {
     "fwhm_arcsec": tr_noop("FWHM (″)"),
     "elongation": tr_noop("Elongation"),
@@ -37,6 +37,7 @@ QUANTITIES = {
     "dec_arcsec_h": tr_noop("Drift in Dec (″/h)"),
     "periodic_arcsec": tr_noop("Periodic error (″)"),
     "polar_arcsec": tr_noop("Polar axis off by (″)"),
+    "sky_mag_arcsec2": tr_noop("Sky (mag/arcsec²)"),
     "cloud_share": tr_noop("Frames in cloud (share)"),
 }
 
@@ -77,7 +78,8 @@ class Compared:
         """Whether this night differs by more than nights usually do, and by enough to matter."""
         off = abs(self.tonight.value - self.usual.value)
         wide = math.hypot(self.tonight.sigma, self.usual.sigma)
-        return off > UNUSUAL * wide and off > LEAST_SHARE * abs(self.usual.value)
+        least = LEAST_MAG if self.name == "sky_mag_arcsec2" else LEAST_SHARE * abs(self.usual.value)
+        return off > max(UNUSUAL * wide, least)
 
 
 def record_of(night: Night) -> NightRecord | None:
@@ -113,6 +115,8 @@ def _values(night: Night, scale: float) -> Iterator[tuple[str, Measure]]:
     if night.polar and night.polar.known:
         error = night.polar.error
         yield "polar_arcsec", Measure(error.total_arcsec, error.with_systematics.sigma_total_arcsec)
+    if sky := night.usual(night.brightness):
+        yield "sky_mag_arcsec2", sky
     if any(night.lost):
         yield "cloud_share", Measure(len(night.clouded) / len(night.frames), 0.0)
 

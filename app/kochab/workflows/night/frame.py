@@ -20,6 +20,7 @@ from kochab.sky.solar_system import Moving
 from kochab.solver import SolveOptions
 from kochab.workflows.night.crossings import Crossing, crossings_of
 from kochab.workflows.night.sharpness import Sharpness, sharpness
+from kochab.workflows.night.sky_brightness import DarkLevel, StarsOnSky, dark_level, stars_on_sky
 from kochab.workflows.night.strangers import Sights, sights_of
 from kochab.workflows.night.transparency import StarLight
 from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
@@ -56,7 +57,8 @@ class NightFrame:
     """What is kept of a frame. ``ra_deg``, ``dec_deg`` (ICRS) and the scale are NaN where it was not solved.
 
     ``error`` is why it could not be read at all, ``reason`` why there is no solution; ``light`` is None for frames
-    whose numbers are not proportional to light (finished 8 bit pictures). ``thumbnail`` is a JPEG.
+    whose numbers are not proportional to light (finished 8 bit pictures), ``on_sky`` for those too. ``thumbnail`` is a
+    JPEG; ``dark`` the level of a calibration frame.
     """
 
     file: str
@@ -83,6 +85,8 @@ class NightFrame:
     calibration: bool = False
     crossings: tuple[Crossing, ...] = ()
     sights: Sights | None = None
+    on_sky: StarsOnSky | None = None
+    dark: DarkLevel | None = None
 
 
 def measure_frame(
@@ -103,7 +107,7 @@ def measure_frame(
     """
     frame = yield from reading(path, options.timeout_s)
     if is_calibration(frame.header):
-        return NightFrame(path, calibration=True)
+        return NightFrame(path, calibration=True, dark=dark_level(frame))
     found = yield from solve_open_frame(frame, options)
     return (yield from with_objects(measured(found, site), found, more))
 
@@ -156,6 +160,7 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
         width_deg=result.camera.fov_deg[0],
         scale_arcsec_px=result.camera.scale_arcsec_px,
         light=star_light(found.detections, result, hint.exposure_s) if _linear(frame) else None,
+        on_sky=stars_on_sky(frame, found.detections, result) if _linear(frame) else None,
         sky=sky,
         site=there,
         sighting=Sighting.of(result, hint.taken_utc, Path(found.path).name) if hint.taken_utc else None,

@@ -16,12 +16,14 @@ from kochab.workflows.night.tracking import Tracking
 
 STYLE = """
 :root { --ink: #1c2430; --soft: #5c6877; --line: #d6dce3; --paper: #fff; --tile: #f5f7f9; --accent: #1f5fa8;
- --lost: #1f5fa8; --fwhm: #9a5b13; --field: #1c2430; --moon: #b58a1b; --blur: #9a5b13; --night: #eceff4; }
+ --lost: #1f5fa8; --sky: #2b6e54; --fwhm: #9a5b13; --field: #1c2430; --moon: #b58a1b; --blur: #9a5b13;
+ --night: #eceff4; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e9ef; --soft: #9aa6b4; --line: #36404d; --paper: #12171e;
- --tile: #1a212a; --accent: #7fb2ec; --lost: #7fb2ec; --fwhm: #e0a45c; --field: #e4e9ef; --moon: #e7c35a;
- --blur: #e0a45c; --night: #0b0f15; } }
+ --tile: #1a212a; --accent: #7fb2ec; --lost: #7fb2ec; --sky: #7cc7a6; --fwhm: #e0a45c; --field: #e4e9ef;
+ --moon: #e7c35a; --blur: #e0a45c; --night: #0b0f15; } }
 @media print { :root { --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --tile: #f5f5f5; --accent: #1f5fa8;
- --lost: #1f5fa8; --fwhm: #9a5b13; --field: #000; --moon: #b58a1b; --blur: #9a5b13; --night: #eceff4; }
+ --lost: #1f5fa8; --sky: #2b6e54; --fwhm: #9a5b13; --field: #000; --moon: #b58a1b; --blur: #9a5b13;
+ --night: #eceff4; }
  section, figure, .tile { break-inside: avoid; } }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 0 auto;
@@ -39,6 +41,7 @@ svg text { font: 13px system-ui, sans-serif; fill: var(--soft); } svg text.value
 svg .tick { text-anchor: end; } svg .time { text-anchor: middle; }
 .box { fill: none; stroke: var(--line); } .grid { stroke: var(--line); stroke-dasharray: 2 4; }
 .lost { fill: var(--lost); stroke: var(--lost); } .fwhm { fill: var(--fwhm); stroke: var(--fwhm); }
+.sky { fill: var(--sky); stroke: var(--sky); }
 .bar { opacity: .5; } circle { stroke: none; } .gone { stroke: #c0392b; stroke-width: 2; }
 polyline { fill: none; stroke-width: 2; }
 polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); stroke-dasharray: 6 4; }
@@ -165,6 +168,10 @@ def _tiles(night: Night) -> list[str]:
             tiles.append(_tile(tr("Periodic error"), f"{worm.amplitudes[0].text()}″", below))
     if night.polar:
         tiles.append(_tile(tr("Polar axis off by"), night.polar.words, night.polar.where))
+    if sky := night.usual(night.brightness):
+        tiles.append(_tile(tr("Sky (mag/arcsec²)"), sky.text(), tr("V, at the colour of a night sky")))
+    if faintest := night.usual(night.faintest):
+        tiles.append(_tile(tr("Faintest star (mag)"), faintest.text(), tr("V, at a signal to noise of 5")))
     if any(night.lost):
         text = tr("lost more than {mag} mag", mag=number(CLOUD_MAG, ".1f"))
         tiles.append(_tile(tr("Cloud"), tr_n("{n} frame", "{n} frames", len(night.clouded)), text))
@@ -313,7 +320,10 @@ def _notes(night: Night) -> list[str]:
         notes.append(tr("A red mark below is a frame without that number."))
     elif any(frame.solved for frame in night.frames):
         notes.append(tr("Transparency is not measured: it needs two solved frames of linear data."))
-    notes.append(tr("Sky brightness is not measured: the camera's black level is unknown."))
+    if any(night.brightness):
+        notes.append(tr("Sky brightness is that of V beside stars, so that vignetting cancels; black is taken off."))
+    else:
+        notes.append(tr("Sky brightness is not measured: black is unknown. Add darks of the frames' exposure."))
     if night.tracking:
         text = tr("Drift is that of the frame centres in RA and Dec (J2000); dithers are taken out.")
         notes.append(text)

@@ -23,12 +23,11 @@ from kochab.workflows.night.events import Event, events_of
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
+from kochab.workflows.night.sky_brightness import MAG_PER_AIRMASS, DarkLevel, blacks_of, brightness_of, faintest_of
 from kochab.workflows.night.strangers import Stranger, strangers_of
 from kochab.workflows.night.tracking import FEWEST, POLAR_ARCSEC, Place, Tracking, tracking_of
 from kochab.workflows.night.transparency import losses
 
-MAG_PER_AIRMASS = 0.2
-"""What clear air takes a unit of airmass, V magnitudes; more under haze, which then counts as cloud."""
 FRAME_MAG = 0.01
 """One sigma of what a frame's star images take from all its stars alike: trails, focus, what the fit leaves out."""
 CLOUD_MAG, SURE = 0.3, 3.0
@@ -58,6 +57,7 @@ class Night:
     ``lost`` is light against the clear frames, magnitudes; ``cloud`` the same without what airmass takes. ``fwhm`` is
     the median of the frames, px; ``focus`` its change an hour, px.
     ``crossings`` are streaks, each with the frame it is in; ``strangers`` what stood among the stars and is none.
+    ``brightness`` of the sky is mag/arcsec², ``faintest`` the magnitude of a star at a signal to noise of 5.
     ``polar`` is the axis by drift. ``asked`` is how many frames there are to measure.
     """
 
@@ -73,6 +73,8 @@ class Night:
     asked: int
     crossings: tuple[tuple[int, Crossing], ...] = ()
     strangers: tuple[Stranger, ...] = ()
+    brightness: tuple[Measure | None, ...] = ()
+    faintest: tuple[Measure | None, ...] = ()
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -84,6 +86,12 @@ class Night:
     def clouded(self) -> list[int]:
         """Frames that lost light to more than airmass."""
         return [k for k, one in enumerate(self.cloud) if one and one.value > CLOUD_MAG and one.sigmas > SURE]
+
+    def usual(self, values: "Sequence[Measure | None]") -> Measure | None:
+        """The median of what the frames have, with what they all may be off by; None where none has it."""
+        known = [one for one in values if one]
+        found = _median(known)
+        return found and Measure(found.value, max(found.sigma, min(one.sigma for one in known)))
 
     @property
     def unsolved(self) -> list[int]:
@@ -123,9 +131,11 @@ class Night:
 def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
     """Put frames together; ``asked`` is how many there are when not all were measured. Calibration is left out."""
     asked = (len(frames) if asked is None else asked) - sum(frame.calibration for frame in frames)
+    darks = [frame.dark for frame in frames if frame.dark]
     frames = [frame for frame in frames if not frame.calibration]
     ordered = sorted(frames, key=lambda f: (f.time_utc is None, f.time_utc.timestamp() if f.time_utc else 0.0, f.file))
     lost = _lost(ordered)
+    cloud = _cloud(ordered, lost)
     # The shape of the field is that of the camera most frames are of.
     usual = Counter((f.size, f.setup) for f in ordered if f.sharp).most_common(1)
     fields = [f.sharp.field for f in ordered if f.sharp and f.sharp.field and (f.size, f.setup) == usual[0][0]]
@@ -133,7 +143,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
     return Night(
         tuple(ordered),
         tuple(lost),
-        tuple(_cloud(ordered, lost)),
+        tuple(cloud),
         _of_scale(_median([f.sharp.fwhm_px for f in ordered if f.sharp])),
         _median([f.sharp.elongation for f in ordered if f.sharp]),
         _focus(ordered),
@@ -143,7 +153,22 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         asked,
         tuple(_crossings(ordered)),
         strangers_of([f.sights for f in ordered], [f.time_utc for f in ordered]),
+        tuple(_brightness(ordered, cloud, darks)),
+        tuple(faintest_of(f.on_sky) if f.on_sky else None for f in ordered),
     )
+
+
+def _brightness(
+    frames: Sequence[NightFrame], cloud: Sequence[Measure | None], darks: Sequence[DarkLevel]
+) -> Iterator[Measure | None]:
+    """Of the sky in each frame, where its black level is known."""
+    stars = [f.on_sky for f in frames]
+    blacks = blacks_of(stars, [f.exposure_s for f in frames], [f.time_utc for f in frames], darks)
+    for f, black, lost in zip(frames, blacks, cloud, strict=True):
+        if f.on_sky is None or black is None:
+            yield None
+        else:
+            yield brightness_of(f.on_sky, black, f.sky.airmass if f.sky else None, lost)
 
 
 def _places(frames: Sequence[NightFrame]) -> Iterator[Place]:

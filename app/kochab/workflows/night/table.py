@@ -14,19 +14,20 @@ from kochab.text.translation import in_english
 from kochab.workflows.night.earlier import Compared
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.measure import Measure
+from kochab.workflows.night.sky_brightness import faintest_of, stated_brightness
 from kochab.workflows.night.summary import Night, advice_of
 from kochab.workflows.night.tracking import Tracking
 
 
 def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
     """A row a frame, in order of time; None for what is not known."""
-    for frame, lost, cloud in zip(night.frames, night.lost, night.cloud, strict=True):
-        yield frame_row(frame) | _pair("lost_mag", lost) | _pair("cloud_mag", cloud)
+    for frame, lost, cloud, sky in zip(night.frames, night.lost, night.cloud, night.brightness, strict=True):
+        yield frame_row(frame) | _pair("lost_mag", lost) | _pair("cloud_mag", cloud) | _pair("sky_mag_arcsec2", sky)
 
 
 def frame_row(frame: NightFrame) -> dict[str, Any]:
     """What one frame says by itself; None for what is not known."""
-    sharp, sky = frame.sharp, frame.sky
+    sharp, sky, stars = frame.sharp, frame.sky, frame.on_sky
     field = sharp.field if sharp else None
     return {
         "file": frame.file,
@@ -47,6 +48,8 @@ def frame_row(frame: NightFrame) -> dict[str, Any]:
         "softest": field.softest if field else None,
         **_pair("curvature_px", field.curvature if field else None),
         **dict.fromkeys(("lost_mag", "lost_mag_sigma", "cloud_mag", "cloud_mag_sigma")),  # of a night's frames together
+        **_pair("sky_mag_arcsec2", stated_brightness(stars, sky.airmass if sky else None) if stars else None),
+        **_pair("limiting_mag", faintest_of(stars) if stars else None),
         "altitude_deg": sky.altitude_deg if sky else None,
         "sun_altitude_deg": sky.sun_altitude_deg if sky else None,
         "moon_altitude_deg": sky.moon_altitude_deg if sky else None,
@@ -67,6 +70,8 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             **_pair("fwhm_px", night.fwhm),
             **_pair("elongation", night.elongation),
             **_pair("focus_px_h", night.focus),
+            **_pair("sky_mag_arcsec2", night.usual(night.brightness)),
+            **_pair("limiting_mag", night.usual(night.faintest)),
             "field": {
                 **_pair("tilt_px", shape.tilt),
                 "tilt_chance": shape.tilt_chance,
