@@ -17,6 +17,7 @@ from kochab.core.progress import run
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.lab.bench import ALL_ROWS
 from kochab.workflows.nudge import nudge
 
 from . import BEHIND_INDI, BOARDS, served, virtual_time
@@ -32,9 +33,11 @@ UNKNOWN_S = 60.0
 RATES = 0.5, 1.0, 2.0, 8.0, 60.0  # in sidereal
 
 
-def power_cuts(count):
+def power_cuts(count, only=ALL_ROWS):
     """Random evenings in which the supply fails while the port stays open; a column for each kind of violation."""
     for kind in BOARDS:
+        if not only(f"power cuts: {kind}"):
+            continue
         row = Counter()
         for seed in range(1, count + 1):
             evening = spend(kind, seed)
@@ -106,9 +109,10 @@ def _left_in_a_slew(board, guard, direction, rate):
     guard.see_stopped()
 
 
-def behind_indi(count):
+def behind_indi(count, only=ALL_ROWS):
     """The families that INDI's drivers alone drive, in real time, minutes an evening; none where INDI lacks them."""
-    for kind, seed in product(BEHIND_INDI, range(1, count + 1)):
+    kinds = [kind for kind in BEHIND_INDI if only(f"power cuts: {kind} by INDI")]
+    for kind, seed in product(kinds, range(1, count + 1)):
         evening = spend(kind, seed, INDI_ORDERS, "through INDI")
         if not evening.skipped:
             row = Counter(what for what, _ in evening.violations)
@@ -171,12 +175,17 @@ def _place(board, hour_angle_deg, dec_deg):
     return (sidereal_deg(board.clock.unix(), board.site.longitude_deg) - hour_angle_deg) % 360.0, dec_deg
 
 
-def rows(quick):
-    """All of them."""
-    yield from power_cuts(8 if quick else 100)
-    yield from rests()
-    yield from broken_lines()
-    yield from ends()
-    yield from behind_indi(1 if quick else 6)
-    yield from syncs_by_hand()
-    yield stops_without_a_driver()
+def rows(quick, only=ALL_ROWS):
+    """All of them, or those whose line is wanted; power cuts of the wanted drivers alone."""
+    yield from power_cuts(8 if quick else 100, only)
+    for line, measured in (
+        ("home and park", rests),
+        ("broken in a slew", broken_lines),
+        ("ends", ends),
+        ("power cuts", partial(behind_indi, 1 if quick else 6, only)),
+        ("syncs by hand", syncs_by_hand),
+    ):
+        if only.some(f"{line}: "):
+            yield from measured()
+    if only.some("stop without a driver: "):
+        yield stops_without_a_driver()

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kochab.core.frame import Site
+from kochab.lab.bench import Only
 from kochab.polar.camera_axis import with_axis_seen_before
 from kochab.polar.error import Knob
 from kochab.polar.measure import Measurement, MeasureSettings, combine_measurements, measure_local
@@ -332,10 +333,12 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=80, help="hands a kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=[kind.name for kind in KINDS])
+    parser.add_argument("--only", nargs="+", help="rows of kochab bench polar, by how they begin")
     parser.add_argument("--json", action="store_true", help="a row a kind, as kochab bench polar prints it")
     parser.add_argument("--worst", type=int, default=3, help="tell so many of the worst, word by word")
     asked = parser.parse_args()
-    kinds = [kind for kind in KINDS if asked.kind in (None, kind.name)]
+    only = Only(tuple(asked.only or ()))
+    kinds = [kind for kind in KINDS if asked.kind in (None, kind.name) and only(f"hands: {kind.name}")]
     runs = []
     for kind in kinds:
         runs += (own := [run(kind, 1000 * asked.seed + number) for number in range(asked.count)])

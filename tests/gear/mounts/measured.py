@@ -3,8 +3,8 @@
 The simulators of most makes, INDI's and Alpaca's servers, and the random evenings are not shipped.
 """
 
+import argparse
 import json
-import sys
 import tempfile
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +16,7 @@ import pytest
 
 from kochab.core.errors import DeviceError
 from kochab.gear.mounts.guard import Guard
-from kochab.lab.bench import mount_stops
+from kochab.lab.bench import ALL_ROWS, Only, mount_stops
 from tests.boards import measured as boards
 from tests.gear.mounts import indi_sequences
 from tests.gear.mounts.bench import LIMITS, SITE, alpaca, indi, place
@@ -44,29 +44,36 @@ SUITES = {
 QUICK = "arrives or below_the_horizon or stop_ends or test_killed or test_real_transcripts or syncs or _words or asked_again or standing"
 
 
-def detective(cases):
+def detective(cases, only=ALL_ROWS):
     """How often the one thing that is wrong with a mount is named, by one to five sightings."""
     for fault in FAULTS:
+        if not only(f"detective: {fault or 'healthy'}"):
+            continue
         named = [cause for _, cause in verdicts(fault, cases)]
         wrong = sum(cause not in ("", fault) for cause in named)
         shares = {"right": named.count(fault) / cases, "wrong": wrong / cases}
         yield {"driver": fault or "healthy", "line": "detective", "runs": cases} | shares
 
 
-def detective_by_tpoint(cases):
+def detective_by_tpoint(cases, only=ALL_ROWS):
     """The same by another maker of mounts, with what one sighting cannot tell, at 1.8 arcmin of noise."""
     for fault in tpoint_mounts.FAULTS:
+        if not only(f"detective by TPOINT: {fault or 'healthy'}"):
+            continue
         found = list(tpoint_mounts.verdicts(fault, cases))
         shares = {what: sum(getattr(one, what) for one in found) / cases for what in ("right", "wrong")}
         yield {"driver": fault or "healthy", "line": "detective by TPOINT", "runs": cases} | shares
 
 
-def evenings(count, indi_count):
+def evenings(count, indi_count, only=ALL_ROWS):
     """Random evenings at every driver, and at INDI's own simulators where they are installed."""
-    rows = {name: Counter() for name in MOUNTS}
+    rows = {name: Counter() for name in MOUNTS if only(f"evenings: {name}")}
     for seed in range(count):
         plan = planned(seed)
+        if plan.driver not in rows:
+            continue
         _add(rows[plan.driver], play(plan))
+    indi_count = indi_count if only.some("evenings: indi") else 0
     with ExitStack() as stack:
         if indi_count:
             stack.enter_context(indi_sequences.own_network())
@@ -82,13 +89,16 @@ def _add(row, evening):
     row["violations"] += len(evening.violations)
 
 
-def stops():
+def stops(only=ALL_ROWS):
     """Stop and silence at the makes whose simulators are not shipped; Stop through both kinds of server."""
     programs = (*((program, far_end) for program, (_, far_end) in FAMILIES.items()), *ALSO)
     driven = {far_end: f"ours, also driven by INDI's {program}" for program, far_end in programs}
     for name in DIALECT_RESPONDERS:
-        yield mount_stops.row(name, driven.get(name, "ours"), open_any)
+        if only(f"stop: {name}"):
+            yield mount_stops.row(name, driven.get(name, "ours"), open_any)
     for name, served in (("indi", indi), ("alpaca", alpaca)):
+        if not only(f"stop: {name}"):
+            continue
         with tempfile.TemporaryDirectory() as home, served(Path(home)) as bench:
             yield {"driver": name, "line": "stop", "simulator": "ours, at its server"} | _served(bench)
 
@@ -126,10 +136,12 @@ class Counted:
         self.rows.setdefault((Path(file).stem, driver), Counter())[report.outcome] += 1
 
 
-def suites(quick):
+def suites(quick, only=ALL_ROWS):
     """The conformance suite on every driver, a nudge whose program is killed or asleep, real exchanges played back."""
     counted, here = Counted(), Path(__file__).parent
-    files = [str(here / f"{name}.py") for name in SUITES.values()]
+    files = [str(here / f"{name}.py") for line, name in SUITES.items() if only.some(f"{line}: ")]
+    if not files:
+        return
     options = ["-q", "-n", "0", "-p", "no:cacheprovider", f"--rootdir={REPOSITORY}"]
     with tempfile.TemporaryFile("w+") as said, redirect_stdout(said):
         pytest.main([*files, *options, *(["-k", QUICK] if quick else [])], plugins=[counted])
@@ -141,18 +153,23 @@ def suites(quick):
 
 def main() -> None:
     """Print a row as soon as it is measured."""
-    quick = "--quick" in sys.argv
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--only", nargs="+", default=(), help="rows whose names, LINE: DRIVER, begin so")
+    asked = parser.parse_args()
+    quick, only = asked.quick, Only(tuple(asked.only))
     measured = (
-        detective(QUICK_CASES if quick else CASES),
-        detective_by_tpoint(QUICK_CASES if quick else CASES),
-        stops(),
-        boards.rows(quick),
-        evenings(QUICK_EVENINGS if quick else EVENINGS, 0 if quick else INDI_EVENINGS),
-        suites(quick),
+        detective(QUICK_CASES if quick else CASES, only),
+        detective_by_tpoint(QUICK_CASES if quick else CASES, only),
+        stops(only),
+        boards.rows(quick, only),
+        evenings(QUICK_EVENINGS if quick else EVENINGS, 0 if quick else INDI_EVENINGS, only),
+        suites(quick, only),
     )
     for rows in measured:
         for row in rows:
-            print(json.dumps(row), flush=True)
+            if only(f"{row['line']}: {row['driver']}"):
+                print(json.dumps(row), flush=True)
 
 
 if __name__ == "__main__":

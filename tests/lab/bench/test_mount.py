@@ -8,7 +8,7 @@ from kochab.core.mount import Direction
 from kochab.core.progress import run
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts import serial_line
-from kochab.lab.bench import BENCHES, checkout, mount, mount_rig, mount_stops
+from kochab.lab.bench import BENCHES, Only, checkout, mount, mount_rig, mount_stops
 from kochab.lab.bench.mount import CentringRun
 from kochab.lab.bench.mount_rig import ReceivedOrder, WatchedMount, unguarded
 from kochab.simulate.responders import RESPONDERS
@@ -123,7 +123,7 @@ def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     monkeypatch.setattr(mount, "_do", _as_if)
     row = {"driver": "lx200", "line": "stop", "byte_ms": 3.0, "still_s": 1.0, "stands": True, "mute_s": 4.0}
     monkeypatch.setattr(mount_stops, "rows", lambda names: [row | {"driver": name} for name in names])
-    monkeypatch.setattr(mount_stops, "elsewhere", lambda quick, report: MEASURED)
+    monkeypatch.setattr(mount_stops, "elsewhere", lambda quick, report, only: MEASURED)
     result = mount.run(True, lambda line: None)
     assert [goal.met for goal in result.goals] == [True] * 28
     assert "10 arcsec in at most 3 corrections" in result.goals[0].name
@@ -131,6 +131,21 @@ def test_the_goals_are_those_of_the_issue(monkeypatch) -> None:
     assert {row["line"] for row in result.as_json()["rows"]} == {"good", "faults", "stop"} | {
         row["line"] for row in MEASURED
     }
+
+
+def test_rows_are_measured_one_by_one(monkeypatch) -> None:
+    monkeypatch.setattr(mount, "_do", _as_if)
+    asked = []
+    monkeypatch.setattr(mount_stops, "rows_of", lambda module, arguments, report: asked.append(arguments) or [])
+    said: list[str] = []
+    result = mount.run(True, said.append, Only(("centring: onstep",)))
+    assert {(row["driver"], row["line"]) for row in result.rows} == {("onstep", "good"), ("onstep", "faults")}
+    assert all(goal.value is not None for goal in result.goals)
+    assert "10 arcsec" in result.goals[0].name
+    assert asked == [], "nothing of a checkout was wanted"
+    mount.run(True, said.append, Only(("ends",)))
+    assert asked == [["--quick", "--only", "ends"]]
+    assert any(line.startswith('  {"driver": "onstep"') for line in said)
 
 
 def _as_if(one):

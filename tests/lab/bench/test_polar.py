@@ -1,10 +1,12 @@
 """The polar bench judges by the rig's truth, repeats itself, and cannot flatter."""
 
+import json
+
 import numpy as np
 import pytest
 
 from kochab.core.attitude import ARCSEC, angle_between
-from kochab.lab.bench import polar, polar_faults, polar_frames, polar_guided, polar_hands, polar_moved, polar_rig
+from kochab.lab.bench import Only, polar, polar_faults, polar_frames, polar_guided, polar_hands, polar_moved, polar_rig
 from kochab.lab.bench import polar as bench
 from kochab.lab.bench.polar_rig import make_rig
 from kochab.polar.sighting import to_local
@@ -26,7 +28,7 @@ def row(error=5.0, **changed):
 
 
 def met(measured, aligned):
-    return {goal.name: goal.met for goal in bench.goals(measured, aligned)}
+    return {goal.name: goal.met for goal in (*bench.measure_goals(measured), *bench.align_goals(aligned))}
 
 
 def test_goals_are_judged():
@@ -113,6 +115,29 @@ def test_it_runs_and_reports(monkeypatch):
     assert moved | guided | evenings | hands < kinds
     assert len({goal.name for goal in result.goals}) == len(result.goals) > len(drawn)
     assert len(said) >= len(KINDS)
+
+
+def test_rows_are_measured_one_by_one_with_the_goals_they_tell(monkeypatch):
+    for part in (polar_moved, polar_guided, polar_faults, polar_frames, polar_hands):
+        monkeypatch.setattr(part, "QUICK", 1)
+    monkeypatch.setattr(bench, "QUICK", 2)
+    monkeypatch.setattr(polar_frames, "FIELDS_DEG", (15.0, 24.0))
+    names = [
+        "measure",
+        "gives way: nothing",
+        "guide log: plain",
+        "hands: steady",
+        "evening: kick, 3",
+        "rendered: 15 deg",
+    ]
+    said = []
+    result = bench.run(True, said.append, Only(tuple(names)))
+    kinds = list(dict.fromkeys(row["kind"] for row in result.rows))
+    assert kinds == [next(kind for kind in kinds if kind.startswith(name)) for name in names]
+    assert {json.loads(line)["kind"] for line in said if line.startswith("  {")} == set(kinds)
+    goals = [goal.name for goal in result.goals]
+    assert any("wrong sign" in name for name in goals)
+    assert not any("moves" in name or "rendered" in name or "worn" in name for name in goals)
 
 
 def test_a_worn_mount_is_worn_and_is_judged_by_both_claims():

@@ -69,5 +69,5 @@ def test_rows_and_goals(monkeypatch):
     rows, goals = bench.moved_rows(True, said.append)
     assert [row["kind"] for row in rows] == [f"gives way: {fault}" for fault in bench.FAULTS]
     assert len(goals) == len(rows)
-    assert len(said) == 1
+    assert len(said) == 1 + len(rows), "each as soon as it is measured"
     assert all(goal.met == (goal.value >= bench.LEAST_INSIDE) for goal in goals)

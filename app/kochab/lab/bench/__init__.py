@@ -1,5 +1,6 @@
 """Benches: each measures one thing in this machine's own run and compares it with the goals."""
 
+import json
 import math
 import os
 import platform
@@ -117,6 +118,12 @@ def as_cell(value: Any, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
+def reported(row: Row, report: Report) -> Row:
+    """The row, told in JSON as soon as it is measured: a bench that is ended keeps what it had."""
+    report(f"  {json.dumps({key: _plain(value) for key, value in row.items()})}")
+    return row
+
+
 def _plain(value: Any) -> Any:
     value = value.item() if hasattr(value, "item") else value
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -139,8 +146,26 @@ def timed(work: Callable[[], T], clock: Callable[[], float] = time.process_time)
     return done, clock() - started
 
 
+@dataclass(frozen=True, slots=True)
+class Only:
+    """Which rows are wanted: those whose names begin with one of ``names``; all when there are none."""
+
+    names: tuple[str, ...] = ()
+
+    def __call__(self, row: str) -> bool:
+        """Whether the row of this name is wanted."""
+        return not self.names or any(row.startswith(name) for name in self.names)
+
+    def some(self, rows: str) -> bool:
+        """Whether any of the rows whose names begin like this is wanted."""
+        return self(rows) or any(name.startswith(rows) for name in self.names)
+
+
+ALL_ROWS = Only()
 Bench = Callable[[bool, Report], BenchResult]
 """``run(quick, report)``: measures, a small part of it when ``quick``."""
+RowBench = Callable[[bool, Report, Only], BenchResult]
+"""``run(quick, report, only)``: the same of some rows only, with the goals that these tell."""
 
 BENCHES: dict[str, str] = {
     "archive": "kochab.lab.bench.archive:run",
@@ -162,9 +187,36 @@ BENCHES: dict[str, str] = {
 }
 
 
+BY_ROWS: dict[str, str] = {"mount": "kochab.lab.bench.mount:run", "polar": "kochab.lab.bench.polar:run"}
+"""Those whose rows can be measured one by one, as they take an hour."""
+
+
 def load_bench(name: str) -> Bench:
     """The function ``run(quick, report) -> BenchResult`` of a bench by name."""
     if name not in BENCHES:
         raise UsageError(f"There is no bench called {name}; there are {', '.join(BENCHES)}.")
     found: Bench = resolve_name(BENCHES[name])
     return found
+
+
+def measure_rows(name: str, quick: bool, report: Report, only: Only) -> BenchResult:
+    """Some rows of a bench; UsageError where it has none of them.
+
+    Parameters
+    ----------
+    name : str
+        The bench, one of ``BY_ROWS``.
+    quick : bool
+        Whether a small part is enough.
+    report : callable
+        Called with a line of progress.
+    only : Only
+        The rows that are wanted.
+    """
+    if name not in BY_ROWS:
+        raise UsageError(f"The rows of bench {name} can't be measured one by one; those of {', '.join(BY_ROWS)} can.")
+    by_rows: RowBench = resolve_name(BY_ROWS[name])
+    result = by_rows(quick, report, only)
+    if not result.rows:
+        raise UsageError(f"No row of bench {name} begins with {' or '.join(map(repr, only.names))}.")
+    return result

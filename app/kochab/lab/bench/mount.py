@@ -20,7 +20,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError
 from kochab.core.progress import Progress
 from kochab.core.progress import run as drive
-from kochab.lab.bench import BenchResult, Goal, Report, mount_stops, summary
+from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, mount_stops, reported, summary
 from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
 from kochab.simulate.responders import RESPONDERS
 from kochab.workflows.centre_target import Centring, centre_target
@@ -59,13 +59,26 @@ class CentringRun:
         return self.error_arcsec <= GOAL_ARCSEC and self.corrections <= MOST_CORRECTIONS
 
 
-def run(quick: bool, report: Report) -> BenchResult:
-    """Centre 200 times (``quick``: 20)."""
+def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
+    """Centre 200 times (``quick``: 20); rows are named ``centring: DRIVER``, ``stop: DRIVER``, ``evenings: DRIVER``."""
     names = list(RESPONDERS)
     planned = [
         CentringRun(k, names[k // 2 % len(names)], k % 2 == 1, k % RENDERED_EVERY < 2)
         for k in range(QUICK_RUNS if quick else RUNS)
     ]
+    planned = [one for one in planned if only(f"centring: {one.driver}")]
+    runs = _centred(planned, report) if planned else []
+    rows = _rows(runs, names)
+    report("  stopping and muting each")
+    stops = mount_stops.rows([name for name in names if only(f"stop: {name}")])
+    for row in rows + stops:
+        reported(row, report)
+    stops += mount_stops.elsewhere(quick, report, only)
+    goals = [*(_goals(runs) if runs else []), *mount_stops.goals(stops)]
+    return BenchResult("mount", rows + stops, [goal for goal in goals if goal.value is not None or not only.names])
+
+
+def _centred(planned: list[CentringRun], report: Report) -> list[CentringRun]:
     _do(planned[0])  # what is read once, before several do it at the same time
     runs = planned[:1]
     with ThreadPoolExecutor(AT_ONCE) as pool:  # lines are mostly waited for
@@ -73,9 +86,7 @@ def run(quick: bool, report: Report) -> BenchResult:
             runs.append(one)
             if not one.good or one.strays or len(runs) % 20 == 0:
                 report(_line(one))
-    report("  stopping and muting each")
-    stops = mount_stops.rows(names) + mount_stops.elsewhere(quick, report)
-    return BenchResult("mount", _rows(runs, names) + stops, _goals(runs) + mount_stops.goals(stops))
+    return runs
 
 
 def _do(one: CentringRun) -> CentringRun:

@@ -9,7 +9,7 @@ from kochab.core.errors import DeviceError
 from kochab.core.mount import Pointing
 from kochab.core.progress import Task
 from kochab.gear.mounts.slew_supervisor import MUTE
-from kochab.lab.bench import Goal, Report
+from kochab.lab.bench import ALL_ROWS, Goal, Only, Report
 from kochab.lab.bench.checkout import rows_of
 from kochab.lab.bench.mount_rig import FarEnd, MountRig, mount_rig
 from kochab.simulate.responders import open_responder
@@ -43,9 +43,12 @@ def row(driver: str, simulator: str, far_end: FarEnd = open_responder) -> dict[s
     return row | _stop(driver, far_end) | _mute(driver, far_end)
 
 
-def elsewhere(quick: bool, report: Report) -> list[dict[str, Any]]:
+def elsewhere(quick: bool, report: Report, only: Only = ALL_ROWS) -> list[dict[str, Any]]:
     """The detective, random evenings, conformance, killed programs, and the makes whose simulators are not shipped."""
-    found = rows_of(ELSEWHERE, ["--quick"] if quick else [], report)
+    if only.names and all(name.startswith("centring") for name in only.names):
+        return []
+    chosen = ["--only", *only.names] if only.names else []
+    found = rows_of(ELSEWHERE, [*(["--quick"] if quick else []), *chosen], report)
     return [{"driver": "all others", "line": found}] if isinstance(found, str) else found
 
 
@@ -59,7 +62,7 @@ def goals(found: list[dict[str, Any]]) -> list[Goal]:
     stopped = [one for one in found if one["line"] == "stop"]
     return [
         Goal.at_most("first byte of Stop, ms", worst("stop", "byte_ms"), GOAL_BYTE_MS),
-        Goal.at_least("stopped mounts seen to stand still", sum(one["stands"] for one in stopped), len(stopped)),
+        Goal.at_least("stopped mounts seen to stand still", _standing(stopped), len(stopped)),
         Goal.at_most("a mount mute in a slew is told after, s", worst("stop", "mute_s"), GOAL_MUTE_S),
         Goal.at_least("share of the mounts whose fault is named, any fault", worst("detective", "right", False), 0.95),
         Goal.at_most("share of healthy mounts accused", worst("detective", "wrong", of="healthy"), 0.01),
@@ -85,6 +88,10 @@ def goals(found: list[dict[str, Any]]) -> list[Goal]:
         Goal.at_most("states of INDI misread", worst("states of INDI", "failed"), 0),
         Goal.at_most("nudges that outlive their program, any driver", worst("killed or asleep", "failed"), 0),
     ]
+
+
+def _standing(stopped: list[dict[str, Any]]) -> int | None:
+    return sum(one["stands"] for one in stopped) if stopped else None
 
 
 def _all_else(found: list[dict[str, Any]]) -> int | None:

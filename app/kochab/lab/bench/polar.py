@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from kochab.core.progress import run as run_task
-from kochab.lab.bench import BenchResult, Goal, Report, Row, column, summary, timed
+from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, Row, column, reported, summary, timed
 from kochab.lab.bench.polar_faults import fault_rows
 from kochab.lab.bench.polar_frames import frames_rows
 from kochab.lab.bench.polar_guided import guided_rows
@@ -137,29 +137,48 @@ def _judged(sky: RigSky, error: PolarError) -> dict[str, Any]:
     return row
 
 
-def run(quick: bool, report: Report) -> BenchResult:
+def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
     """Measure and align on many rigs; one row a band of misalignment, the goals over all."""
-    runs, (sweeps, alignments) = (QUICK, WORN_QUICK) if quick else (FULL, WORN_FULL)
+    rows: list[Row] = []
+    goals: list[Goal] = []
+    for part in (_measured, _aligned_rows, _worn, moved_rows, guided_rows, hands_rows, fault_rows, frames_rows):
+        found, of_these = part(quick, report, only)
+        rows, goals = [*rows, *found], [*goals, *of_these]
+    return BenchResult("polar", rows, goals)
+
+
+def _measured(quick: bool, report: Report, only: Only) -> tuple[list[Row], list[Goal]]:
+    if not only("measure"):
+        return [], []
+    runs = QUICK if quick else FULL
     report(f"{runs} sweeps of 60 deg ...")
     measured = [measure_once(seed) for seed in range(runs)]
+    return [reported(row, report) for row in _rows(measured, "measure")], measure_goals(measured)
+
+
+def _aligned_rows(quick: bool, report: Report, only: Only) -> tuple[list[Row], list[Goal]]:
+    if not only("align"):
+        return [], []
+    runs = QUICK if quick else FULL
     report(f"{runs} whole alignments ...")
     aligned = [align_once(seed) for seed in range(runs)]
-    report(f"{sweeps} worn mounts, one sweep and two ...")
-    one, two = zip(*[measure_worn((SEED, 3, k)) for k in range(sweeps)], strict=True)
-    report(f"{alignments} whole alignments of worn mounts, twice ...")
-    worn = {"worn: one sweep": one, "worn: two sweeps": two}
+    return [reported(row, report) for row in _rows(aligned, "align")], align_goals(aligned)
+
+
+def _worn(quick: bool, report: Report, only: Only) -> tuple[list[Row], list[Goal]]:
+    (sweeps, alignments), rows = WORN_QUICK if quick else WORN_FULL, []
+    if sweeping := [kind for kind in ("worn: one sweep", "worn: two sweeps") if only(kind)]:
+        report(f"{sweeps} worn mounts, one sweep and two ...")
+        one, two = zip(*[measure_worn((SEED, 3, k)) for k in range(sweeps)], strict=True)
+        both = {"worn: one sweep": one, "worn: two sweeps": two}
+        rows += [reported(_worn_row(kind, both[kind]), report) for kind in sweeping]
     for kind, second in (("worn: align", False), ("worn: align, two sweeps", True)):
-        rigs = (worn_rig(np.random.default_rng([SEED, 4, k])) for k in range(alignments))
-        worn[kind] = tuple(_aligned(rig, replace(ALIGN, second_sweep=second)) for rig in rigs)
-    honest = [_worn_row(kind, own) for kind, own in worn.items()]
-    frames, of_frames = frames_rows(quick, report)
-    moved, of_moved = moved_rows(quick, report)
-    guided, of_guided = guided_rows(quick, report)
-    faults, of_faults = fault_rows(quick, report)
-    hands, of_hands = hands_rows(quick, report)
-    rows = [*_rows(measured, "measure"), *_rows(aligned, "align"), *honest, *moved, *guided, *hands, *faults, *frames]
-    met = [*goals(measured, aligned), *worn_goals(honest), *of_moved, *of_guided, *of_hands, *of_faults, *of_frames]
-    return BenchResult("polar", rows, met)
+        if only(kind):
+            report(f"{alignments} whole alignments of worn mounts ...")
+            rigs = (worn_rig(np.random.default_rng([SEED, 4, k])) for k in range(alignments))
+            own = [_aligned(rig, replace(ALIGN, second_sweep=second)) for rig in rigs]
+            rows.append(reported(_worn_row(kind, own), report))
+    return rows, worn_goals(rows)
 
 
 def _rows(runs: Sequence[Row], kind: str) -> list[Row]:
@@ -192,15 +211,21 @@ def _errors(own: Sequence[Row]) -> dict[str, Any]:
     return off | summary(own, worst_arcsec=("off_arcsec", np.max), predicted_arcsec=("noise_arcsec", np.median))
 
 
-def goals(measured: Sequence[Row], aligned: Sequence[Row]) -> list[Goal]:
-    """What was asked for, from these runs alone."""
-    error, ends = float(np.median(column(measured, "off_arcsec"))), column(aligned, "off_arcsec")
-    wrong = float((column(measured, "signs_right") == 0).sum())
+def measure_goals(measured: Sequence[Row]) -> list[Goal]:
+    """What was asked for of one sweep."""
+    error, wrong = float(np.median(column(measured, "off_arcsec"))), float((column(measured, "signs_right") == 0).sum())
     return [
         Goal.at_most('median error, 60 deg of turn, 2" solves: arcsec', error, 15.0),
         Goal.between("inside the 68 % ellipse", float(column(measured, "noise_68").mean()), 0.63, 0.73),
         Goal.between("inside the 95 % ellipse", float(column(measured, "noise_95").mean()), 0.92, 0.98),
         Goal.at_most("runs with a wrong sign", wrong, 0.0),
+    ]
+
+
+def align_goals(aligned: Sequence[Row]) -> list[Goal]:
+    """What was asked for of a whole alignment."""
+    ends = column(aligned, "off_arcsec")
+    return [
         Goal.at_most("alignments ending at 30 arcsec or more", float((ends >= 30.0).sum()), 0.0),
         Goal.at_most("worst end of an alignment: arcsec", float(ends.max()), 30.0),
         Goal.at_most("most moves of the bolts", float(column(aligned, "moves").max()), 5.0),

@@ -23,7 +23,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
-from kochab.lab.bench import Goal, Report, Row, column, summary, timed
+from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary, timed
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import Measurement, MeasureSettings, PolarFindingKind, measure
 from kochab.polar.sighting import Sighting
@@ -202,20 +202,25 @@ def measure_frames(field_deg: float, seed: int) -> Row:
     return row | {"accused": any(finding.kind in ACCUSED for finding in found.findings)}
 
 
-def frames_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
+def frames_rows(quick: bool, report: Report, only: Only = ALL_ROWS) -> tuple[list[Row], list[Goal]]:
     """A row a field and a band of lowest altitudes, and the goals."""
     count = QUICK if quick else FULL
     runs: list[Row] = []
+    rows: list[Row] = []
     for field_deg in FIELDS_DEG:
+        if not only(kind := f"rendered: {field_deg:g} deg"):
+            continue
         report(f"{count} alignments from rendered frames of {field_deg:g} deg ...")
-        runs += [measure_frames(field_deg, seed) for seed in range(count)]
-    fields = {f"rendered: {f:g} deg": [r for r in runs if r["field_deg"] == f] for f in FIELDS_DEG}
+        own = [measure_frames(field_deg, seed) for seed in range(count)]
+        runs += own
+        rows.append(reported(_row(kind, own), report))
+    if len(rows) < len(FIELDS_DEG):  # heights and goals are of all fields
+        return rows, []
     bands = {
         f"rendered: lowest {low:g}-{high:g} deg": [r for r in runs if low <= r["lowest_deg"] < high]
         for low, high in BANDS
     }
-    rows = [_row(kind, own) for kind, own in (fields | bands).items() if own]
-    return rows, goals(runs)
+    return [*rows, *(_row(kind, own) for kind, own in bands.items() if own)], goals(runs)
 
 
 def _row(kind: str, own: Sequence[Row]) -> Row:

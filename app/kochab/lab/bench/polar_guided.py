@@ -18,7 +18,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, small_rotation, unit
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
-from kochab.lab.bench import Goal, Report, Row, column, summary
+from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary
 from kochab.polar.drift import measure_drift
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import MeasureSettings, NoAxis
@@ -272,15 +272,21 @@ def _offset_arcsec(axis: Floats, evening: Evening) -> Floats:
     return np.array([np.cross(clockwise, pole), clockwise]) @ axis / ARCSEC
 
 
-def guided_rows(quick: bool, report: Report) -> tuple[list[Row], list[Goal]]:
+def guided_rows(quick: bool, report: Report, only: Only = ALL_ROWS) -> tuple[list[Row], list[Goal]]:
     """A row a kind of log, and whether the ellipse holds the axis of all."""
-    count = QUICK if quick else FULL
-    report(f"{count} guide logs each of {len(KINDS)} kinds ...")
+    count, kinds = QUICK if quick else FULL, [kind for kind in KINDS if only(f"guide log: {kind}")]
+    if not kinds:
+        return [], []
+    report(f"{count} guide logs each of {len(kinds)} kinds ...")
+    every: list[Row] = []
+    rows: list[Row] = []
     with TemporaryDirectory() as folder:
-        runs = {kind: [measure_guided(kind, seed, Path(folder)) for seed in range(count)] for kind in KINDS}
-    every = [row for own in runs.values() for row in own]
+        for kind in kinds:
+            own = [measure_guided(kind, seed, Path(folder)) for seed in range(count)]
+            every += own
+            rows.append(reported(_row(kind, own), report))
     inside, ratio = float(column(every, "in_95").mean()), float(np.median(column(every, "ratio")))
-    return [_row(kind, own) for kind, own in runs.items()], [
+    return rows, [
         Goal.at_least("guide logs: inside the 95 % ellipse", inside, LEAST_INSIDE),
         Goal.between("guide logs: reported over true, median", ratio, *RATIO),
     ]

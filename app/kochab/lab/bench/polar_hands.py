@@ -7,7 +7,7 @@ and how often clock or time zone was blamed.
 
 from typing import Any
 
-from kochab.lab.bench import Goal, Report
+from kochab.lab.bench import ALL_ROWS, Goal, Only, Report
 from kochab.lab.bench.checkout import rows_of
 
 MODULE = "tests.nights.hands"
@@ -16,11 +16,17 @@ SEED = 91  # no hand of which anything was tuned on
 WRONG_CLOCK, TOO_FAR = "hands: clock 6 h wrong", "hands: overshoots 5 arcmin"
 
 
-def hands_rows(quick: bool, report: Report) -> tuple[list[dict[str, Any]], list[Goal]]:
+def hands_rows(quick: bool, report: Report, only: Only = ALL_ROWS) -> tuple[list[dict[str, Any]], list[Goal]]:
     """A row a kind of hand, and what is asked of all."""
+    if not only.some("hands: "):
+        return [], []
     count = QUICK if quick else FULL
     report(f"{count} hands of each kind at the bolts ...")
-    found = rows_of(MODULE, ["--json", "--count", str(count), "--seed", str(SEED)], report)
+    found = rows_of(
+        MODULE,
+        ["--json", "--count", str(count), "--seed", str(SEED), *(["--only", *only.names] if only.names else [])],
+        report,
+    )
     rows = [{"kind": f"hands: {found}"}] if isinstance(found, str) else found
     return rows, hands_goals(rows)
 
