@@ -8,7 +8,7 @@ import pytest
 
 from kochab.attitude.fit import refine
 from kochab.core.attitude import Attitude, attitude_from, unit
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Matches, Solution
@@ -48,6 +48,21 @@ def test_strong_distortion_is_learnt_from_the_centre_outward(corner: float, mirr
     assert len(matches) > 0.93 * len(field.detections)
     assert right.mean() > 0.97
     assert fit.camera.k1 == pytest.approx(k1, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_fisheye_lens_is_followed_to_its_edge(seed: int) -> None:
+    """Its outer term shows nowhere but where stars are pixels off their places, and not beside an axis off the middle."""
+    camera = replace(FisheyeCamera.centred(2800, 2800, 960.0, False), k1=-0.03, k2=-0.006, cx=1410.0, cy=1430.0)
+    field = photograph(camera, attitude_from(60.0 * seed, 80.0 - 25.0 * seed, 10.0), 700, seed=seed, spurious=60)
+    stars = open_catalogue().vectors(np.maximum(field.rows, 0), YEAR) @ field.attitude.boresight
+    ahead = np.flatnonzero((stars > np.cos(np.radians(86.0))) | (field.rows < 0))  # others are mirrored into the frame
+    field = replace(field, detections=field.detections.take(ahead), rows=field.rows[ahead])
+    found = replace(told(field, 40, 0.35), camera=FisheyeCamera.centred(2800, 2800, 960.0, False))
+    matches, fit = extend(field.detections, found, open_catalogue(), YEAR)
+    assert np.isin(np.flatnonzero(field.rows >= 0), matches.detection).mean() > 0.97
+    assert (field.rows[matches.detection] == matches.star).mean() > 0.98
+    assert fit.rms_px < 0.35
 
 
 def test_false_detections_stay_without_a_name() -> None:

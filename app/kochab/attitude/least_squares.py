@@ -280,6 +280,8 @@ LADDER: tuple[tuple[Terms, int], ...] = (
     (("k1", "k2"), 14),  # they may hide each other
     (("k2",), 14),
     (("cx", "cy"), 14),  # every lens has an axis beside the middle; where it bends, that looks like p1 and p2
+    (("k1",), 14),  # an axis far off the middle had hidden them
+    (("k2",), 14),
     (("p1", "p2"), 18),
 )
 """Terms tried one after the other, with the fewest stars that may support them."""
