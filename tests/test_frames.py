@@ -12,6 +12,7 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Hint
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
 from kochab.workflows.solve_frame import SolvedFrame, solve_file
 
@@ -106,3 +107,33 @@ def test_a_wrong_hint_costs_time_and_never_the_answer(name: str) -> None:
     result = solved(name, SolveOptions(hint=hint, timeout_s=None)).result
     assert isinstance(result, Solution)
     check_against_truth(result, truth)
+
+
+def test_every_bright_star_that_shines_is_named() -> None:
+    """Of V < 3 at least 97 % of those where there is light: five sigma above the ring around their place."""
+    catalogue, seen, named = open_catalogue(), 0, 0
+    for name in SOLVABLE:
+        answer = solved(name)
+        assert isinstance(answer.result, Solution)
+        assert answer.frame is not None
+        rows = catalogue.brightest(answer.result.centre_vector, answer.result.radius_rad, 200, 2024.0)
+        rows = rows[np.asarray(catalogue.mag(rows)) < 3.0]
+        places = answer.result.pixels_of(catalogue.vectors(rows, 2024.0))
+        known = {star.id for star in answer.result.named}
+        for k, label in enumerate(catalogue.labels(rows)):
+            beside_brighter = np.hypot(*(places[:k] - places[k]).T).min(initial=np.inf) < 5.0
+            if not beside_brighter and shines(answer.frame.pixels, *places[k]):
+                seen, named = seen + 1, named + (label[0] in known)
+    assert seen > 50
+    assert named >= 0.97 * seen
+
+
+def shines(pixels: np.ndarray, x: float, y: float) -> bool:
+    height, width = pixels.shape
+    if not (30 < x < width - 30 and 30 < y < height - 30):
+        return False
+    square = pixels[round(y) - 30 : round(y) + 31, round(x) - 30 : round(x) + 31].astype(float)
+    means = sum(np.roll(square, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)) / 9.0
+    away = np.hypot(*np.mgrid[-30:31, -30:31])
+    ring = means[(away > 12) & (away < 28)]
+    return bool(means[away < 6].max() > np.median(ring) + 5.0 * max(ring.std(), 0.002 * float(pixels.max())))

@@ -47,7 +47,7 @@ def test_a_solution_has_the_keys_that_are_promised() -> None:
     assert set(out) >= SOLVED_KEYS
     assert set(out["camera"]) == {"projection", "focal_px", "cx", "cy", "k1", "k2", "p1", "p2", "aspect"}
     assert set(out["elapsed_ms"]) == {"read", "detect", "identify", "attitude", "total"}
-    assert set(out["stars"][0]) == {"x", "y", "id", "name", "mag", "ra_deg", "dec_deg", "residual_px"}
+    assert set(out["stars"][0]) == {"x", "y", "id", "name", "mag", "ra_deg", "dec_deg", "residual_px", "fitted"}
     assert out["solved"] is True
     assert out["matches"] == 1
     assert out["ra_deg"] == pytest.approx(279.0)

@@ -84,7 +84,10 @@ class Identification:
 
 @dataclass(frozen=True, slots=True)
 class NamedStar:
-    """One identified star, for people and for JSON. ``mag`` is V; degrees are ICRS."""
+    """One identified star, for people and for JSON. ``mag`` is V; degrees are ICRS.
+
+    One that is not ``fitted`` was found at its place after the solve, and took no part in it.
+    """
 
     x: float
     y: float
@@ -94,6 +97,7 @@ class NamedStar:
     ra_deg: float
     dec_deg: float
     residual_px: float
+    fitted: bool = True
 
     @property
     def ascii_name(self) -> str:
@@ -111,6 +115,7 @@ class Solution:
     ``camera`` and ``attitude`` are the fitted model that projects stars to pixels: that attitude is the optical
     axis', where the lens is symmetric, which may be pixels or arcminutes from the centre. :attr:`centre_attitude` is
     the rotation that goes with :attr:`ra_dec_deg` and :attr:`roll_deg`. The covariance of both is that of the centre.
+    ``stars`` are those that the fit used, ``seen`` others that were found at their places.
     """
 
     camera: Camera
@@ -122,6 +127,17 @@ class Solution:
     detections: int = 0
     elapsed_ms: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    seen: tuple[NamedStar, ...] = ()
+
+    @property
+    def named(self) -> tuple[NamedStar, ...]:
+        """Every star that is known in the frame, brightest first."""
+        return tuple(sorted((*self.stars, *self.seen), key=lambda star: star.mag)) if self.seen else self.stars
+
+    @property
+    def named_px(self) -> Floats:
+        """Pixels (N, 2) of :attr:`named`."""
+        return np.array([(star.x, star.y) for star in self.named]).reshape(-1, 2)
 
     @property
     def stars_px(self) -> Floats:

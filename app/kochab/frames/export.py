@@ -27,7 +27,7 @@ def stars_csv(solution: Solution) -> str:
     ``x``, ``y`` are px from the centre of the first pixel; degrees are ICRS; ``mag`` is V.
     """
     rows: list[tuple[object, ...]] = [_COLUMNS]
-    for star in sorted(solution.stars, key=lambda s: s.mag):
+    for star in sorted(solution.named, key=lambda s: s.mag):
         place = f"{star.mag:.2f}", f"{star.ra_deg:.6f}", f"{star.dec_deg:.6f}", f"{star.residual_px:.3f}"
         rows.append((f"{star.x:.3f}", f"{star.y:.3f}", star.id, star.name, *place))
     return csv_text(rows)
@@ -37,7 +37,7 @@ def ds9_regions(solution: Solution) -> str:
     """A region file for SAOImage DS9, in ASCII: a circle on the sky for every identified star."""
     radius = _REGION_RADIUS_PX * solution.camera.scale_arcsec_px
     lines = ["# Region file format: DS9 version 4.1", "global color=green", "icrs"]
-    for star in solution.stars:
+    for star in solution.named:
         label = (star.ascii_name or star.id).replace("{", "(").replace("}", ")")
         place = f"{star.ra_deg:.6f},{star.dec_deg:.6f}"
         lines.append(f'circle({place},{radius:.3f}") # text={{{label}}}')

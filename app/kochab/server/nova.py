@@ -348,7 +348,7 @@ def _annotations(job: Job) -> list[Json]:
             kind = "ic" if one.name.startswith("IC ") else "ngc"
             names, radius = list(dict.fromkeys([one.name, *one.names])), 30.0 * size / scale
             found.append({"type": kind, "names": names, "pixelx": one.x + 1, "pixely": one.y + 1, "radius": radius})
-    stars = (star for star in job.solution.stars if star.name)
+    stars = (star for star in job.solution.named if star.name)
     bright = [{"type": "bright", "names": [s.name], "pixelx": s.x + 1, "pixely": s.y + 1, "radius": 0.0} for s in stars]
     return found + bright
 

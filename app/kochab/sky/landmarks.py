@@ -137,7 +137,7 @@ def name_of_field(solution: Solution) -> str:
         place = constellation_at(known.vectors[near[best]])
         if place == constellation or away[best] < 0.5:  # towards the edge a neighbour's object names no frame
             return _name_in_constellation(known.names[near[best]], place)
-    named = [star for star in solution.stars if star.name and star.mag < STAR_MAG and wide < STAR_FIELD_DEG]
+    named = [star for star in solution.named if star.name and star.mag < STAR_MAG and wide < STAR_FIELD_DEG]
     return _name_in_constellation(min(named, key=lambda star: star.mag).name, constellation) if named else constellation
 
 

@@ -16,7 +16,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
-from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution, StarCatalogue
+from kochab.core.solution import Identification, Matches, NamedStar, NoSolution, Reason, Solution, StarCatalogue
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
 from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, named_stars
@@ -370,6 +370,11 @@ def _conclude(request: _Request, found: Identification) -> Solution | NoSolution
             measured={"stretch_share": stretched.share},
         )
     warnings = _stretched_text(fit.camera.aspect)
+    elsewhere: tuple[NamedStar, ...] = ()
+    if request.frame is not None:
+        from kochab.solver.bright_stars import stars_at_their_places
+
+        elsewhere = stars_at_their_places(request.frame, request.detections, matches, fit, catalogue, year)
     seen = matches
     if options.aberration:
         moment = options.hint.taken_utc if options.hint else None
@@ -386,7 +391,7 @@ def _conclude(request: _Request, found: Identification) -> Solution | NoSolution
     if options.hint is None or options.hint.taken_utc is None:
         attitude = with_unknown_date(attitude, matches, catalogue.vectors(matches.star, year + UNKNOWN_YEAR_SIGMA))
     fit = replace(fit, attitude=attitude)
-    return replace(build_solution(matches, fit, found, catalogue), warnings=warnings)
+    return replace(build_solution(matches, fit, found, catalogue), warnings=warnings, seen=elsewhere)
 
 
 def _stretched_text(aspect: float) -> tuple[str, ...]:

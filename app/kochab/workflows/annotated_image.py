@@ -217,8 +217,8 @@ def _grids(solution: Solution, layers: Layers, horizon: SiteSky | None) -> dict[
 def _circles(solution: Solution, layers: Layers, detected: Floats, unit: float, line: float) -> list[Stroke]:
     """Those of detections and identified stars, and the cross in the centre, where they are on."""
     if layers.on["identified"]:  # which have circles of their own
-        detected = detected[~among(detected, solution.stars_px)]
-    rings = {"detected": (detected, 4.5), "identified": (solution.stars_px, 8.0)}
+        detected = detected[~among(detected, solution.named_px)]
+    rings = {"detected": (detected, 4.5), "identified": (solution.named_px, 8.0)}
     made = [
         (place + radius * unit * CIRCLE, f"{_ink(layers, layer, layer)}ff", line)
         for layer, (places, radius) in rings.items()
@@ -351,8 +351,11 @@ def doubled(solution: Solution) -> Solution:
         cx=2.0 * camera.cx + 0.5,
         cy=2.0 * camera.cy + 0.5,
     )
-    stars = tuple(replace(star, x=2.0 * star.x + 0.5, y=2.0 * star.y + 0.5) for star in solution.stars)
-    return replace(solution, camera=lens, stars=stars)
+    stars, seen = (
+        tuple(replace(star, x=2.0 * star.x + 0.5, y=2.0 * star.y + 0.5) for star in some)
+        for some in (solution.stars, solution.seen)
+    )
+    return replace(solution, camera=lens, stars=stars, seen=seen)
 
 
 def annotate(

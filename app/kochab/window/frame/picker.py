@@ -72,9 +72,9 @@ class Picker(QObject):
 
     def _clicked(self, x: float, y: float, reach: float) -> None:
         solution = self._session.known.solution
-        if solution is None or not solution.stars:
+        if solution is None or not solution.named:
             return
-        away = np.array([np.hypot(s.x - x, s.y - y) for s in solution.stars])
+        away = np.array([np.hypot(s.x - x, s.y - y) for s in solution.named])
         nearest = int(away.argmin())
         self._panes.stars.select(nearest if away[nearest] <= reach else None)
         self._pick(self.overlay.mark_at(x, y, reach), solution)

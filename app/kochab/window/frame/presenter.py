@@ -110,7 +110,7 @@ class Presenter(QObject):
         self._show_marks(solution)
         self.panes.card.show_solution(solution, self._field.place)
         self.panes.solution.show_solution(solution, self.session.known.last_good_from)
-        self.panes.stars.set_stars(solution.stars)
+        self.panes.stars.set_stars(solution.named)
         self.panes.view.update()
         self._field.say_place()
         self._field.look_for_bodies()
@@ -147,8 +147,8 @@ class Presenter(QObject):
         """Show in the image what was picked in the table of stars."""
         self.overlay.selected = star
         solution, view = self.session.known.solution, self.panes.view
-        if star is not None and solution is not None and star < len(solution.stars):
-            view.reveal(solution.stars[star].x, solution.stars[star].y)
+        if star is not None and solution is not None and star < len(solution.named):
+            view.reveal(solution.named[star].x, solution.named[star].y)
         view.update()
 
     def _restyled(self, style: AngleStyle) -> None:

@@ -83,7 +83,7 @@ def facts(
         hip = f"HIP {tables.stars.hip[mark.row]}"
         rows[tr("Catalogue")] = hip
         if solution.stars:
-            residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.stars if s.id == hip), "")
+            residual = next((tr("{px:.2f} px", px=s.residual_px) for s in solution.named if s.id == hip), "")
             rows[tr("Residual")] = residual or tr("not matched")
     elif (body := mark.body) is not None:
         rows |= {tr("Magnitude"): number(body.magnitude, ".1f")} if np.isfinite(body.magnitude) else {}

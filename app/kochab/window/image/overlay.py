@@ -322,7 +322,7 @@ class Overlay:
         if solution is not self.solution:
             self._sky, self.picked, self.bodies, self._grids = None, None, (), {}
         self.detected, self.solution, self.selected = detected, solution, None
-        self._stars = np.empty((0, 2)) if solution is None else solution.stars_px
+        self._stars = np.empty((0, 2)) if solution is None else solution.named_px
         self._others = detected[~among(detected, self._stars)]
 
     def clear(self) -> None:
@@ -380,8 +380,8 @@ class Overlay:
                 cross(brush, x, y, 6.0, 18.0)
         if self.layers.on["compass"]:
             arrows(brush, solution, self.covered)
-        if self.selected is not None and self.selected < len(solution.stars):
-            star = solution.stars[self.selected]
+        if self.selected is not None and self.selected < len(solution.named):
+            star = solution.named[self.selected]
             at = brush.view.to_screen(self._stars[self.selected])
             selection(brush, at, star.name or star.id)
         elif self.picked is not None:

@@ -296,8 +296,8 @@ class MoveStarMode(QObject):
 
     def _snapped(self, x: float, y: float, reach_px: float) -> tuple[float, float]:
         solution = self._control.solution
-        if solution is None or not solution.stars:
+        if solution is None or not solution.named:
             return x, y
-        nearest = min(solution.stars, key=lambda s: np.hypot(s.x - x, s.y - y))
+        nearest = min(solution.named, key=lambda s: np.hypot(s.x - x, s.y - y))
         near = np.hypot(nearest.x - x, nearest.y - y) <= reach_px
         return (nearest.x, nearest.y) if near else (x, y)

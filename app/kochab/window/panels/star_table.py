@@ -141,7 +141,7 @@ class StarModel(QAbstractTableModel):
 
 
 class StarTable(Page):
-    """Sortable, filterable; ``selected`` is an index into ``solution.stars`` or None, and ``picked`` carries it."""
+    """Sortable, filterable; ``selected`` is an index into ``solution.named`` or None, and ``picked`` carries it."""
 
     picked = Signal(object)
 
@@ -203,7 +203,7 @@ class StarTable(Page):
             self.table.setColumnWidth(at, width + 16)
 
     def select(self, star: int | None) -> None:
-        """Select the row of ``solution.stars[star]`` and bring it into sight."""
+        """Select the row of ``solution.named[star]`` and bring it into sight."""
         if star is None:
             self.table.clearSelection()
             return

@@ -1,0 +1,90 @@
+"""After a solve the catalogue's stars are looked for at their places: saturated, beside nebulae, or missed."""
+
+import numpy as np
+import pytest
+
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.frame import Frame
+from kochab.core.progress import run
+from kochab.core.solution import Solution
+from kochab.sky import open_catalogue
+from kochab.solver import SolveOptions
+from kochab.solver.pipeline import examine_frame
+
+from .fields import YEAR
+
+CAMERA = Camera.centred(1200, 900, 1200 / 2 / np.tan(np.radians(12.0)))
+ATTITUDE = attitude_from(84.0, 0.0, 20.0)
+BETELGEUSE, RIGEL, BELLATRIX = "HIP 27989", "HIP 24436", "HIP 25336"
+
+
+def light(shape: tuple[int, int], x: float, y: float, flux: float, sigma: float = 1.1) -> np.ndarray:
+    """A Gaussian star of so much light."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    return flux * np.exp(-0.5 * ((columns - x) ** 2 + (rows - y) ** 2) / sigma**2) / (2.0 * np.pi * sigma**2)
+
+
+def orion(without: tuple[str, ...] = (), leaves: int = 0) -> np.ndarray:
+    """Orion to V 7.5 with noise, without some stars, behind leaves that the wind has left bright."""
+    rng, catalogue = np.random.default_rng(3), open_catalogue()
+    rows = catalogue.brightest(ATTITUDE.boresight, np.radians(16.0), 400, YEAR)
+    rows = rows[[label[0] not in without for label in catalogue.labels(rows)]]
+    places = CAMERA.project(catalogue.vectors(rows, YEAR) @ ATTITUDE.matrix.T)
+    pixels = rng.normal(300.0, 5.0, (900, 1200))
+    near = np.arange(-8, 9)
+    for (x, y), mag in zip(places, catalogue.mag(rows), strict=True):
+        if 10 < x < 1189 and 10 < y < 889:
+            column, row = round(x), round(y)
+            pixels[row + near[0] : row + near[-1] + 1, column + near[0] : column + near[-1] + 1] += light(
+                (17, 17), x - column + 8, y - row + 8, 1500.0 * 10 ** (0.4 * (7.0 - mag))
+            )
+    for x, y in rng.uniform([10, 10], [1189, 889], (leaves, 2)):
+        pixels[round(y) - 1 : round(y) + 2, round(x) - 1 : round(x) + 2] += rng.uniform(100.0, 3000.0)
+    return pixels
+
+
+def solved(pixels: np.ndarray) -> Solution:
+    frame = Frame(np.clip(pixels, 0.0, 65535.0).astype(np.uint16), saturation=65535.0)
+    result = run(examine_frame(frame, SolveOptions(fov_deg=24.0))).result
+    assert isinstance(result, Solution)
+    return result
+
+
+def place_of(identifier: str) -> np.ndarray:
+    catalogue = open_catalogue()
+    rows = catalogue.brightest(ATTITUDE.boresight, np.radians(16.0), 20, YEAR)
+    row = rows[[label[0] for label in catalogue.labels(rows)].index(identifier)]
+    return CAMERA.project(catalogue.vectors(np.array([row]), YEAR) @ ATTITUDE.matrix.T)[0]
+
+
+@pytest.mark.parametrize("identifier", [BETELGEUSE, BELLATRIX])
+def test_a_burnt_out_star_whose_middle_is_off_is_named_and_takes_no_part_in_the_fit(identifier: str) -> None:
+    pixels, (x, y) = orion(without=(identifier,)), place_of(identifier)
+    rows, columns = np.mgrid[:900, :1200]
+    pixels[np.hypot(columns - x - 3.0, rows - y - 2.0) < 5.0] = 65535.0
+    result = solved(pixels)
+    assert identifier not in {star.id for star in result.stars}
+    (star,) = (star for star in result.seen if star.id == identifier)
+    assert not star.fitted
+    assert np.hypot(star.x - x - 3.0, star.y - y - 2.0) < 1.0
+    assert star.residual_px == pytest.approx(np.hypot(3.0, 2.0), abs=1.0)
+    assert star in result.named
+
+
+def test_a_star_in_a_bright_nebula_is_seen_in_the_light() -> None:
+    """On such a slope the detector takes it for a bump of the nebula's light."""
+    pixels, (x, y) = orion(without=(BELLATRIX,)), place_of(BELLATRIX)
+    pixels += light((900, 1200), x + 18.0, y, 6e6, 12.0) + light((900, 1200), x, y, 6e4, 1.1)
+    assert BELLATRIX in {star.id for star in solved(pixels).named}
+
+
+def test_where_no_light_is_no_star_is_named() -> None:
+    result = solved(orion(without=(BETELGEUSE, RIGEL, BELLATRIX)))
+    assert {BETELGEUSE, RIGEL, BELLATRIX}.isdisjoint(star.id for star in result.named)
+
+
+def test_behind_leaves_as_bright_as_stars_no_star_is_looked_for() -> None:
+    result = solved(orion(leaves=3000))
+    assert len(result.stars) > 20
+    assert result.seen == ()
