@@ -11,7 +11,9 @@ SET_POSITIVE, SET_NEGATIVE, MOVE_POSITIVE, MOVE_NEGATIVE = 0x06, 0x07, 0x24, 0x2
 PULSE, PULSING, SET_GUIDE, GET_GUIDE, VERSION = 0x26, 0x27, 0x46, 0x47, 0xFE
 SLOW = (0.0, 2.0, 4.0, 8.0, 16.0, 64.0)  # of keys 0 to 5, in sidereal; 6 to 9 are parts of a slew
 FAST = {6: 0.125, 7: 0.25, 8: 0.5, 9: 1.0}
-FASTEST_KEY_DEG_S = 5.0  # of key 9: 3 to 5 by the mount, whatever a board of this kind is made to slew at
+FASTEST_KEY_DEG_S = 16319.0 / 3600.0
+"""Of key 9: 4 by Celestron's manual of the hand control (page 20: 6 to 9 are 0.5, 1, 2 and 4 deg/s), and so much as a
+program that tracks satellites measured at a NexStar 130SLT; whatever a board of this kind is made to slew at."""
 EQ_NORTH = 2
 
 

@@ -121,6 +121,18 @@ def test_a_nudge_runs_out_after_its_stop(kind):
     assert not board.moving
 
 
+def test_a_nexstar_s_key_9_is_as_fast_as_celestron_s_mounts_whatever_its_gotos_are():
+    board = board_of("nexstar")
+    board.align(-40.0, 40.0)
+    for axis in board.tube.axes:
+        axis.top_deg_s, axis.acceleration_deg_s2 = 12.0, 60.0
+    say(board, NORTH_FAST["nexstar"])
+    later(board, 1.0)
+    before = board.radec_deg()[1]
+    later(board, 2.0)
+    assert 4.0 < (board.radec_deg()[1] - before) / 2.0 < 4.6
+
+
 def test_a_cut_of_the_power_leaves_a_false_home(kind):
     board = board_of(kind)
     ra, dec = board.align(-40.0, 40.0)

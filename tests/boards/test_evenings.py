@@ -137,3 +137,9 @@ def test_a_seed_repeats_its_evening(monkeypatch):
     monkeypatch.setenv("KOCHAB_CONFIG", "")
     first, again = (spend("am5", 1) for _ in range(2))
     assert [line.split("board://")[0] for line in first.diary] == [line.split("board://")[0] for line in again.diary]
+
+
+@pytest.mark.parametrize("seed", [21261, 90191])
+def test_two_nexstar_evenings_that_ended_near_the_sun_and_below_the_limit_are_quiet(seed):
+    """A goto whose braking was forgotten; and key 9, which on a board faster than any mount of Celestron's ran too far."""
+    assert spend("nexstar", seed, 10, "").violations == []
