@@ -5,11 +5,13 @@ import pytest
 
 from kochab.core.frame import Site
 from kochab.lab.bench import polar_sweeps as sky
-from kochab.lab.bench.polar_faults import reported_axis, true_axis
+from kochab.lab.bench.polar_faults import reported_axis, solved_files, true_axis
 from kochab.polar import axis_fit
+from kochab.polar import measure as measure_module
 from kochab.polar.error import CHI2_95
-from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure_local
+from kochab.polar.measure import MeasureSettings, PolarFindingKind, measure, measure_local
 from kochab.polar.seen_axis import Cause
+from kochab.workflows.polar.sources import sightings_of
 from tests.polar.mounts import Mount
 
 
@@ -113,3 +115,32 @@ def test_a_long_sweep_in_which_declination_slipped_is_fitted_a_few_times_only(mo
     assert found.movement.explains
     assert (found.movement.before, found.movement.angle_arcsec) == ("frame 30", pytest.approx(900.0, abs=10.0))
     assert len(fits) <= 5
+
+
+def solved_while_measuring(frames, monkeypatch):
+    """Axes fitted and linear systems solved for so many frames among which Dec moved, and those as wide as the frames."""
+    rng = np.random.default_rng([29, frames])
+    sweep = sky.with_dec_moved(sky.random_sweep(rng, frames), rng)
+    sightings = sightings_of(files := solved_files(sweep, rng), [0] * len(files))
+    place, fits, columns = sweep.stated_place, [], []
+
+    def counted(fit, seen):
+        return lambda first, *others, **named: (seen(first), fit(first, *others, **named))[1]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(axis_fit, "fit_axis", counted(axis_fit.fit_axis, fits.append))
+        patch.setattr(measure_module, "fit_axis", counted(measure_module.fit_axis, fits.append))
+        patch.setattr(np.linalg, "lstsq", counted(np.linalg.lstsq, lambda matrix: columns.append(matrix.shape[1])))
+        found = measure(sightings, MeasureSettings(Site(place.latitude_deg, place.longitude_deg, place.height_m)))
+    assert any(finding.kind is PolarFindingKind.DEC_MOVED for finding in found.findings)
+    return len(fits), len(columns), sum(width >= frames for width in columns)
+
+
+def test_sixty_frames_with_a_dec_slip_cost_five_times_what_twelve_do(monkeypatch):
+    """Each gap between two frames is supposed with every cause: 2,000 fits of 64 unknowns took 40 s."""
+    fits_12, solved_12, _ = solved_while_measuring(12, monkeypatch)
+    fits_60, solved_60, wide = solved_while_measuring(60, monkeypatch)
+    assert fits_60 <= 2 + fits_12 <= 10, "of whole axes, however many frames"
+    assert solved_60 < 10.0 * solved_12
+    assert solved_60 < 60 * 60
+    assert wide <= 10, "elsewhere the frames' own turns are eliminated"

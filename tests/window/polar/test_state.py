@@ -288,3 +288,25 @@ def test_a_spoilt_measurement_shows_the_error_but_no_way_to_turn(qtbot, spoils):
     assert all((card.way.text() == "") is spoils for card in cards)
     assert (bolts.way() == "") is spoils
     assert most_urgent(state, Message()) == Message("Something slipped.", "wrong")
+
+
+@pytest.mark.parametrize(
+    ("state", "now_s"),
+    [
+        (AlignmentState("adjust", error=error(60.0, 60.0), live=True, error_at_s=99.0), 100.4),
+        (AlignmentState("adjust", error=error(60.0, 60.0), live=True, error_at_s=99.0), 111.0),
+        (AlignmentState("adjust", error=error(60.0, 60.0), live=True, error_at_s=99.0), 99.0 + OLD_S + 1.0),
+        (AlignmentState("adjust", error=error(60.0, 60.0), live=True, error_at_s=99.0, solved=False), 140.0),
+        (AlignmentState("ended", error=error(60.0, 60.0), error_at_s=99.0), 4000.0),
+    ],
+)
+def test_phone_and_window_tell_one_age(qtbot, state, now_s):
+    """The phone's page counts by itself: a window that hangs must not leave its last number young there."""
+    page, number = PhonePage("token", lambda: now_s), NumberCard()
+    qtbot.addWidget(number)
+    page.show(state)
+    number.show_state(state, now_s)
+    (_, served) = page.answer("/token/now.json")
+    told = json.loads(served)
+    assert told["age"] == number.age.text() != ""
+    assert told["old"] is (number.total.property("role") == "number_old")
