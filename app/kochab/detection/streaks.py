@@ -128,8 +128,8 @@ def find_streaks(frame: Frame, detections: Detections, stars: Floats) -> list[St
 def _same(one: Streak, other: Streak) -> bool:
     """Whether two are one streak: one's ends lie on the other."""
     along = (other.ends[1] - other.ends[0]) / max(other.length_px, 1e-9)
-    beside = (one.ends - other.ends[0]) @ np.array([-along[1], along[0]])
-    return bool(np.abs(beside).max() < 2.0 * max(one.width_px, other.width_px))
+    across_px = (one.ends - other.ends[0]) @ np.array([-along[1], along[0]])
+    return bool(np.abs(across_px).max() < 2.0 * max(one.width_px, other.width_px))
 
 
 def _binned(pixels: Array, scale: int) -> Floats:

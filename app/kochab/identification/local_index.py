@@ -18,7 +18,7 @@ from kochab.identification.pair_table import DENSE, PairTable, table_of
 
 NEIGHBOURS = (5, 12)
 """Nearest stars that each star forms quads with, where the sky is as rich as the level wants and where it is poor."""
-ALIKE = 0.95
+SAME_LEVEL = 0.95
 """A level with this share of the finer one's stars stands for both: where the catalogue ends, all levels are alike."""
 WIDEST_PAIR = 1.5
 """Over the frame's field: its diagonal."""
@@ -124,7 +124,7 @@ def _levels(plane: Floats, fields_deg: tuple[float, ...]) -> list[tuple[float, I
         member = member[_brightest_of_each_field(plane[member], math.radians(field))] if len(member) else member
         if len(member) < 4:
             break
-        if out and len(member) >= ALIKE * len(out[-1][1]):
+        if out and len(member) >= SAME_LEVEL * len(out[-1][1]):
             out.pop()
         out.append((field, member))
     return out

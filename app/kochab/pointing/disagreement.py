@@ -195,8 +195,8 @@ def investigate(sightings: Sequence[MountSighting]) -> Disagreement:
     name = max(shares, key=lambda one: shares[one])
     best = next(s for s in suspects if s.name == name)
     agrees = offset <= AGREE_ARCSEC
-    enough = len(sightings) >= max(s.needs for s in suspects if s.name == name)
-    cause = name if shares[name] >= NAMED and enough and not agrees else ""
+    testable = len(sightings) >= max(s.needs for s in suspects if s.name == name)
+    cause = name if shares[name] >= NAMED and testable and not agrees else ""
     if agrees:
         sentence = tr("Mount and sky agree within {angle}.", angle=_angle(offset))
     elif cause:
@@ -249,10 +249,10 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
         left, slopes = residuals(terms, there, reported, side)
         y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
         precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
-        pull = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
-        means = np.linalg.solve(precision, pull[..., None])[..., 0]
+        weighted = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
+        means = np.linalg.solve(precision, weighted[..., None])[..., 0]
         freedom = np.linalg.slogdet(precision)[1] - np.log(prior).sum(axis=-1) + len(y) * np.log(2.0 * pi * noise[:, 0])
-        logs = -0.5 * (y @ y / noise[:, 0] - (pull * means).sum(axis=-1) + freedom)
+        logs = -0.5 * (y @ y / noise[:, 0] - (weighted * means).sum(axis=-1) + freedom)
         terms = means.reshape(-1, 5)[logs.argmax()]
         if np.abs(terms[2:4]).max() > FARTHEST_DEG:
             break  # no such place for a mount; and the slopes hold no longer

@@ -235,6 +235,6 @@ def earth_fixed(observed: Floats) -> Floats:
 
     The first direction is the camera axis, the second a little beside it along the camera's x.
     """
-    beside = observed[1] - observed[0]
-    x = unit(beside - (beside @ observed[0]) * observed[0])
+    toward_x = observed[1] - observed[0]
+    x = unit(toward_x - (toward_x @ observed[0]) * observed[0])
     return np.stack([x, np.cross(observed[0], x), observed[0]])

@@ -173,9 +173,9 @@ class PracticeRig:
         boresight = sky.from_enu(camera_axes[2])
         # The air squeezes the field, so that right and down turn a little differently: take the mean,
         # as a fit over the whole frame does.
-        beside = sky.from_enu(camera_axes[2] + 1e-3 * camera_axes[:2]) - boresight
-        beside -= (beside @ boresight)[:, None] * boresight
-        right, down = unit(beside)
+        offsets = sky.from_enu(camera_axes[2] + 1e-3 * camera_axes[:2]) - boresight
+        offsets -= (offsets @ boresight)[:, None] * boresight
+        right, down = unit(offsets)
         x = unit(right + np.cross(down, boresight))
         attitude = Attitude(np.stack([x, np.cross(boresight, x), boresight]))
         return MountTruth(t, attitude, sky.of_date(boresight), camera_axes, self.mount.wedge.axis_enu(), sky)

@@ -245,5 +245,5 @@ def _beside_a_bright_star(
         return np.zeros(0, dtype=bool)
     rows = catalogue.brightest(solution.centre_vector, solution.radius_rad + float(near.max()), COMPARED, year)
     # Of a far larger angle than a cosine's rounding; those left out by it get a cone of their own.
-    beside = directions @ catalogue.vectors(rows, year).T >= np.cos(near)[:, None]
-    return np.asarray((beside & (catalogue.mag(rows) <= limits[:, None])).any(axis=1))
+    near_star = directions @ catalogue.vectors(rows, year).T >= np.cos(near)[:, None]
+    return np.asarray((near_star & (catalogue.mag(rows) <= limits[:, None])).any(axis=1))

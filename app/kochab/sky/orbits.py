@@ -137,8 +137,8 @@ def carried(
     if not len(state) or not days.any():
         return state
     # one common date: the planets are needed for one moment a step, not for one of each body
-    together = np.all(days == days[0])
-    first, span = (from_jd[:1], days[:1]) if together else (from_jd, days)
+    same_span = np.all(days == days[0])
+    first, span = (from_jd[:1], days[:1]) if same_span else (from_jd, days)
 
     from scipy.integrate import DOP853  # a third of a second, which the window's start need not take
     from scipy.interpolate import CubicSpline
@@ -152,8 +152,8 @@ def carried(
 
     def slope(share: float, flat: Floats) -> Floats:
         now = flat.reshape(-1, 6)
-        pull = acceleration(now[:, :3], planets(first - begun + share * span))
-        return (np.hstack([now[:, 3:], pull]) * span[:, None]).ravel()
+        accelerations = acceleration(now[:, :3], planets(first - begun + share * span))
+        return (np.hstack([now[:, 3:], accelerations]) * span[:, None]).ravel()
 
     solver = DOP853(slope, 0.0, state.ravel(), 1.0, rtol=precision, atol=precision * 1e-2)
     while solver.status == "running":
@@ -166,8 +166,8 @@ def acceleration(places: Floats, planets: Floats) -> Floats:
     """Pull (N, 3), au/day^2, of the Sun and ``planets`` (N or 1, 8, 3) on bodies at heliocentric places (N, 3) au."""
     gap = planets - places[:, None]
     # the second term is the Sun's own acceleration: the frame is heliocentric, not inertial
-    pull = gap / _cubed(gap) - planets / _cubed(planets)
-    return np.asarray(np.einsum("p,npa->na", MASSES, pull) - GM["sun"] * places / _cubed(places))
+    accelerations = gap / _cubed(gap) - planets / _cubed(planets)
+    return np.asarray(np.einsum("p,npa->na", MASSES, accelerations) - GM["sun"] * places / _cubed(places))
 
 
 def _cubed(vectors: Floats) -> Floats:

@@ -32,7 +32,7 @@ TRAILED_ASPECT = 2.2
 SHORTEST_ARC_PX = 10.0
 """Patches that point in all directions are trails, around a pole, only when they are so long."""
 TRAILED_ELONGATION = 1.8
-ALIKE, ALIKE_IN_ARCS, ALL_OVER = 0.4, 0.7, 0.6
+PARALLEL, PARALLEL_IN_ARCS, ALL_OVER = 0.4, 0.7, 0.6
 """So many patches of a trailed frame are alike, neighbours agree so well on arcs, and so much of the frame has trails:
 letters and lit windows stand in a part of it, and lines cross."""
 CHANCE_ALIGNED = 0.005
@@ -187,7 +187,7 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
     if trails is not None and not math.isfinite(trails.angle_deg):
         least_px = max(least_px, SHORTEST_ARC_PX)
     long = trails is not None and trails.count >= 8 and trails.aspect > TRAILED_ASPECT and trails.length_px > least_px
-    if trails is not None and long and _alike(trails):
+    if trails is not None and long and _parallel(trails):
         yield _trail(case, trails.length_px, trails.angle_deg)
     for stars in (d, d.take(np.flatnonzero(_clear(d)))):  # noise has no direction
         bright = stars.take(slice(0, 50))
@@ -199,8 +199,8 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
                 yield _trail(case, length, float(np.degrees(np.angle(twice.mean())) / 2 % 180.0))
 
 
-def _alike(trails: Trails) -> bool:
-    least = ALIKE if math.isfinite(trails.angle_deg) else ALIKE_IN_ARCS
+def _parallel(trails: Trails) -> bool:
+    least = PARALLEL if math.isfinite(trails.angle_deg) else PARALLEL_IN_ARCS
     return trails.alike >= least and trails.cover >= ALL_OVER
 
 
@@ -209,7 +209,7 @@ def _all_over(stars: Detections, bright: Detections) -> bool:
     long = bright.take(np.flatnonzero(bright.elongation > TRAILED_ELONGATION))
     length = long.fwhm_px * np.sqrt(long.elongation)
     alike = float(np.mean(np.abs(np.log(length / _median(length))) < math.log(LENGTH)))
-    return alike >= ALIKE and covered(long.xy, stars.xy, (stars.width, stars.height)) >= ALL_OVER
+    return alike >= PARALLEL and covered(long.xy, stars.xy, (stars.width, stars.height)) >= ALL_OVER
 
 
 def _aligned(twice: NDArray[np.complex128]) -> bool:

@@ -115,8 +115,8 @@ def _windows(detections: Detections) -> Iterator[_Window]:
     middle = (size - 1.0) / 2.0
     yield from filter(_enough, (_window(detections, middle, size * share) for share in MIDDLE))
     steps = [np.array([x, y]) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
-    beside = [_window(detections, middle + step * size * (1.0 - REST) / 2.0, size * REST) for step in steps]
-    fullest = sorted(filter(_enough, beside), key=lambda w: -len(w.numbers))
+    around = [_window(detections, middle + step * size * (1.0 - REST) / 2.0, size * REST) for step in steps]
+    fullest = sorted(filter(_enough, around), key=lambda w: -len(w.numbers))
     yield from fullest[:MOST_AT_EDGES]
     right, below = np.count_nonzero(detections.xy > middle, axis=0) - len(detections) / 2.0
     emptier = (-np.sign(right), 0.0) if abs(right) > abs(below) else (0.0, -np.sign(below))

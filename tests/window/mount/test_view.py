@@ -108,26 +108,26 @@ def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, opened):
 def test_a_clock_that_contradicts_greys_the_slews_and_is_set_by_one_click(qtbot, opened):
     _, commands = opened
     with connected(qtbot, commands, "onstep") as mount:
-        view, doubted = mount.view, mount.view.doubted
-        assert not doubted.isVisible()
+        view, conflict = mount.view, mount.view.conflict
+        assert not conflict.isVisible()
         settings, guard = mount.bench.settings, mount.opening.guard
         settings.clock_error = -timedelta(hours=1)
         mount.control.order("look", lambda guard: looking(guard))
-        qtbot.waitUntil(lambda: doubted.isVisible() and at_rest(mount), timeout=15_000)
+        qtbot.waitUntil(lambda: conflict.isVisible() and at_rest(mount), timeout=15_000)
         assert "its clock is 1.0 h slow (summer time or zone?)" in view.doubt.text()
         for greyed in (view.go.goto, view.buttons.sync):
             assert greyed.explanation.reason == why.Need.AGREEMENT.value
         assert view.pad.buttons[Direction.NORTH].explanation.reason == ""
         view.buttons.settles["set clock"].click()
-        qtbot.waitUntil(lambda: not doubted.isVisible() and at_rest(mount), timeout=15_000)
+        qtbot.waitUntil(lambda: not conflict.isVisible() and at_rest(mount), timeout=15_000)
         assert abs(settings.clock_error.total_seconds()) < 3.0
         assert "The mount has this computer’s clock." in mount.said
         assert view.go.goto.explanation.reason == ""
         settings.clock_error = timedelta(hours=1)
         mount.control.order("look", lambda guard: looking(guard))
-        qtbot.waitUntil(lambda: doubted.isVisible() and at_rest(mount), timeout=15_000)
+        qtbot.waitUntil(lambda: conflict.isVisible() and at_rest(mount), timeout=15_000)
         view.trust.click()
-        qtbot.waitUntil(lambda: not doubted.isVisible() and at_rest(mount), timeout=15_000)
+        qtbot.waitUntil(lambda: not conflict.isVisible() and at_rest(mount), timeout=15_000)
         assert view.go.goto.explanation.reason == ""
         assert guard.clock_doubt() == ""
 

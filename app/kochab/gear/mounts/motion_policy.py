@@ -307,7 +307,7 @@ def sync_step(plan: Plan) -> Findings:
     limits, step = plan.limits, plan.distance_deg
     # Measured from the place that it would report without the syncs by hand before.
     unsynced = unit_vectors(plan.start_deg[0] - plan.by_hand_deg[0], plan.start_deg[1] - plan.by_hand_deg[1])
-    together = separation_deg(unsynced, plan.target) if plan.by_hand else step
+    total = separation_deg(unsynced, plan.target) if plan.by_hand else step
     guessed = plan.state.home_confirmed is False  # a step from a guessed position proves nothing
     turn, beside_deg = wrapped(plan.target_deg[0] - plan.start_deg[0]), 90.0 - abs(plan.target_deg[1])
     near_pole = abs(turn) > limits.confirm_sync_deg and beside_deg < 90.0 - limits.near_pole_deg
@@ -332,19 +332,18 @@ def sync_step(plan: Plan) -> Findings:
             step=step,
             refuse=limits.refuse_sync_deg,
         )
-    elif together > limits.refuse_sync_deg and not plan.allow_large_sync and not guessed:
+    elif total > limits.refuse_sync_deg and not plan.allow_large_sync and not guessed:
         yield refuse(
-            "With this night's syncs by hand the mount would be shifted by {together:.1f}°, more than {refuse:g}°. Sync"
+            "With this night's syncs by hand the mount would be shifted by {total:.1f}°, more than {refuse:g}°. Sync"
             " on two solved frames; or, if you are sure, allow it (--arm).",
-            together=together,
+            total=total,
             refuse=limits.refuse_sync_deg,
         )
     elif step > limits.confirm_sync_deg:
         yield confirm("The sync would shift the mount by {step:.1f} deg: confirm it.", step=step)
-    elif together > limits.confirm_sync_deg:
+    elif total > limits.confirm_sync_deg:
         yield confirm(
-            "With this night's syncs by hand the mount would be shifted by {together:.1f}°: confirm it.",
-            together=together,
+            "With this night's syncs by hand the mount would be shifted by {total:.1f}°: confirm it.", total=total
         )
 
 

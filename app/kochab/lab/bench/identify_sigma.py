@@ -45,8 +45,8 @@ def sigma_rows(quick: bool, report: Report) -> list[dict[str, Any]]:
     """A row each for rendered fields and, where there are any, crops of real frames."""
     report("uncertainties of rendered fields ...")
     rows = _rows("rendered", _rendered(6 if quick else 250))
-    beside = replace(RENDERED, brightest=500)
-    rows += _rows(BESIDE, _rendered(10 if quick else 400, BESIDE_DEG, beside))
+    denser = replace(RENDERED, brightest=500)
+    rows += _rows(BESIDE, _rendered(10 if quick else 400, BESIDE_DEG, denser))
     if REAL.is_dir():
         report("uncertainties of crops of real frames ...")
         rows += _rows("crops of real frames", _crops(8 if quick else None))

@@ -128,8 +128,8 @@ def night_config(seed: int, faults: Faults, rng: np.random.Generator) -> RigConf
     """The rig of a night."""
     start = night_sky.midnight_unix(DATE_UNIX, SITE) - BEFORE_MIDNIGHT_S
     sky = night_sky.LocalSky(SITE, start)
-    beside = rng.uniform(-0.4, 0.4, 2)
-    centre = unit_vectors(ASTEROID_DEG[0] + float(beside[0]), ASTEROID_DEG[1] + float(beside[1]))
+    offset = rng.uniform(-0.4, 0.4, 2)
+    centre = unit_vectors(ASTEROID_DEG[0] + float(offset[0]), ASTEROID_DEG[1] + float(offset[1]))
     ra, dec = sky.of_date(centre)
     hour = wrapped(float(np.degrees(sky.sidereal_rad) - ra))
     place = (hour, dec) if faults.asteroid else (float(rng.uniform(-60.0, -20.0)), float(rng.uniform(10.0, 60.0)))

@@ -103,8 +103,8 @@ def score(solver: Solver, cases: Sequence[Case]) -> dict[str, Any]:
 
 def frames_folder(variable: str = "KOCHAB_FRAMES", name: str = "frames") -> Path:
     """Where real frames are looked for: the folder that a variable of the environment names, or beside the checkout."""
-    beside = Path(__file__).resolve().parents[5] / "shared" / name
-    return Path(os.environ.get(variable, beside))
+    checkout = Path(__file__).resolve().parents[5] / "shared" / name
+    return Path(os.environ.get(variable, checkout))
 
 
 def real_frames(most: int) -> Iterator[Case]:

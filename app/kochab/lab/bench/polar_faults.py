@@ -181,8 +181,8 @@ def _many_frames(count: int) -> Row:
 def _row(kind: str, own: Sequence[Row]) -> Row:
     """Scores of one kind; ``low_95`` to ``high_95`` holds what so many evenings tell of the share that is judged."""
     trusted = kind in ON_TRUST
-    doubted = [trusted and r["code"] == IN_DOUBT and "ON_TRUST" in r["findings"] for r in own]
-    silent = [r["bolts"] and not r["inside"] and not admitted for r, admitted in zip(own, doubted, strict=True)]
+    flagged = [trusted and r["code"] == IN_DOUBT and "ON_TRUST" in r["findings"] for r in own]
+    silent = [r["bolts"] and not r["inside"] and not admitted for r, admitted in zip(own, flagged, strict=True)]
     off = [r["off_arcsec"] for r in own if r["bolts"]]
     spoilt = sum(r["code"] == 1 for r in own)
     low, high = _interval(spoilt if kind.startswith("healthy") else sum(silent), len(own))

@@ -74,13 +74,13 @@ def run(quick: bool, report: Report) -> BenchResult:
     places = [Site(*rng.uniform([-70, -180, 0], [75, 180, 2500]).tolist()) for _ in times]
     report("planets")
     rows = [*against_erfa(times)]
-    beside = list(against_skyfield(times, places)) if skyfield_is_here() else []
+    compared = list(against_skyfield(times, places)) if skyfield_is_here() else []
     report("asteroids")
     others = list(against_stellarium(source_file(STELLARIUM_ASTEROIDS)))
     off = np.array([row["arcsec"] for row in others])
-    rows += [*beside, *others, *costs()]
-    moon = [row["arcsec"] for row in beside if row["body"] == "Moon"]
-    planets = [row["arcsec"] for row in beside if row["body"] != "Moon"]
+    rows += [*compared, *others, *costs()]
+    moon = [row["arcsec"] for row in compared if row["body"] == "Moon"]
+    planets = [row["arcsec"] for row in compared if row["body"] != "Moon"]
     goals = [
         Goal.at_most("planets and the Sun against skyfield, worst arcsec", max(planets, default=None), 1.0),
         Goal.at_most("the Moon against skyfield, worst arcsec", max(moon, default=None), 1.0),

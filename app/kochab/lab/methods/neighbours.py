@@ -262,15 +262,15 @@ class Neighbours(AngularMethod):
         """Every class that true features (T,) can be measured in: which feature, and the key."""
         # Both ends of a distance may be off by the tolerance.
         reach = int(np.ceil(2.0 * self.tolerance_deg / self.distance_step_deg - 1e-9))
-        beside = np.arange(-reach, reach + 1)
+        steps = np.arange(-reach, reach + 1)
         error = self.angle_errors * 2.0 * np.degrees(self.tolerance_deg * (1 / first_deg + 1 / second_deg))
         low = (np.maximum(angle_deg - error, 0.0) / self.angle_step_deg).astype(np.int64)
         high = (np.minimum(angle_deg + error, 180.0) / self.angle_step_deg).astype(np.int64)
-        if int((high - low + 1).sum()) * len(beside) ** 2 > MOST_ENTRIES:
+        if int((high - low + 1).sum()) * len(steps) ** 2 > MOST_ENTRIES:
             raise UsageError(f"So many classes {TOO_LARGE}")
         which, angle = spread(low, high + 1)
-        a = (first_deg / self.distance_step_deg).astype(np.int64)[which, None, None] + beside[:, None]
-        b = (second_deg / self.distance_step_deg).astype(np.int64)[which, None, None] + beside
+        a = (first_deg / self.distance_step_deg).astype(np.int64)[which, None, None] + steps[:, None]
+        b = (second_deg / self.distance_step_deg).astype(np.int64)[which, None, None] + steps
         keys = (a * PLACES + b) * PLACES + angle[:, None, None]
         possible = (a >= 0) & (a <= b)  # the nearer one is always measured first
         which = np.broadcast_to(which[:, None, None], keys.shape)

@@ -47,8 +47,8 @@ def group_by_rotation(triads: FoundTriads, tolerance: float) -> list[Ints]:
     for triad, turn in enumerate(wrapped(triads.rotation).tolist()):
         place = bisect_left(means, (turn, -1))
         # Only the two means beside a rotation can be the nearest, and the modulo closes the circle at half a turn.
-        beside = {(place - 1) % len(means), place % len(means)} if means else set()
-        turns = ((abs((turn - means[k][0] + np.pi) % (2.0 * np.pi) - np.pi), k) for k in beside)
+        adjacent = {(place - 1) % len(means), place % len(means)} if means else set()
+        turns = ((abs((turn - means[k][0] + np.pi) % (2.0 * np.pi) - np.pi), k) for k in adjacent)
         gap, at = min(turns, default=(np.inf, -1))
         if gap <= tolerance:
             _, group = means.pop(at)

@@ -38,7 +38,7 @@ ORDERS: dict[str, Callable[[FileState], object]] = {
 }
 BADGE_PX, BLINK_MS = 16, 800
 MARGIN_PX, EDGE_PX = 32, 18  # beside a small picture, and of that what a name may not use
-ALIKE = 8  # letters with which all names begin; so many and more are left out
+COMMON_LETTERS = 8  # letters with which all names begin; so many and more are left out
 APART = " _-."  # where a name is parted
 PATH = Qt.ItemDataRole.UserRole
 
@@ -174,7 +174,7 @@ def alike_at_first(names: Sequence[str]) -> int:
     first, last = min(names, default=""), max(names, default="")  # what these two share, all do
     alike = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
     ends = max(first.rfind(letter, 0, alike) for letter in APART) + 1
-    return ends if ends >= ALIKE else 0
+    return ends if ends >= COMMON_LETTERS else 0
 
 
 def in_two_lines(name: str, metrics: QFontMetrics, width_px: int) -> str:

@@ -168,10 +168,10 @@ class PushPanel(Page):
         self.programs = label("", wrap=True)
         self.message = label("", "muted", wrap=True)
         what = label(tr(WHAT), "muted", wrap=True)
-        beside = column(self.distance, self.words, self.age, None)
+        reading = column(self.distance, self.words, self.age, None)
         parts = (
             row((self.target, 1), self.set),
-            row(self.arrow, (beside, 1)),
+            row(self.arrow, (reading, 1)),
             self.tones,
             row(self.encoders, (self.encoder_port, 1)),
             self.offer,

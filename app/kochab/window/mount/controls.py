@@ -254,10 +254,10 @@ class GoBox(QWidget):
         self._wait.timeout.connect(lambda: self.typed.emit(self.target.text().strip()))
         self.target.textChanged.connect(lambda _: self._wait.start())
 
-    def lay_out(self, *beside: QWidget) -> None:
+    def lay_out(self, *more: QWidget) -> None:
         """With more commands beside these."""
         self.target.setMinimumWidth(FIELD_PX)
-        above = Flow(self.target, self.centre, self.goto, *beside, fill=self.target, spacing=6)
+        above = Flow(self.target, self.centre, self.goto, *more, fill=self.target, spacing=6)
         column(above, self.about, on=self, spacing=4, margins=(0, 0, 0, 0))
 
     def _name_centre(self) -> None:

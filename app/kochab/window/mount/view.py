@@ -124,7 +124,7 @@ class MountView(View):
         """From top to bottom by how often it is needed; what is set once lies behind one line."""
         made = self.buttons
         self.connection = _card(self.connect_box)
-        self.doubted = _card(self.doubt, row(*made.settles.values(), self.trust, None))
+        self.conflict = _card(self.doubt, row(*made.settles.values(), self.trust, None))
         self.compared = page()
         frames = grid((made.take, self.large), (made.diagnose, made.undo), across=6, down=6, stretch=(1, 1))
         column(row(self.leave, None), self.camera_picture, frames, on=self.compared, spacing=6, margins=(0, 0, 0, 0))
@@ -137,7 +137,7 @@ class MountView(View):
         set_once = (self.line, self.camera.box, frame_after, meridian, styled_frame("rule"), self.limits)
         self.settings = Fold(tr("Connection, limits, camera"), *set_once)
         inside, top = page(), row((self.name, 1), self.fold)
-        parts = (top, self.connection, self.doubted, self.compared, self.moving, self.settings, None)
+        parts = (top, self.connection, self.conflict, self.compared, self.moving, self.settings, None)
         column(*parts, on=inside, spacing=12, margins=(2, 4, 2, 4))
         return inside
 
@@ -321,7 +321,7 @@ class MountView(View):
             part.setVisible(not off)
         self.limits.picture.show_mount(None if known.report is None else known.report.altaz_deg)
         doubt = self.control.situation.clock_conflict or self.control.situation.slew_block_reason
-        self.doubted.setVisible(bool(doubt))
+        self.conflict.setVisible(bool(doubt))
         self.doubt.setText(doubt)
         self.leave.setText(tr("End practice") if known.practice else tr("Disconnect"))
         self.name.setText(self._title())

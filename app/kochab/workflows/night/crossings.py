@@ -99,8 +99,8 @@ def crossings_of(
             near = yield from table.near(observer, solution.centre_vector, solution.radius_rad, math.inf)
             listed += [body for body in near if body.kind is BodyKind.SPACECRAFT and len(body.trail) > 1]
     found: list[Crossing] = []
-    for streak, beside in _grouped(streaks, solution):
-        found.append(_crossing(streak, beside, solution, listed))
+    for streak, parallel in _grouped(streaks, solution):
+        found.append(_crossing(streak, parallel, solution, listed))
     return tuple(found)
 
 
@@ -109,9 +109,9 @@ def _grouped(streaks: Sequence[Streak], solution: Solution) -> list[tuple[Streak
     left, found = list(streaks), []
     while left:
         first = left.pop(0)
-        beside = [other for other in left if _side_by_side(first, other, solution)]
-        left = [other for other in left if not any(other is one for one in beside)]
-        found.append((first, bool(beside)))
+        parallel = [other for other in left if _side_by_side(first, other, solution)]
+        left = [other for other in left if not any(other is one for one in parallel)]
+        found.append((first, bool(parallel)))
     return found
 
 
@@ -132,14 +132,14 @@ def _across(start: Floats, way: Floats, place: Floats) -> float:
     return abs(float(way[0] * dy - way[1] * dx)) / float(np.hypot(*way))
 
 
-def _crossing(streak: Streak, beside: bool, solution: Solution, listed: Sequence[Body]) -> Crossing:
+def _crossing(streak: Streak, parallel: bool, solution: Solution, listed: Sequence[Body]) -> Crossing:
     vectors = solution.sky_at(streak.ends)
     length_deg = float(np.degrees(np.arccos(np.clip(vectors[0] @ vectors[1], -1.0, 1.0))))
     scale = solution.camera.scale_arcsec_px
     name, off, chance = _named(streak, solution, listed)
     if name:
         kind = CrossingKind.SATELLITE
-    elif beside or _flashes(streak.light):
+    elif parallel or _flashes(streak.light):
         kind = CrossingKind.AIRCRAFT
     elif all(streak.inside) and _fades(streak.light):
         kind = CrossingKind.METEOR

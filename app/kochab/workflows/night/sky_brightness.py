@@ -49,7 +49,7 @@ SURE = 5.0
 """Uncertainties of black by which the sky has to be above it."""
 BLACK_SIGMA = 2.0
 """Counts by which a level may differ from the black that a file or a dark gives."""
-ALIKE = 0.1
+SAME_EXPOSURE = 0.1
 """Share by which a dark's exposure may differ from the frame's."""
 RATIO, APART_S, BESIDE_DEG, CHANGED = 2.0, 1800.0, 1.0, 0.03
 """Two exposures tell black when one is twice the other, of one place within half an hour: the sky hardly changes."""
@@ -339,7 +339,7 @@ def _black(
     dark = [
         one.level
         for one in darks
-        if one.sensor == stars.sensor and one.exposure_s and abs(one.exposure_s / exposure_s - 1.0) < ALIKE
+        if one.sensor == stars.sensor and one.exposure_s and abs(one.exposure_s / exposure_s - 1.0) < SAME_EXPOSURE
     ]
     if dark:
         return Measure(median(np.array(dark)), BLACK_SIGMA)

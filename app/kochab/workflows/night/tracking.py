@@ -249,13 +249,13 @@ def _steps(xy: Floats, hours: Floats, times: float = DITHER) -> tuple[Floats, Bo
     """Ways (2, N - 1) from place to place beside the drift, arcsec, and which are jumps: ``times`` the usual."""
     # Frames may be missing, so a step is judged by the drift over its own time.
     steps, took = np.diff(xy, axis=1), np.maximum(np.diff(hours), 1e-9)
-    beside = steps - np.median(steps / took, axis=1, keepdims=True) * took
-    off = np.hypot(*beside)
+    off_drift = steps - np.median(steps / took, axis=1, keepdims=True) * took
+    off = np.hypot(*off_drift)
     jump = off > times * max(mad_sigma(off, 0.0), 1e-6)
     if len(hours) >= FEWEST_FOR_A_WORM:  # each axis by its own scatter: the worm moves one of them, dithers both
-        for way in beside:
+        for way in off_drift:
             jump |= np.abs(way) > times * max(mad_sigma(way, 0.0), 1e-6)
-    return beside, np.asarray(jump)
+    return off_drift, np.asarray(jump)
 
 
 def _jumps(

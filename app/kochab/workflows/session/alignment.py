@@ -219,7 +219,7 @@ def align_camera(request: AlignmentRequest, tools: AlignmentTools, guard: Guard 
         source = CameraSightings(camera, options, clock, tools.seen)
         settings = MeasureSettings(site, request.pole)
 
-        def doubted(step: Progress) -> Progress:
+        def with_clock_doubts(step: Progress) -> Progress:
             shown = None if not isinstance(step, PolarUpdate) else step.drift or step.measurement
             if not isinstance(step, PolarUpdate) or shown is None:
                 return step
@@ -228,12 +228,12 @@ def align_camera(request: AlignmentRequest, tools: AlignmentTools, guard: Guard 
 
         if request.hand is AxisTurnedBy.NOBODY:
             drifting = measure_drifting(source, settings, tools.controls, request.guided)
-            drift = yield from _with_each_step(drifting, doubted)
-            yield doubted(_final_update(drift, request, ""))
+            drift = yield from _with_each_step(drifting, with_clock_doubts)
+            yield with_clock_doubts(_final_update(drift, request, ""))
             return _kept(drift, request, tools)
         motors, tutor = (yield from _motors(request, practice, opened)), _tutor(request, site)
         task = align(source, turner, settings, options_of(request), tools.controls, tutor, tools.keep, motors)
-        done = yield from _with_each_step(task, doubted)
+        done = yield from _with_each_step(task, with_clock_doubts)
         bolts = (tutor.bolts[Knob.ALTITUDE], tutor.bolts[Knob.AZIMUTH])
         known = [None if bolt.by_hand or motors is not None else bolt.arcsec_a_turn for bolt in bolts]
         _remember(done.last, request, (known[0], known[1]))

@@ -123,8 +123,8 @@ class EncoderAid:
 
     def _earth_fixed(self, solution: Solution, at_s: float) -> Floats:
         axes = solution.centre_attitude.matrix
-        beside = axes[2] + BESIDE_RAD * axes[0]
-        return earth_fixed(self._horizon(at_s).observed(np.stack([axes[2], beside / np.linalg.norm(beside)])))
+        toward_x = axes[2] + BESIDE_RAD * axes[0]
+        return earth_fixed(self._horizon(at_s).observed(np.stack([axes[2], toward_x / np.linalg.norm(toward_x)])))
 
     # -- The box -----------------------------------------------------------------------------------
 
