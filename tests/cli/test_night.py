@@ -31,6 +31,7 @@ START = datetime(2026, 1, 12, 19, 0, tzinfo=UTC)
 LOST = {5: 0.5, 6: 1.0, 7: 0.8}
 DRIFT = 90.0, -40.0  # arcsec an hour, east and north
 TILT = 0.9  # px across the half diagonal, to the right
+STEADY, STEADY_PLACE, STEADY_MAG = "HD 36879", "5h35m40.5s +21d24m12s", 7.56
 
 
 def planted(folder, tilt=TILT, lost=None, drift=DRIFT, frames=FRAMES, growing=0.0, filters=("L",), axis=None):
@@ -342,3 +343,37 @@ def test_a_night_is_compared_with_those_measured_before(night, tmp_path, monkeyp
     assert fwhm["tonight"] == pytest.approx(kept.values["fwhm_arcsec"][0])
     assert "Against earlier nights" in (tmp_path / "few-night.html").read_text()
     assert len(kept_nights()) == 6
+
+
+def test_a_chosen_star_has_a_light_curve_and_the_aavso_a_file(night, tmp_path, capsys):
+    """Its light is that of the catalogue and of ``LOST``, which the others share; it does not change."""
+    folder, _, _ = night
+    given = ["night", str(folder), "--out", str(tmp_path), "--json", "--scale", "14"]
+    assert main([*given, "--star", STEADY, "--star", STEADY_PLACE, "--aavso", "abc"]) == 0
+    curves = json.loads((tmp_path / "crab-night.json").read_text())["stars"]
+    assert len(curves) == 2
+    for curve in curves:
+        assert len(curve["points"]) == FRAMES, "cloud takes from all alike"
+        mags = np.array([point["mag"] for point in curve["points"]])
+        sigma = np.array([point["mag_sigma"] for point in curve["points"]])
+        assert np.abs(mags - np.median(mags)).max() < 5.0 * sigma.max()
+        assert abs(np.median(mags) - STEADY_MAG) < 0.4, "its own part is 0.1 mag, one sigma"
+        assert curve["check"]
+    rows = [line for line in (tmp_path / "crab-night-aavso.txt").read_text().splitlines() if line[0] != "#"]
+    assert len(rows) == 2 * FRAMES
+    assert "(V)" in (tmp_path / "crab-night.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--star", "Jupiter"], "Jupiter is no star that is known"),
+        (["--aavso", "ABC"], "--aavso needs --star"),
+        (["--star", "Vega", "--aavso", "no code"], "no code is no AAVSO observer code"),
+    ],
+)
+def test_a_star_or_code_that_is_none_is_told_before_anything_is_measured(night, tmp_path, capsys, more, words):
+    folder, _, _ = night
+    assert main(["night", str(folder), "--out", str(tmp_path), *more]) == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

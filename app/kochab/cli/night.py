@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from kochab.workflows.solution_json import Json
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.core.frame import Site
     from kochab.solver import SolveOptions
+    from kochab.workflows.night.chosen_stars import ChosenStar
     from kochab.workflows.night.earlier import Compared
     from kochab.workflows.night.frame import NightFrame
     from kochab.workflows.night.summary import Night
@@ -45,13 +47,19 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_options(parser, "--json", "--site", *SEARCH, "--profile", "--workers", "--overwrite")
     about = "elements of satellites (TLE, OMM), asteroids and comets to name what crossed; may be repeated"
     parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=about)
+    about = "a star to follow: a light curve in page and tables; may be repeated"
+    parser.add_argument("--star", action="append", default=[], metavar="NAME", help=about)
+    about = "write the stars as the AAVSO takes them, for the observer of this code"
+    parser.add_argument("--aavso", metavar="CODE", help=about)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure every frame, write page and tables, print the summary."""
     from kochab.frames.outputs import refuse_overwriting
+    from kochab.workflows.night.chosen_stars import chosen_star
     from kochab.workflows.night.earlier import against_earlier, keep_night, kept_nights, record_of
+    from kochab.workflows.night.light_curve import observer_code
     from kochab.workflows.night.summary import night_of
 
     given = named(args.frames)
@@ -65,6 +73,12 @@ def run(args: argparse.Namespace) -> int:
     if not args.out.is_dir():
         raise UsageError(f"{args.out} is not a folder.")
     targets = {ending: args.out / f"{name}-night.{ending}" for ending in ("html", "csv", "json")}
+    observer = None if args.aavso is None else observer_code(args.aavso)
+    if observer and not args.star:
+        raise UsageError("--aavso needs --star NAME.")
+    if observer:
+        targets["aavso.txt"] = args.out / f"{name}-night-aavso.txt"
+    chosen = tuple(chosen_star(text, datetime.now(UTC)) for text in args.star)
     refuse_overwriting(targets.values(), files, args.overwrite)
     if args.elements:
         tables_of(tuple(args.elements))  # a file that cannot be read is told before anything is measured
@@ -72,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     stopped = False
     try:
         work = partial(measure_one, options=options_of(args), site=args.site, elements=tuple(args.elements))
+        work = partial(work, chosen=chosen)
         _measure(files, work, args.workers, measured)
     except KeyboardInterrupt:
         stopped = True
@@ -84,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     earlier = against_earlier(record, kept_nights()) if record else []
     if record and whole:
         keep_night(record)
-    _write(night, name, targets, earlier)
+    _write(night, name, targets, earlier, observer)
     page = str(targets["html"])
     tell({"night": page, **_summary(night, earlier)}, text_of(night, page, earlier), args.json)
     if stopped:
@@ -124,7 +139,11 @@ def _measure(
 
 
 def measure_one(
-    item: FrameOfNight, options: "SolveOptions", site: "Site | None", elements: tuple[Path, ...] = ()
+    item: FrameOfNight,
+    options: "SolveOptions",
+    site: "Site | None",
+    elements: tuple[Path, ...] = (),
+    chosen: "tuple[ChosenStar, ...]" = (),
 ) -> Task[Json]:
     """One frame as the batch hands it on.
 
@@ -138,22 +157,44 @@ def measure_one(
         Where it was taken; None for what the header says.
     elements : tuple of Path
         Files of elements beside those that the user keeps.
+    chosen : tuple of ChosenStar
+        Stars to follow.
     """
     from kochab.sky.elements import kept_elements
     from kochab.workflows.night.frame import measure_frame
 
     more = [*tables_of(elements), *kept_elements()]
-    return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site, more))}
+    return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site, more, chosen))}
 
 
-def _write(night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]") -> None:
+def _write(
+    night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]", observer: str | None
+) -> None:
+    """Page and tables, each whole or not at all.
+
+    Parameters
+    ----------
+    night : Night
+        What was measured.
+    name : str
+        Of the folder.
+    targets : dict of str to Path
+        The files by their endings.
+    earlier : sequence of Compared
+        Tonight beside earlier nights.
+    observer : str or None
+        The code of an AAVSO observer who wants a file.
+    """
     from kochab.frames.atomic_file import write_atomically
+    from kochab.workflows.night.light_curve import aavso_extended
     from kochab.workflows.night.page import night_page
     from kochab.workflows.night.table import night_csv, night_json_text
 
     write_atomically(targets["html"], night_page(night, name, earlier))
     write_atomically(targets["csv"], night_csv(night))
     write_atomically(targets["json"], night_json_text(night, earlier))
+    if observer:
+        write_atomically(targets["aavso.txt"], aavso_extended(night.light_curves, observer))
 
 
 def _summary(night: "Night", earlier: "Sequence[Compared]") -> Json:
@@ -183,6 +224,14 @@ def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> st
     if night.shape:
         softer = f"softest {night.shape.softest}" if night.shape.tilt_chance < NO_TILT else "not sure"
         lines.append(f"tilt     {night.shape.tilt.text()} px, {softer}")
+    if sky := night.usual(night.brightness):
+        lines.append(f"sky      {sky.text()} mag/arcsec2 (V)")
+    if faintest := night.usual(night.faintest):
+        lines.append(f"faintest V {faintest.text()}")
+    for curve in night.light_curves:
+        middle = night.usual([point.mag for point in curve.points])
+        mag = f"V {middle.text()}" if middle else "no frame"
+        lines.append(f"star     {curve.name}, {mag}, {len(curve.points)} frames, check {curve.check or 'none'}")
     for held in night.tracking:
         drift = f"RA {held.ra_arcsec_h.text('+')}, Dec {held.dec_arcsec_h.text('+')} arcsec an hour"
         lines.append(f"drift    {drift} ({len(held.frames)} frames, {held.hours:.1f} h)")

@@ -125,7 +125,7 @@ text {{ font-size: 13px; font-family: sans-serif; fill: {c.muted}; }} text.value
 .tick {{ text-anchor: end; }} .time {{ text-anchor: middle; }}
 .box {{ fill: none; stroke: {c.line}; }} .grid {{ stroke: {c.line}; stroke-dasharray: 2 4; }}
 .lost {{ fill: {c.accent}; stroke: {c.accent}; }} .fwhm {{ fill: {c.detected}; stroke: {c.detected}; }}
-.sky {{ fill: {c.identified}; stroke: {c.identified}; }}
+.sky, .star {{ fill: {c.identified}; stroke: {c.identified}; }}
 .bar {{ opacity: 0.5; }} .gone {{ stroke: {c.bad}; stroke-width: 2; }}
 polyline {{ fill: none; stroke-width: 2; }} .field {{ stroke: {c.text}; fill: none; }}
 .moon {{ stroke: {c.cluster}; stroke-dasharray: 6 4; fill: none; }} .soft {{ fill: {c.detected}; }}

@@ -15,6 +15,8 @@ from kochab.workflows.night.summary import Night
 
 WIDTH, LEFT, RIGHT = 920, 64, 14
 STRIP, GAP, TOP = 104, 34, 22
+LEAST_RANGE = {"lost": 0.5, "star": 0.1}
+"""How much a strip spans at least, 1 if nothing is said."""
 TWILIGHT_DEG = (("day", -0.8), ("civil", -6.0), ("nautical", -12.0), ("astronomical", -18.0))
 """Altitude of the Sun above which each shade applies."""
 
@@ -29,6 +31,9 @@ def timeline(night: Night) -> str:
         strips.append((tr("Light lost (mag)"), "lost", [*night.lost], True))
     if any(night.brightness):
         strips.append((tr("Sky (mag/arcsec²)"), "sky", [*night.brightness], False))
+    for curve in night.light_curves:
+        by_file = {point.file: point.mag for point in curve.points}
+        strips.append((tr("{star} (V)", star=curve.name), "star", [by_file.get(f.file) for f in night.frames], True))
     if night.fwhm:
         widths = [f.sharp.fwhm_px if f.sharp else None for f in night.frames]
         strips.append((tr("FWHM (px)"), "fwhm", widths, False))
@@ -85,7 +90,7 @@ def _strip(
         Whether more is worse and is drawn downwards.
     """
     numbers = np.array([one.value for one in values if one])
-    low, high = _range(numbers, 0.5 if kind == "lost" else 1.0)
+    low, high = _range(numbers, LEAST_RANGE.get(kind, 1.0))
     top = TOP + row * (STRIP + GAP)
 
     def y(value: float) -> float:

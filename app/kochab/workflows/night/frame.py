@@ -18,6 +18,7 @@ from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, wh
 from kochab.polar.sighting import Sighting
 from kochab.sky.solar_system import Moving
 from kochab.solver import SolveOptions
+from kochab.workflows.night.chosen_stars import ChosenStar, StarInFrame, stars_in_frame
 from kochab.workflows.night.crossings import Crossing, crossings_of
 from kochab.workflows.night.sharpness import Sharpness, sharpness
 from kochab.workflows.night.sky_brightness import DarkLevel, StarsOnSky, dark_level, stars_on_sky
@@ -87,10 +88,15 @@ class NightFrame:
     sights: Sights | None = None
     on_sky: StarsOnSky | None = None
     dark: DarkLevel | None = None
+    chosen: tuple[StarInFrame, ...] = ()
 
 
 def measure_frame(
-    path: str, options: SolveOptions, site: Site | None = None, more: Sequence[Moving] = ()
+    path: str,
+    options: SolveOptions,
+    site: Site | None = None,
+    more: Sequence[Moving] = (),
+    chosen: Sequence[ChosenStar] = (),
 ) -> Task[NightFrame]:
     """Read, solve and measure one frame; raises `FrameError` where it cannot be read.
 
@@ -104,12 +110,17 @@ def measure_frame(
         Where it was taken; None takes the header's word.
     more : sequence of Moving
         Bodies and satellites whose elements people gave, beside the shipped ones.
+    chosen : sequence of ChosenStar
+        Stars to follow.
     """
     frame = yield from reading(path, options.timeout_s)
     if is_calibration(frame.header):
         return NightFrame(path, calibration=True, dark=dark_level(frame))
     found = yield from solve_open_frame(frame, options)
-    return (yield from with_objects(measured(found, site), found, more))
+    night = yield from with_objects(measured(found, site), found, more)
+    if night.on_sky is None or not isinstance(found.result, Solution):
+        return night
+    return replace(night, chosen=stars_in_frame(frame, found.result, night.on_sky, chosen))
 
 
 def with_objects(night: NightFrame, found: SolvedFrame, more: Sequence[Moving] = ()) -> Task[NightFrame]:

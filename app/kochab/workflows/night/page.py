@@ -41,7 +41,7 @@ svg text { font: 13px system-ui, sans-serif; fill: var(--soft); } svg text.value
 svg .tick { text-anchor: end; } svg .time { text-anchor: middle; }
 .box { fill: none; stroke: var(--line); } .grid { stroke: var(--line); stroke-dasharray: 2 4; }
 .lost { fill: var(--lost); stroke: var(--lost); } .fwhm { fill: var(--fwhm); stroke: var(--fwhm); }
-.sky { fill: var(--sky); stroke: var(--sky); }
+.sky, .star { fill: var(--sky); stroke: var(--sky); }
 .bar { opacity: .5; } circle { stroke: none; } .gone { stroke: #c0392b; stroke-width: 2; }
 polyline { fill: none; stroke-width: 2; }
 polyline.field { stroke: var(--field); } polyline.moon { stroke: var(--moon); stroke-dasharray: 6 4; }

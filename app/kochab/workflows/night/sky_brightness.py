@@ -42,6 +42,8 @@ BRIGHT = 25
 """Stars whose light out to the ring tells what the aperture leaves out."""
 LARGEST_PX = 40.0
 """Of the ring: stars wider than that leave no sky between them."""
+FULL = 0.95
+"""Share of the level of saturation from which a pixel is taken to be full."""
 SAME_PX = 1.5
 """Between a star's place as it was fitted and as it was found."""
 MEASURED_SNR, LIMIT_SNR = 10.0, 5.0
@@ -73,12 +75,14 @@ class DarkLevel:
 class StarsOnSky:
     """Stars (N,) of one frame beside their sky.
 
-    ``mag`` is V, ``colour`` B-V (NaN unknown); ``light`` and ``level`` counts, of a star and of a pixel beside it,
-    whose area is ``area_arcsec2``. ``noise`` (counts, of a pixel), ``fwhm_px`` and ``centre``, an ICRS unit vector
-    (3,), are the frame's; ``left_out_mag`` is in ``light`` though it lay beyond the apertures. ``black`` is what the
-    file says of it, None if nothing.
+    ``ids`` and ``vectors`` (N, 3), ICRS, are the catalogue's; ``mag`` is V, ``colour`` B-V (NaN unknown); ``light`` and
+    ``level`` counts, of a star and of a pixel beside it, whose area is ``area_arcsec2``. ``noise`` (counts, of a
+    pixel), ``fwhm_px`` and ``centre``, an ICRS unit vector (3,), are the frame's; ``left_out_mag`` is in ``light``
+    though it lay beyond the apertures. ``black`` is what the file says of it, None if nothing.
     """
 
+    ids: tuple[str, ...]
+    vectors: Floats
     mag: Floats
     colour: Floats
     light: Floats
@@ -129,6 +133,8 @@ def stars_on_sky(frame: Frame, detections: Detections, solution: Solution) -> St
         return None
     black = next((abs(v) for v in map(frame.header.get, PEDESTALS) if isinstance(v, int | float) and v), None)
     return StarsOnSky(
+        tuple(star.id for star, good in zip(stars, kept, strict=True) if good),
+        unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in stars])[kept].T),
         np.array([star.mag for star in stars])[kept],
         _colours(stars, solution)[kept],
         light[kept],
@@ -187,6 +193,33 @@ def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Float
     shares = (np.clip(radius * wide + 0.5 - far, 0.0, 1.0) for radius in (APERTURE, INNER))
     light, whole = ((share * above).sum(axis=(1, 2)) for share in shares)
     return light, whole, level, cell * noise
+
+
+def photometry_at(frame: Frame, place: Floats, stars: StarsOnSky) -> tuple[float, float] | None:
+    """Light of a star at a place (2,) px as that of the frame's others was measured, and its noise by the sky, counts.
+
+    None beside the edge, and where a pixel of it is saturated.
+
+    Parameters
+    ----------
+    frame : Frame
+        Its pixels.
+    place : Floats
+        Where the star is to be (2,), px.
+    stars : StarsOnSky
+        The others.
+    """
+    half = math.ceil(OUTER * stars.fwhm_px) + 2
+    x, y = place.tolist()
+    if not (half + 2 < x < frame.width - half - 3 and half + 2 < y < frame.height - half - 3):
+        return None
+    near = math.ceil(stars.fwhm_px)
+    peak = frame.pixels[round(y) - near : round(y) + near + 1, round(x) - near : round(x) + near + 1].max()
+    if frame.saturation is not None and peak >= FULL * frame.saturation:
+        return None
+    light, *_ = _photometry(frame, place[None], stars.fwhm_px, half)
+    noise = stars.noise * math.sqrt(math.pi) * APERTURE * stars.fwhm_px
+    return float(light[0]) * 10.0 ** (0.4 * stars.left_out_mag), noise
 
 
 def _sky(ring: Floats) -> tuple[Floats, Floats]:
@@ -268,21 +301,50 @@ def _at_colour(values: Floats, colour: Floats, left_out_mag: float) -> Measure |
     """
     if len(values) < FEWEST:
         return None
-    light = math.hypot(LIGHT_MAG, 0.5 * left_out_mag)
+    found = of_colour(values, colour, COLOUR)
+    tint = UNKNOWN_COLOUR_MAG if math.isnan(found.slope) else COLOUR_SIGMA * found.slope
+    return Measure(found.value, math.hypot(found.sigma, tint, LIGHT_MAG, 0.5 * left_out_mag))
+
+
+@dataclass(frozen=True, slots=True)
+class OfColour:
+    """The value that stars of one colour have in common, its sigma, the scatter of one star, and the change with B-V.
+
+    ``slope`` is NaN where too few colours are known.
+    """
+
+    value: float
+    sigma: float
+    scatter: float
+    slope: float
+
+
+def of_colour(values: Floats, colour: Floats, wanted: float) -> OfColour:
+    """What values (N,) of stars are at a colour B-V, by a line through all of them, those far off it left out.
+
+    Parameters
+    ----------
+    values : Floats
+        Of each star, at least two.
+    colour : Floats
+        B-V of each star (N,), NaN unknown.
+    wanted : float
+        B-V; with too few colours it is of no matter.
+    """
     known = np.isfinite(colour)
     if known.sum() < COLOURED:
         kept = clipped(values - median(values))
         scatter = float(np.std(values[kept], ddof=1))
-        sigma = OF_MEDIAN * scatter / math.sqrt(kept.sum())
-        return Measure(median(values), math.hypot(sigma, UNKNOWN_COLOUR_MAG, light))
-    rows, values = np.stack([np.ones(known.sum()), colour[known] - COLOUR], axis=1), values[known]
+        return OfColour(median(values), OF_MEDIAN * scatter / math.sqrt(kept.sum()), scatter, math.nan)
+    rows, values = np.stack([np.ones(known.sum()), colour[known] - wanted], axis=1), values[known]
     kept, terms = np.ones(len(values), dtype=np.bool_), np.zeros(2)
     for _ in range(4):
         terms, *_ = np.linalg.lstsq(rows[kept], values[kept], rcond=None)
         kept = clipped(values - rows @ terms)
     left = (values - rows @ terms)[kept]
-    covariance = np.linalg.pinv(rows[kept].T @ rows[kept]) * float(left @ left) / max(len(left) - 2, 1)
-    return Measure(float(terms[0]), math.hypot(math.sqrt(covariance[0, 0]), COLOUR_SIGMA * terms[1], light))
+    scatter = math.sqrt(float(left @ left) / max(len(left) - 2, 1))
+    sigma = scatter * math.sqrt(float(np.linalg.pinv(rows[kept].T @ rows[kept])[0, 0]))
+    return OfColour(float(terms[0]), sigma, scatter, float(terms[1]))
 
 
 def blacks_of(

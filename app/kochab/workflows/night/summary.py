@@ -21,6 +21,7 @@ from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.crossings import Crossing, not_repeated
 from kochab.workflows.night.events import Event, events_of
 from kochab.workflows.night.frame import NightFrame
+from kochab.workflows.night.light_curve import LightCurve, light_curves
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
 from kochab.workflows.night.sky_brightness import MAG_PER_AIRMASS, DarkLevel, blacks_of, brightness_of, faintest_of
@@ -81,6 +82,11 @@ class Night:
         """What happened, in order of time."""
         passed = [(self.frames[k].time_utc, one) for k, one in self.crossings]
         return events_of(self.tracking, [(time, one) for time, one in passed if time])
+
+    @property
+    def light_curves(self) -> tuple[LightCurve, ...]:
+        """Of the stars that were chosen."""
+        return light_curves(self.frames)
 
     @property
     def clouded(self) -> list[int]:

@@ -13,6 +13,7 @@ from kochab.polar.error import Knob
 from kochab.text.translation import in_english
 from kochab.workflows.night.earlier import Compared
 from kochab.workflows.night.frame import NightFrame
+from kochab.workflows.night.light_curve import LightCurve
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.sky_brightness import faintest_of, stated_brightness
 from kochab.workflows.night.summary import Night, advice_of
@@ -120,6 +121,7 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
                 }
                 for one in night.strangers
             ],
+            "stars": [_light_curve(one) for one in night.light_curves],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
             "earlier": [
@@ -152,6 +154,25 @@ def night_csv(night: Night) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return into.getvalue()
+
+
+def _light_curve(one: LightCurve) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "check": one.check or None,
+        "band": one.band,
+        "zero_mag": one.zero_mag,
+        "points": [
+            {
+                "file": point.file,
+                "time_utc": point.time_utc.isoformat(),
+                **_pair("mag", point.mag),
+                "check_mag": point.check_mag,
+                "airmass": point.airmass,
+            }
+            for point in one.points
+        ],
+    }
 
 
 def _tracking(one: Tracking) -> dict[str, Any]:

@@ -1,0 +1,116 @@
+"""Stars that a person wants followed through a night, each measured in a frame against all the others.
+
+Each in the aperture that the others have, and brought to V by their catalogue magnitudes at its own colour.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from kochab.core.arrays import Floats
+from kochab.core.errors import UsageError
+from kochab.core.frame import Frame
+from kochab.core.progress import run
+from kochab.core.solution import Solution
+from kochab.sky.catalogue import open_catalogue
+from kochab.sky.finder import NotFound, find
+from kochab.workflows.night.sky_brightness import COLOUR, OfColour, StarsOnSky, of_colour, photometry_at
+
+SAME_RAD = 1e-4
+"""Within 20 arcsec of where a name is said to be the catalogue has the star."""
+CHECKS = 30
+"""Catalogued stars most like one that are kept beside it: while it changes, others are."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChosenStar:
+    """A star to follow: its name, ICRS unit vector (3,), and V and B-V of the catalogue, NaN where it has none."""
+
+    name: str
+    vector: Floats
+    mag: float
+    colour: float
+
+
+@dataclass(frozen=True, slots=True)
+class StarInFrame:
+    """What one frame says of a chosen star: V, its noise by the sky, and what the catalogue makes uncertain.
+
+    ``checks`` are identifiers and V, in the same frame, of catalogued stars like it, the most alike first.
+    """
+
+    name: str
+    mag: float
+    noise_mag: float
+    zero_mag: float
+    checks: tuple[tuple[str, float], ...]
+
+
+def chosen_star(text: str, when: datetime) -> ChosenStar:
+    """The star that a person names; UsageError where there is none of that name.
+
+    Parameters
+    ----------
+    text : str
+        A name, a number or a position.
+    when : datetime
+        Of no matter for a star, which stays where it is.
+    """
+    found = run(find(text, when, None, []))
+    if isinstance(found, NotFound) or found.kind not in ("star", "position"):
+        raise UsageError("{text} is no star that is known: give its name, or its RA and Dec.", text=text)
+    catalogue = open_catalogue()
+    rows = catalogue.brightest(found.vector, SAME_RAD, 1)
+    if not len(rows):
+        return ChosenStar(found.name, found.vector, math.nan, math.nan)
+    (mag,), (colour,) = catalogue.mag(rows).tolist(), catalogue.bv(rows).tolist()
+    return ChosenStar(found.name, catalogue.vectors(rows)[0], mag, colour)
+
+
+def stars_in_frame(
+    frame: Frame, solution: Solution, stars: StarsOnSky, chosen: Sequence[ChosenStar]
+) -> tuple[StarInFrame, ...]:
+    """Measure chosen stars; those outside the frame, saturated or without light are left out.
+
+    Parameters
+    ----------
+    frame : Frame
+        Its pixels.
+    solution : Solution
+        Where it points.
+    stars : StarsOnSky
+        The frame's other stars.
+    chosen : sequence of ChosenStar
+        Whom to measure.
+    """
+    found = []
+    for star in chosen:
+        place = solution.pixels_of(star.vector[None])[0]
+        light, noise = photometry_at(frame, place, stars) or (0.0, 0.0)
+        if light > 0.0:
+            zero = _zero(stars, star.colour)
+            mag = zero.value - 2.5 * math.log10(light)
+            found.append(StarInFrame(star.name, mag, 1.0857 * noise / light, zero.sigma, _checks(stars, star, mag)))
+    return tuple(found)
+
+
+def _zero(stars: StarsOnSky, colour: float) -> OfColour:
+    """The magnitude of one count for a star of a colour B-V, NaN where it is unknown."""
+    values = stars.mag + 2.5 * np.log10(stars.light)
+    return of_colour(values, stars.colour, COLOUR if math.isnan(colour) else colour)
+
+
+def _checks(stars: StarsOnSky, star: ChosenStar, mag: float) -> tuple[tuple[str, float], ...]:
+    """V of the stars most like one, beside itself, as this frame has them."""
+    colours = np.where(np.isfinite(stars.colour), stars.colour, COLOUR)
+    unlike = np.abs(stars.mag - mag) + 0.5 * np.abs(colours - (COLOUR if math.isnan(star.colour) else star.colour))
+    alike = np.argsort(unlike)[: CHECKS + 1]
+    zero = _zero(stars, math.nan)
+    tint = 0.0 if math.isnan(zero.slope) else zero.slope * (colours[alike] - COLOUR)
+    own = zero.value + tint - 2.5 * np.log10(stars.light[alike])
+    itself = np.linalg.norm(stars.vectors[alike] - star.vector, axis=1) < SAME_RAD
+    kept = [(stars.ids[k], float(v)) for k, v, same in zip(alike.tolist(), own, itself, strict=True) if not same]
+    return tuple(kept[:CHECKS])
