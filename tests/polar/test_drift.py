@@ -420,6 +420,39 @@ def test_two_places_tell_both_bolts_and_a_bolt_between_them_is_found():
     assert PolarFindingKind.DISAGREE in kinds(told)
 
 
+def creeping_in_dec(mount, arcsec_h, hours, rng, later_h=0.0):
+    """Frames of a mount whose tube creeps in Dec, and no field that turns: none of it is the axis."""
+    times = np.arange(0.0, hours, 1 / 60)
+    seen = []
+    for one, hour in zip(mount.see(-RATE_DEG_S * 3600.0 * times, rng, seconds=60.0), times, strict=True):
+        across = np.cross(one.boresight, mount.axis)
+        creep = Rotation.from_rotvec(across / np.linalg.norm(across) * arcsec_h * hour * ARCSEC).as_matrix()
+        seen.append(replace(one, matrix=creep @ one.matrix, time_utc=one.time_utc + timedelta(hours=later_h)))
+    return Stretch(tuple(seen))
+
+
+@pytest.mark.parametrize("hours", [0.2, 1.0])
+def test_a_tube_that_creeps_in_dec_looks_like_the_axis_and_that_is_said(hours):
+    """120 arcsec an hour of an aligned mount are told as 7.6 arcmin; nothing in one place's frames contradicts them."""
+    found = measure_drift(
+        [creeping_in_dec(Mount(rho_deg=70.0), 120.0, hours, np.random.default_rng(1))], settings(SITE)
+    )
+    assert found.at_least_arcsec == pytest.approx(120.0 / np.radians(15.041), rel=0.3)
+    (doubt,) = (f for f in found.findings if f.kind is PolarFindingKind.FLEXURE_NOT_MEASURED)
+    assert "±38″ assumed" in doubt.text
+    assert "other side of the meridian" in doubt.text
+
+
+@pytest.mark.parametrize("arcsec_h", [0.0, 120.0])
+def test_a_place_on_the_other_side_of_the_meridian_shows_a_creep(arcsec_h):
+    rng = np.random.default_rng(2)
+    places = (Mount(rho_deg=70.0, hour_deg=hour, roll_deg=25.0) for hour in (-75.0, 75.0))
+    both = [creeping_in_dec(place, arcsec_h, 0.7, rng, 1.0 * number) for number, place in enumerate(places)]
+    found = measure_drift(both, settings(SITE))
+    assert PolarFindingKind.FLEXURE_NOT_MEASURED not in kinds(found)
+    assert found.spoilt is (PolarFindingKind.DISAGREE in kinds(found)) is bool(arcsec_h)
+
+
 def test_how_long_more_is_what_it_then_takes():
     mount = Mount(d_alt=100.0, d_az=150.0, hour_deg=-10.0)
 

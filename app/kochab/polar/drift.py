@@ -562,6 +562,10 @@ OTHER_AXIS = tr_noop("Part {part} of {parts} shows another axis. Was a bolt turn
 GUIDED = tr_noop(
     "Guided frames hold their place: only the rotation of the field counts. If you did not guide, set Guided to no."
 )
+CREEPS = tr_noop(
+    "Flexure not measured (±{sigma} assumed): a tube or camera that creeps in Dec looks like the axis. A place on the"
+    " other side of the meridian shows it."
+)
 LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
 UNSEEN = {
     Knob.ALTITUDE: tr_noop(
@@ -612,6 +616,10 @@ def _findings(stretches: Sequence[Stretch], error: PolarError, lowest_deg: float
         altitude = abs(np.sin(angle)) > np.sqrt(0.5)  # the long axis stands nearer to altitude
         text = tr(UNSEEN[Knob.ALTITUDE if altitude else Knob.AZIMUTH], sigma=angle_in_words(long))
         found.append(PolarFinding(PolarFindingKind.UNSEEN, text))
+    if len({s.attitudes[0].boresight[0] > 0.0 for s in stretches}) == 1:
+        # what drifts in Dec by so much is an axis that is off by the drift of an hour over the sky's turn in it
+        assumed = angle_in_words(CREEP_ARCSEC_H / (3600.0 * SIDEREAL_RAD_S))
+        found.append(PolarFinding(PolarFindingKind.FLEXURE_NOT_MEASURED, tr(CREEPS, sigma=assumed)))
     return found
 
 
