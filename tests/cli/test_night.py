@@ -349,7 +349,10 @@ def test_a_chosen_star_has_a_light_curve_and_the_aavso_a_file(night, tmp_path, c
     """Its light is that of the catalogue and of ``LOST``, which the others share; it does not change."""
     folder, _, _ = night
     given = ["night", str(folder), "--out", str(tmp_path), "--json", "--scale", "14"]
+    given += ["--ades", "703", "--observer", "A. Name", "--telescope", "0.1,lens,CMOS"]
     assert main([*given, "--star", STEADY, "--star", STEADY_PLACE, "--aavso", "abc"]) == 0
+    assert "No asteroid or comet was found: no ADES file is written." in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.psv"))
     curves = json.loads((tmp_path / "crab-night.json").read_text())["stars"]
     assert len(curves) == 2
     for curve in curves:
@@ -364,12 +367,20 @@ def test_a_chosen_star_has_a_light_curve_and_the_aavso_a_file(night, tmp_path, c
     assert "(V)" in (tmp_path / "crab-night.html").read_text()
 
 
+def test_a_star_that_no_frame_shows_is_told(night, tmp_path, capsys):
+    folder, _, _ = night
+    few = [str(folder / f"light_{k:02d}.fits") for k in range(2)]
+    assert main(["night", *few, "--out", str(tmp_path), "--scale", "14", "--star", "Vega"]) == 0
+    assert "Vega is measured in no frame" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
         (["--star", "Jupiter"], "Jupiter is no star that is known"),
         (["--aavso", "ABC"], "--aavso needs --star"),
         (["--star", "Vega", "--aavso", "no code"], "no code is no AAVSO observer code"),
+        (["--ades", "703"], "--ades needs --observer NAME."),
     ],
 )
 def test_a_star_or_code_that_is_none_is_told_before_anything_is_measured(night, tmp_path, capsys, more, words):

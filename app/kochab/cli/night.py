@@ -51,15 +51,22 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--star", action="append", default=[], metavar="NAME", help=about)
     about = "write the stars as the AAVSO takes them, for the observer of this code"
     parser.add_argument("--aavso", metavar="CODE", help=about)
+    about = "write the places of asteroids and comets as the Minor Planet Center takes them (ADES), for its site CODE"
+    parser.add_argument("--ades", metavar="CODE", help=about)
+    parser.add_argument("--observer", metavar="NAME", default="", help="who observed, for --ades")
+    about = "for --ades: aperture in metres, design and detector, such as 0.2,reflector,CMOS"
+    parser.add_argument("--telescope", metavar="M,DESIGN,DETECTOR", default="", help=about)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure every frame, write page and tables, print the summary."""
+    from kochab.frames.atomic_file import write_atomically
     from kochab.frames.outputs import refuse_overwriting
+    from kochab.workflows.night.ades import Observatory, ades_psv
     from kochab.workflows.night.chosen_stars import chosen_star
     from kochab.workflows.night.earlier import against_earlier, keep_night, kept_nights, record_of
-    from kochab.workflows.night.light_curve import observer_code
+    from kochab.workflows.night.light_curve import aavso_extended, observer_code
     from kochab.workflows.night.summary import night_of
 
     given = named(args.frames)
@@ -78,6 +85,9 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--aavso needs --star NAME.")
     if observer:
         targets["aavso.txt"] = args.out / f"{name}-night-aavso.txt"
+    observatory = None if args.ades is None else Observatory.parse(args.ades, args.observer, args.telescope)
+    if observatory:
+        targets["psv"] = args.out / f"{name}-night.psv"
     chosen = tuple(chosen_star(text, datetime.now(UTC)) for text in args.star)
     refuse_overwriting(targets.values(), files, args.overwrite)
     if args.elements:
@@ -99,7 +109,15 @@ def run(args: argparse.Namespace) -> int:
     earlier = against_earlier(record, kept_nights()) if record else []
     if record and whole:
         keep_night(record)
-    _write(night, name, targets, earlier, observer)
+    _write(night, name, targets, earlier)
+    for star in {star.name for star in chosen} - {curve.name for curve in night.light_curves}:
+        say(f"{star} is measured in no frame: it is outside, saturated, or the frames have no time.")
+    if observer:
+        write_atomically(targets["aavso.txt"], aavso_extended(night.light_curves, observer))
+    if observatory and (places := ades_psv(night, observatory)):
+        write_atomically(targets["psv"], places)
+    elif observatory:
+        say("No asteroid or comet was found: no ADES file is written.")
     page = str(targets["html"])
     tell({"night": page, **_summary(night, earlier)}, text_of(night, page, earlier), args.json)
     if stopped:
@@ -167,34 +185,14 @@ def measure_one(
     return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site, more, chosen))}
 
 
-def _write(
-    night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]", observer: str | None
-) -> None:
-    """Page and tables, each whole or not at all.
-
-    Parameters
-    ----------
-    night : Night
-        What was measured.
-    name : str
-        Of the folder.
-    targets : dict of str to Path
-        The files by their endings.
-    earlier : sequence of Compared
-        Tonight beside earlier nights.
-    observer : str or None
-        The code of an AAVSO observer who wants a file.
-    """
+def _write(night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]") -> None:
     from kochab.frames.atomic_file import write_atomically
-    from kochab.workflows.night.light_curve import aavso_extended
     from kochab.workflows.night.page import night_page
     from kochab.workflows.night.table import night_csv, night_json_text
 
     write_atomically(targets["html"], night_page(night, name, earlier))
     write_atomically(targets["csv"], night_csv(night))
     write_atomically(targets["json"], night_json_text(night, earlier))
-    if observer:
-        write_atomically(targets["aavso.txt"], aavso_extended(night.light_curves, observer))
 
 
 def _summary(night: "Night", earlier: "Sequence[Compared]") -> Json:
