@@ -3,21 +3,40 @@
 import numpy as np
 
 from kochab.core.frame import Detections
-from kochab.core.solution import Reason
+from kochab.core.progress import run
+from kochab.core.solution import NoSolution, Reason
+from kochab.frames import read_frame
+from kochab.solver import SolveOptions
 from kochab.solver.diagnosis import Evidence, diagnose
 from kochab.solver.frame_quality import FrameLevels
+from kochab.solver.pipeline import solve_frame
 
 from .worse import WORSE, reasons
 
+LINES = ("satellites", "lettered")
 FRAMES = ("pan__solved.fits", "cedar__orion2.jpg", "pf__orion_bad.png", "pf__90ff3ee8_raw.png")
 
 
 def test_nine_reasons_in_ten_are_what_was_done(shared_frames):
     """Frames that are solved all the same need no reason; of the others a table by what was done."""
-    given = list(reasons(shared_frames, list(FRAMES)))
+    given = list(reasons(shared_frames, list(FRAMES), ways=tuple(way for way in WORSE if way not in LINES)))
     right = [answer.reason in WORSE[kind][1] for _, kind, answer in given]
     assert len(right) >= 20
     assert np.mean(right) >= 0.9, given
+
+
+def test_a_globular_cluster_is_not_out_of_focus(frames_reach):
+    """Its core and what is brightest in it are wide, each as it comes; stars out of focus are all as wide."""
+    frame = read_frame(frames_reach / "apd__tutorials_FITS-images_M13_blue_0001.fits")
+    answer = run(solve_frame(frame, SolveOptions(timeout_s=None)))
+    assert isinstance(answer, NoSolution)
+    assert answer.reason is Reason.TOO_FEW_STARS
+
+
+def test_letters_and_satellites_are_no_trails(shared_frames):
+    given = list(reasons(shared_frames, list(FRAMES), ways=LINES))
+    assert len(given) == 8
+    assert [answer.reason for _, _, answer in given].count(Reason.NO_PATTERN_AGREED) >= 7, given
 
 
 def reason_of(count, glare_share):

@@ -125,6 +125,33 @@ def shuffled(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> F
     return _with(frame, out, clip)
 
 
+def satellites(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A train of satellites, parallel to a degree, over healthy stars."""
+    out = shuffled(frame, rng)
+    pixels, clip, _, noise = _levels(out)
+    y, x = np.mgrid[: out.height, : out.width].astype(np.float32)
+    direction = rng.uniform(0.0, np.pi)
+    for _ in range(rng.integers(4, 12)):
+        angle, off = direction + rng.normal(0.0, 0.02), rng.uniform(-0.5, 0.5) * out.height
+        away = (x - out.width / 2) * np.sin(angle) - (y - out.height / 2) * np.cos(angle) - off
+        pixels += rng.uniform(10.0, 60.0) * noise * np.exp(-0.5 * (away / 1.3) ** 2)
+    return _with(out, pixels, clip)
+
+
+def lettered(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """Five lines of writing over healthy stars."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    out = shuffled(frame, rng)
+    pixels, clip, _, _ = _levels(out)
+    sheet = Image.new("L", (out.width, out.height))
+    font = ImageFont.load_default(max(10, out.height // 35))
+    for line in range(5):
+        place = 0.04 * out.width, (0.05 + 0.19 * line) * out.height
+        ImageDraw.Draw(sheet).text(place, "Milky Way over the lake  ISO 6400  30 s  f/2.8", fill=255, font=font)
+    return _with(out, np.maximum(pixels, np.asarray(sheet) / 255.0 * clip), clip)
+
+
 WORSE = {
     "trailed": (trailed, {Reason.TRAILED}),
     "defocused": (defocused, {Reason.OUT_OF_FOCUS}),
@@ -135,18 +162,20 @@ WORSE = {
     "moonlit": (moonlit, {Reason.TOO_FEW_STARS}),
     "small field": (small_field, {Reason.FIELD_TOO_SMALL}),
     "shuffled": (shuffled, {Reason.NO_PATTERN_AGREED}),
+    "satellites": (satellites, {Reason.NO_PATTERN_AGREED}),
+    "lettered": (lettered, {Reason.NO_PATTERN_AGREED}),
 }
 """What was done to the frame, and the reasons that are right."""
 
 
 def reasons(
-    folder: Path, names: list[str], seed: int = 0, strength: float = 1.0
+    folder: Path, names: list[str], seed: int = 0, strength: float = 1.0, ways: tuple[str, ...] = tuple(WORSE)
 ) -> Iterator[tuple[str, str, NoSolution]]:
     """Frame by frame: its name, what was done to it, and what was said of it; those solved all the same need none."""
     for number, name in enumerate(names):
         frame = read_frame(folder / name)
-        for kind, (worsen, _) in WORSE.items():
-            worse = worsen(frame, np.random.default_rng(1000 * seed + number), strength)
+        for kind in ways:
+            worse = WORSE[kind][0](frame, np.random.default_rng(1000 * seed + number), strength)
             answer = run(solve_frame(worse, SolveOptions(timeout_s=None)))
             if isinstance(answer, NoSolution):
                 yield name, kind, answer

@@ -19,6 +19,7 @@ from kochab.solver.frame_quality import (
     clipping_level,
     covered,
     half_flux_diameter_px,
+    in_few_lines,
     measure_discs,
     measure_light,
     measure_trails,
@@ -45,6 +46,8 @@ GLARE_SHARE, LARGE_GLARE_SHARE = 0.002, 0.01
 FEW_BESIDE_GLARE = 20
 OUT_OF_FOCUS_PX = 12.0
 ROUND = 1.35
+AS_WIDE = 1.3
+"""A handful of stars out of focus are all as wide, within this factor of their median."""
 WIDEST_PX = 30.0
 """Wider stars have an edge: they are discs, and looked for as such."""
 FEWEST_DISCS = 3
@@ -195,13 +198,14 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
             longer = _median(bright.elongation)  # whose width is the mean of both axes
             length = _median(bright.fwhm_px) * math.sqrt(longer - 1.0 / longer) * BAR_PER_FWHM
             twice = np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)])
-            if _aligned(twice) and _all_over(stars, bright):
-                yield _trail(case, length, float(np.degrees(np.angle(twice.mean())) / 2 % 180.0))
+            angle_deg = float(np.degrees(np.angle(twice.mean())) / 2 % 180.0)
+            if _aligned(twice) and _all_over(stars, bright) and not _lined_up(stars, bright, angle_deg):
+                yield _trail(case, length, angle_deg)
 
 
 def _parallel(trails: Trails) -> bool:
     least = PARALLEL if math.isfinite(trails.angle_deg) else PARALLEL_IN_ARCS
-    return trails.alike >= least and trails.cover >= ALL_OVER
+    return trails.alike >= least and trails.cover >= ALL_OVER and not trails.lined_up
 
 
 def _all_over(stars: Detections, bright: Detections) -> bool:
@@ -210,6 +214,12 @@ def _all_over(stars: Detections, bright: Detections) -> bool:
     length = long.fwhm_px * np.sqrt(long.elongation)
     alike = float(np.mean(np.abs(np.log(length / _median(length))) < math.log(LENGTH)))
     return alike >= PARALLEL and covered(long.xy, stars.xy, (stars.width, stars.height)) >= ALL_OVER
+
+
+def _lined_up(stars: Detections, bright: Detections, angle_deg: float) -> bool:
+    """Whether the long images are parts of few lines: letters, satellites, branches."""
+    long = bright.xy[bright.elongation > TRAILED_ELONGATION]
+    return in_few_lines(long, math.radians(angle_deg), (stars.width, stars.height))
 
 
 def _aligned(twice: NDArray[np.complex128]) -> bool:
@@ -238,8 +248,16 @@ def _discs(case: Evidence) -> Iterator[Finding]:
 def _focus(case: Evidence) -> Iterator[Finding]:
     """Stars that are wide, all round and clear: bumps of noise, glow and vignetting are wide as well, and long."""
     fwhm, stars = case.measured.get("fwhm_px", 0.0), case.detections.take(np.flatnonzero(_clear(case.detections)))
+    if len(stars) < FEWEST_STARS and not _as_wide(stars):  # the core of a cluster and what is brightest in it
+        return
     if len(stars) >= 3 and not _median(stars.elongation) > ROUND and fwhm < WIDEST_PX and not case.dust:
         yield from _wide(min(case.measured.get("half_flux_diameter_px", fwhm), fwhm))
+
+
+def _as_wide(stars: Detections) -> bool:
+    """Whether stars are all as wide, as those out of focus are."""
+    widths = stars.fwhm_px[np.isfinite(stars.fwhm_px)]
+    return len(widths) > 0 and bool((np.abs(np.log(widths / _median(widths))) < math.log(AS_WIDE)).all())
 
 
 def _wide(width_px: float) -> Iterator[Finding]:

@@ -22,6 +22,8 @@ DUST_SHARE, DUST_SPREAD = 0.4, 0.35
 """A speck takes some per cent of the light, more of a stretched picture; one brightness spans a factor of two or so."""
 SLENDER, DIRECTION_DEG, LENGTH = 1.8, 20.0, 1.6
 """Trails are longer than wide by so much, in one direction so nearly, and within so large a factor as long."""
+FEWEST_IN_LINES, LINE_EXCESS, LEAST_IN_LINE = 6, 3.0, 1.5
+"""Of so many long images each has so many others before and behind it, beyond so many times those by chance."""
 FAR_SKY = 5.0
 """Radii of a disc within which the sky is looked at from further away."""
 
@@ -59,6 +61,7 @@ class Trails:
     [0, 180), NaN when the patches do not agree on one; ``count`` of patches looked at. Trails are alike, all over the
     frame: ``alike`` is the share of patches as long as the median and in its direction, or, without one direction, how
     well neighbours agree on theirs, and ``cover`` the share of the frame's ninths with patches that have long ones.
+    ``lined_up``: they are parts of few lines, as letters are, and what a satellite leaves.
     """
 
     length_px: float = 0.0
@@ -67,6 +70,7 @@ class Trails:
     count: int = 0
     alike: float = 1.0
     cover: float = 1.0
+    lined_up: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +208,9 @@ def _disc(image: Floats, place: Floats, radius: float, clip: float) -> _Disc | N
         place = place + np.array([(core * dy).sum(), (core * dx).sum()]) / core.sum()
         radius *= wider
     ring = light[(r >= 0.45) & (r < 0.85)]
+    rim = light[(r > 1.2) & (r < 1.5)]
+    if not ring.size or not rim.size:
+        return None
     level = float(ring.mean())
     if not level > noise or stamp[r < 0.85].max() > 0.95 * clip:
         return None
@@ -213,7 +220,7 @@ def _disc(image: Floats, place: Floats, radius: float, clip: float) -> _Disc | N
         return None
     rough = math.sqrt(max(0.0, float(ring.var()) - noise**2))
     flat = light[r < 0.45].mean() < 1.25 * level and rough < 0.3 * level
-    edge = light[(r > 1.2) & (r < 1.5)].mean() < 0.15 * level
+    edge = rim.mean() < 0.15 * level
     # noise averages out over the ring; clouds, whose neighbours go together, do not
     alike = float(np.clip(_shared(light, around) / max(noise**2, 1e-18), 0.0, 0.99))
     snr = level * math.sqrt(ring.size) / max(noise, 1e-9) * (1.0 - alike) / (1.0 + alike)
@@ -254,14 +261,15 @@ def measure_trails(bins: Bins) -> Trails:
     direction = np.mean(twice)
     agreed = abs(direction) > 0.6
     shown = float(np.degrees(np.angle(direction)) / 2 % 180.0) if agreed else float("nan")
-    middle, slender = float(np.median(length)), aspect > SLENDER
+    middle, slender, lined_up = float(np.median(length)), aspect > SLENDER, False
     if agreed:
+        lined_up = in_few_lines(place[chosen][slender, ::-1], float(np.radians(shown)), small.shape[::-1])
         near = np.abs(np.angle(twice * np.conj(direction))) < 2.0 * np.radians(DIRECTION_DEG)
         alike = float(np.mean(near & slender & (np.abs(np.log(length / middle)) < np.log(LENGTH))))
     else:
         alike = _neighbours_agree(place[chosen], twice)
     cover = covered(place[chosen][slender], place[largest[:300]], small.shape)
-    return Trails(middle, float(np.median(aspect)), shown, len(chosen), alike, cover)
+    return Trails(middle, float(np.median(aspect)), shown, len(chosen), alike, cover, lined_up)
 
 
 def covered(places: Floats, among: Floats, size: tuple[int, ...]) -> float:
@@ -272,6 +280,33 @@ def covered(places: Floats, among: Floats, size: tuple[int, ...]) -> float:
     own, all_ = (np.unique(np.clip(p * 3 // np.array(size), 0, 2), axis=0) for p in (places, among))
     one_strip = len(own) == 0 or bool((own == own[0]).all(axis=0).any())
     return 0.0 if one_strip else len(own) / max(len(all_), 1)
+
+
+def in_few_lines(places: Floats, angle_rad: float, size: tuple[int, ...], across_px: float = 3.0) -> bool:
+    """Whether far more of ``places`` (N, 2), as x, y, follow one another along a direction than stars do by chance.
+
+    Parameters
+    ----------
+    places : Floats
+        Middles of long images (N, 2).
+    angle_rad : float
+        Their direction, from +x towards +y.
+    size : tuple[int, ...]
+        Width and height of the frame.
+    across_px : float
+        So far from a line its parts may be.
+    """
+    if len(places) < FEWEST_IN_LINES:
+        return False
+    most = 0.0
+    # the mean direction of images is a few degrees off that of the line that they make
+    for turn in np.radians(np.arange(-6.0, 6.1, 0.5)):
+        across = places @ [np.sin(angle_rad + turn), -np.cos(angle_rad + turn)]
+        others = (np.abs(across[:, None] - across) < across_px).sum(axis=1) - 1.0
+        breadth = size[0] * abs(np.sin(angle_rad + turn)) + size[1] * abs(np.cos(angle_rad + turn))
+        by_chance = (len(places) - 1.0) * 2.0 * across_px / breadth
+        most = max(most, float(others.mean()) - LINE_EXCESS * by_chance)
+    return most > LEAST_IN_LINE
 
 
 def _neighbours_agree(places: Floats, twice: NDArray[np.complex128]) -> float:
