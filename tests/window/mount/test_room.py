@@ -360,6 +360,9 @@ def test_names_stay_until_the_next_frame_is_solved_and_end_with_a_motion(qtbot, 
     shown.show_motion(has_moved=True, slews=True)
     assert shown.canvas.overlay.solution is None, "they are of where the mount was"
     assert shown.caption.text().endswith("before this slew")
+    shown.show_motion(has_moved=True, slews=False)
+    assert shown.caption.text().endswith("before the mount moved"), "it stands, elsewhere than in the picture"
+    assert shown.canvas.overlay.solution is None
 
 
 def test_the_age_is_told_and_another_mount_begins_with_none(qtbot, picture):
