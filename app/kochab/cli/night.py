@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     from kochab.workflows.night.ades import Observatory, ades_psv
     from kochab.workflows.night.chosen_stars import chosen_star
     from kochab.workflows.night.earlier import against_earlier, keep_night, kept_nights, record_of
+    from kochab.workflows.night.guiding import guiding_of
     from kochab.workflows.night.light_curve import aavso_extended, observer_code
     from kochab.workflows.night.summary import night_of
 
@@ -102,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         stopped = True
         if not measured:
             raise
-    night = night_of(measured, asked=len(files))
+    night = night_of(measured, len(files), guiding_of(filter(Path.is_dir, map(Path, given))))
     if not night.frames:
         raise UsageError(f"{given[0]} has calibration frames alone.")
     record, whole = record_of(night), not stopped
@@ -230,6 +231,9 @@ def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> st
         middle = night.usual([point.mag for point in curve.points])
         mag = f"V {middle.text()}" if middle else "no frame"
         lines.append(f"star     {curve.name}, {mag}, {len(curve.points)} frames, check {curve.check or 'none'}")
+    for run in night.guiding:
+        axes = f"RA {run.ra_arcsec.text()}, Dec {run.dec_arcsec.text()} arcsec RMS"
+        lines.append(f"guiding  {axes} ({run.frames} frames, {run.hours:.1f} h)")
     for held in night.tracking:
         drift = f"RA {held.ra_arcsec_h.text('+')}, Dec {held.dec_arcsec_h.text('+')} arcsec an hour"
         lines.append(f"drift    {drift} ({len(held.frames)} frames, {held.hours:.1f} h)")

@@ -12,6 +12,7 @@ from kochab.solver import SolveOptions
 from kochab.text.translation import tr
 from kochab.workflows.night.earlier import Compared, against_earlier, keep_night, kept_nights, record_of
 from kochab.workflows.night.frame import NightFrame, measure_frame
+from kochab.workflows.night.guiding import guiding_of
 from kochab.workflows.night.summary import Night, night_of
 
 
@@ -42,7 +43,7 @@ def measure_folder(
             into.append((yield from _as_one(measure_frame(str(file), options, site, more), here)))
         except FrameError as error:
             into.append(NightFrame(str(file), error=str(error)))
-    night = night_of(into, asked=len(files))
+    night = night_of(into, len(files), guiding_of([folder]))
     if not night.frames:
         raise UsageError("{folder} has calibration frames alone.", folder=folder.name)
     record = record_of(night)

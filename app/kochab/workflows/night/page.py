@@ -10,6 +10,7 @@ from kochab.text.angle_text import AngleStyle, angle_text, false_alarm_text, rad
 from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.drawings import sharpness_map, timeline
 from kochab.workflows.night.earlier import QUANTITIES, Compared
+from kochab.workflows.night.guiding import Guiding
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, SHOWN, Night, advice_of
 from kochab.workflows.night.tracking import Tracking
@@ -107,6 +108,8 @@ def night_parts(night: Night, name: str, earlier: Sequence[Compared] = (), colum
         parts.append(_field(night))
     if night.tracking:
         parts.append(_mount(night.tracking))
+    if night.guiding:
+        parts.append(_guiding(night.guiding))
     for heading, rows in ((tr("Best frames"), night.best), (tr("Worst frames"), night.worst)):
         if rows:
             shown = _side_by_side("frames", [_figure(night, k) for k in rows], min(columns, SHOWN))
@@ -293,6 +296,22 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
         for one in tracking
     ]
     return f"<section><h2>{escape(tr('Tracking'))}</h2>{_table(heads, rows)}</section>"
+
+
+def _guiding(runs: tuple[Guiding, ...]) -> str:
+    """What the guider saw, a row a run."""
+    heads = (tr("Began (log's clock)"), tr("Hours"), tr("RA (″)"), tr("Dec (″)"), tr("Both (″)"), tr("Dithers"))
+    rows = [
+        (
+            f"{one.begun:%Y-%m-%d %H:%M}",
+            number(one.hours, ".1f"),
+            *(axis.text() for axis in (one.ra_arcsec, one.dec_arcsec, one.total_arcsec)),
+            str(one.dithers),
+        )
+        for one in runs
+    ]
+    heading = tr("Guiding, RMS")
+    return f"<section><h2>{escape(heading)}</h2>{_table(heads, rows)}</section>"
 
 
 def _figure(night: Night, k: int) -> str:

@@ -21,6 +21,7 @@ from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.crossings import Crossing, not_repeated
 from kochab.workflows.night.events import Event, events_of
 from kochab.workflows.night.frame import NightFrame
+from kochab.workflows.night.guiding import Guiding
 from kochab.workflows.night.light_curve import LightCurve, light_curves
 from kochab.workflows.night.measure import Measure, median_of, slope
 from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
@@ -76,6 +77,7 @@ class Night:
     strangers: tuple[Stranger, ...] = ()
     brightness: tuple[Measure | None, ...] = ()
     faintest: tuple[Measure | None, ...] = ()
+    guiding: tuple[Guiding, ...] = ()
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -134,7 +136,7 @@ class Night:
         return self.ranked[::-1][: min(SHOWN, len(self.frames) // 2)]
 
 
-def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
+def night_of(frames: Sequence[NightFrame], asked: int | None = None, guiding: Sequence[Guiding] = ()) -> Night:
     """Put frames together; ``asked`` is how many there are when not all were measured. Calibration is left out."""
     asked = (len(frames) if asked is None else asked) - sum(frame.calibration for frame in frames)
     darks = [frame.dark for frame in frames if frame.dark]
@@ -161,6 +163,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None) -> Night:
         strangers_of([f.sights for f in ordered], [f.time_utc for f in ordered]),
         tuple(_brightness(ordered, cloud, darks)),
         tuple(faintest_of(f.on_sky) if f.on_sky else None for f in ordered),
+        tuple(guiding),
     )
 
 

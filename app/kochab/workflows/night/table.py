@@ -122,6 +122,18 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
                 for one in night.strangers
             ],
             "stars": [_light_curve(one) for one in night.light_curves],
+            "guiding": [
+                {
+                    "begun": one.begun.replace(tzinfo=None).isoformat(),
+                    "hours": one.hours,
+                    "frames": one.frames,
+                    "dithers": one.dithers,
+                    **_pair("ra_arcsec", one.ra_arcsec),
+                    **_pair("dec_arcsec", one.dec_arcsec),
+                    **_pair("total_arcsec", one.total_arcsec),
+                }
+                for one in night.guiding
+            ],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
             "earlier": [

@@ -39,8 +39,11 @@ JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse expla
 
 
 @dataclass(slots=True)
-class _Section:
-    """One run of guiding; ``rows``: time, s, RA and Dec of the star, px, pulses west and south, ms, dithers so far."""
+class GuidedRun:
+    """One run of guiding; ``rows``: time, s, RA and Dec of the star, px, pulses west and south, ms, dithers so far.
+
+    ``begun`` is by the clock of whoever wrote the log, which PHD2 sets to local time; ``scale`` arcsec a px.
+    """
 
     begun: datetime
     scale: float = 0.0
@@ -72,11 +75,7 @@ def guide_log(path: str | Path, settings: MeasureSettings, dec_sign: int = 0) ->
 
     Raises FrameError when it holds none that can be used.
     """
-    try:
-        text = read_text(path, errors="replace")
-    except TextError as error:
-        raise FrameError("{error}", error=error) from None
-    sections = list(_sections(text))
+    sections = guided_runs(path)
     found = [s for s in (_stretch(section, settings, dec_sign) for section in sections) if s is not None]
     if not found:
         placed = any(np.isfinite(_hour_rad(s, settings)) for s in sections)
@@ -86,12 +85,20 @@ def guide_log(path: str | Path, settings: MeasureSettings, dec_sign: int = 0) ->
     return found
 
 
-def _sections(text: str) -> Iterator[_Section]:
-    now: _Section | None = None
+def guided_runs(path: str | Path) -> list[GuidedRun]:
+    """The runs of guiding of a log; FrameError where it cannot be read as text."""
+    try:
+        return list(_sections(read_text(path, errors="replace")))
+    except TextError as error:
+        raise FrameError("{error}", error=error) from None
+
+
+def _sections(text: str) -> Iterator[GuidedRun]:
+    now: GuidedRun | None = None
     columns: list[str] = []
     for line in text.splitlines():
         if begun := re.match(r"Guiding Begins at (\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)", line):
-            now, columns = _Section(datetime.fromisoformat(begun[1]).replace(tzinfo=UTC)), []
+            now, columns = GuidedRun(datetime.fromisoformat(begun[1]).replace(tzinfo=UTC)), []
             yield now
         elif line.startswith(("Guiding Ends", "Calibration Begins")):
             now = None
@@ -107,7 +114,7 @@ def _sections(text: str) -> Iterator[_Section]:
             _header(now, line)
 
 
-def _header(section: _Section, line: str) -> None:
+def _header(section: GuidedRun, line: str) -> None:
     def value(pattern: str) -> float:
         found = re.search(pattern + r" = (-?\d+(?:\.\d+)?)", line)
         return float(found[1]) if found else float("nan")
@@ -125,7 +132,7 @@ def _header(section: _Section, line: str) -> None:
             section.pier = pier[1]
 
 
-def _row(section: _Section, row: Mapping[str, str]) -> None:
+def _row(section: GuidedRun, row: Mapping[str, str]) -> None:
     """A frame; pulses come after it, and move what the next one shows, even where its own star was bad."""
     try:
         if row["mount"].strip('"') != "Mount":  # others are of an adaptive optics unit ("AO") or a lost star ("DROP")
@@ -145,7 +152,7 @@ def _row(section: _Section, row: Mapping[str, str]) -> None:
         section.rows[-1] = (*last, was_west + west, was_south + south, dithers)
 
 
-def _hour_rad(section: _Section, settings: MeasureSettings) -> float:
+def _hour_rad(section: GuidedRun, settings: MeasureSettings) -> float:
     """The hour angle at the beginning; of altitude and azimuth where the log has no other."""
     if np.isfinite(section.hour_deg) or section.altaz_deg is None:
         return float(np.radians(section.hour_deg))
@@ -155,7 +162,7 @@ def _hour_rad(section: _Section, settings: MeasureSettings) -> float:
     return float(np.arctan2(across, along))
 
 
-def _stretch(section: _Section, settings: MeasureSettings, dec_sign: int) -> Stretch | None:
+def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> Stretch | None:
     hour, declination = _hour_rad(section, settings), np.radians(section.declination_deg)
     rows = np.array(section.rows, dtype=np.float64).reshape(-1, 6)
     sound = section.scale > 0.0 and abs(section.declination_deg) < 89.0 and np.isfinite(hour)

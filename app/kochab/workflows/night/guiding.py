@@ -1,0 +1,97 @@
+"""How well the night was guided, by the guide logs that lie beside its frames (PHD2, KStars, ASIAIR)."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from kochab.core.arrays import Floats, Ints
+from kochab.core.errors import FrameError
+from kochab.workflows.night.measure import Measure
+from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log
+
+SETTLING_S = 15.0
+"""After a dither the star is not yet where it is to be."""
+LEAST_FRAMES = 20
+ALIKE_MOST = 0.95
+"""Neighbours are never taken to be more alike than that."""
+
+
+@dataclass(frozen=True, slots=True)
+class Guiding:
+    """One run: when by the log's own clock, how long, frames without those that settle, dithers, and RMS in arcsec.
+
+    An RMS is that about the star's mean place between two dithers, as PHD2 tells it.
+    """
+
+    begun: datetime
+    hours: float
+    frames: int
+    dithers: int
+    ra_arcsec: Measure
+    dec_arcsec: Measure
+
+    @property
+    def total_arcsec(self) -> Measure:
+        """Of both axes together."""
+        ra, dec = self.ra_arcsec, self.dec_arcsec
+        total = math.hypot(ra.value, dec.value)
+        return Measure(total, math.hypot(ra.value * ra.sigma, dec.value * dec.sigma) / total if total else 0.0)
+
+
+def guiding_of(folders: Iterable[Path]) -> tuple[Guiding, ...]:
+    """The runs of the guide logs in folders, in order of time; logs that cannot be read are left out."""
+    runs = [one for folder in folders for path in _logs(folder) for one in _read(path)]
+    found = [one for one in map(_guiding, runs) if one]
+    return tuple(sorted(found, key=lambda one: one.begun))
+
+
+def _logs(folder: Path) -> list[Path]:
+    try:
+        return sorted(path for path in folder.iterdir() if path.is_file() and is_guide_log(path))
+    except OSError:
+        return []
+
+
+def _read(path: Path) -> list[GuidedRun]:
+    try:
+        return guided_runs(path)
+    except FrameError:
+        return []
+
+
+def _guiding(run: GuidedRun) -> Guiding | None:
+    """None for a run of unknown scale, and for one too short to tell."""
+    if not run.scale > 0.0 or len(run.rows) < LEAST_FRAMES:
+        return None
+    time, ra, dec, _, _, dither = np.array(run.rows).T
+    parts = list(_settled(time, dither))
+    frames = sum(len(part) for part in parts)
+    if frames < LEAST_FRAMES:
+        return None
+    hours = float(np.ptp(time)) / 3600.0
+    ra_arcsec, dec_arcsec = (_rms([run.scale * axis[part] for part in parts]) for axis in (ra, dec))
+    return Guiding(run.begun, hours, frames, len(np.unique(dither)) - 1, ra_arcsec, dec_arcsec)
+
+
+def _settled(time: Floats, dither: Floats) -> Iterator[Ints]:
+    """Indices of frames between two dithers, without those that settle after the first."""
+    for k, number in enumerate(np.unique(dither)):
+        part = np.flatnonzero(dither == number)
+        kept = part[time[part] > time[part[0]] + SETTLING_S] if k else part
+        if len(kept) >= 3:
+            yield kept
+
+
+def _rms(parts: list[Floats]) -> Measure:
+    """About the mean of each part, with its uncertainty, wider where neighbours err alike."""
+    left = [part - part.mean() for part in parts]
+    n = sum(map(len, left)) - len(left)
+    power = sum(float(part @ part) for part in left)
+    alike = sum(float(part[1:] @ part[:-1]) for part in left) / power if power else 0.0
+    alike = min(max(alike, 0.0), ALIKE_MOST)
+    rms = math.sqrt(power / n)
+    return Measure(rms, rms / math.sqrt(2.0 * n) * math.sqrt((1.0 + alike**2) / (1.0 - alike**2)))
