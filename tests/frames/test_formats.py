@@ -7,9 +7,13 @@ import pytest
 from PIL import Image
 
 from kochab.cli.main import main
+from kochab.cli.solve import frames_in
 from kochab.core.errors import FrameError
-from kochab.frames import FORMATS, file_pattern, format_names, read_frame, suffixes
+from kochab.frames import FORMATS, file_pattern, format_names, frames_of, named_as_frame, read_frame, suffixes
 from kochab.frames.readers import kind_of, named_as_fits
+from kochab.window.frame.batch import images_in
+from kochab.workflows.fresh_frame import image_files
+from kochab.workflows.night import folder
 from tests.frames.files import colours, faulty_reader, one_of_each, sky
 
 
@@ -55,6 +59,43 @@ def test_a_fault_of_our_own_reader_stays_a_fault(tmp_path, monkeypatch):
     (path := tmp_path / "night.fits").write_bytes(b"SIMPLE  =")
     with pytest.raises(KeyError):
         read_frame(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "frame"),
+    [
+        ("m42.fits", True),
+        ("M42.FIT", True),
+        ("m42.fits.gz", True),
+        ("m42.fits.BZ2", True),
+        ("m42.fz", True),
+        ("night.ser", True),
+        ("stars.csv.gz", False),
+        ("m42.gz", False),
+        ("m42.fits.gz.gz", False),
+        ("._m42.fits", False),
+        ("m42", False),
+        ("fits", False),
+        ("m42.txt", False),
+    ],
+)
+def test_a_file_is_a_frame_by_its_name(name, frame):
+    """macOS leaves files that begin with a dot and two letters beside those that it copies."""
+    assert named_as_frame(name) is frame
+    assert named_as_frame(f"m31.fits/{name}") is frame
+
+
+def test_everything_that_takes_a_folder_takes_the_same_frames(tmp_path):
+    """Packed frames counted in the window alone, and a folder of such a name in the command line alone."""
+    for name in ("b.fits", "a.png", "c.fits.gz", "stars.csv.gz", "._a.png", "notes.txt"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "d.fits").mkdir()
+    frames = [tmp_path / name for name in ("a.png", "b.fits", "c.fits.gz")]
+    assert frames_of(tmp_path) == frames
+    assert frames_in(str(tmp_path)) == [*map(str, frames)]
+    assert folder.frames_in(tmp_path) == frames
+    assert images_in([tmp_path]) == frames
+    assert sorted(image_files([tmp_path])) == frames
 
 
 def test_every_reader_can_be_imported():

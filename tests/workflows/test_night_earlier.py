@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from kochab.core.frame import Site
-from kochab.workflows.night.earlier import NightRecord, against_earlier, keep_night, kept_nights, record_of
+from kochab.workflows.night.earlier import (
+    NightRecord,
+    against_earlier,
+    compared_with_earlier,
+    keep_night,
+    kept_nights,
+    record_of,
+)
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.summary import night_of
 
@@ -55,17 +62,23 @@ def test_the_same_night_again_takes_its_own_place_and_spoilt_lines_are_left_out(
     keep_night(record(2, 3.0), tmp_path)  # a folder, not a file: nothing is kept, nothing fails
 
 
-def test_what_is_kept_of_a_night_is_its_equipment_and_numbers():
-    start = datetime(2026, 1, 12, 20, tzinfo=UTC)
+START = datetime(2026, 1, 12, 20, tzinfo=UTC)
+
+
+def frames_of_a_night(start=START):
     rng = np.random.default_rng(1)
-    frames = [
+    return [
         NightFrame(f"{k}", start + timedelta(minutes=4 * k), 60.0, (900, 600), True, ra_deg=40 + rng.normal(0, 1e-4),
                    dec_deg=30 + rng.normal(0, 1e-4), width_deg=1.0, scale_arcsec_px=2.0, camera="cam", site=Site(48.1, 11.2))
         for k in range(12)
     ]  # fmt: skip
+
+
+def test_what_is_kept_of_a_night_is_its_equipment_and_numbers():
+    frames = frames_of_a_night()
     found = record_of(night_of(frames))
     assert (found.equipment, found.scale_arcsec_px, found.site) == ("cam 900x600", 2.0, (48.1, 11.2))
-    assert found.began == start.isoformat()
+    assert found.began == START.isoformat()
     assert found.values["ra_arcsec_h"][1] > 0
     assert record_of(night_of([replace(one, time_utc=None) for one in frames])) is None
     assert found.alike(replace(found, scale_arcsec_px=2.02, site=(48.15, 11.2)))
@@ -75,3 +88,16 @@ def test_what_is_kept_of_a_night_is_its_equipment_and_numbers():
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("KOCHAB_CONFIG", str(tmp_path / "config"))
+
+
+def test_a_night_that_was_stopped_is_compared_and_not_kept():
+    """Its numbers are of a part of it alone."""
+    for day in range(4):
+        compared_with_earlier(night_of(frames_of_a_night(START - timedelta(days=day + 1))))
+    assert len(kept_nights()) == 4
+    tonight = night_of(frames_of_a_night())
+    assert compared_with_earlier(tonight, whole=False)
+    assert len(kept_nights()) == 4
+    assert compared_with_earlier(tonight)
+    assert len(kept_nights()) == 5
+    assert compared_with_earlier(night_of([])) == []

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     from kochab.frames.outputs import refuse_overwriting
     from kochab.workflows.night.ades import Observatory, ades_psv
     from kochab.workflows.night.chosen_stars import chosen_star
-    from kochab.workflows.night.earlier import against_earlier, keep_night, kept_nights, record_of
+    from kochab.workflows.night.earlier import compared_with_earlier
     from kochab.workflows.night.guiding import guiding_of
     from kochab.workflows.night.light_curve import aavso_extended, observer_code
     from kochab.workflows.night.summary import night_of
@@ -106,10 +106,7 @@ def run(args: argparse.Namespace) -> int:
     night = night_of(measured, len(files), guiding_of(filter(Path.is_dir, map(Path, given))))
     if not night.frames:
         raise UsageError(f"{given[0]} has calibration frames alone.")
-    record, whole = record_of(night), not stopped
-    earlier = against_earlier(record, kept_nights()) if record else []
-    if record and whole:
-        keep_night(record)
+    earlier = compared_with_earlier(night, whole=not stopped)
     _write(night, name, targets, earlier)
     for star in {star.name for star in chosen} - {curve.name for curve in night.light_curves}:
         say(f"{star} is measured in no frame: it is outside, saturated, or the frames have no time.")

@@ -241,13 +241,12 @@ def frames_in(given: str) -> list[str]:
     path = Path(given)
     if not path.is_dir():
         return [given]
-    from kochab.frames import suffixes
+    from kochab.frames import frames_of
 
     try:
-        found = sorted(str(p) for p in path.iterdir() if p.suffix.lower() in {*suffixes()} - {".gz", ".bz2"})
+        return [*map(str, frames_of(path))] or [given]
     except OSError:
         return [given]  # told in its turn, like a file that cannot be read
-    return found or [given]
 
 
 def _why_no_pictures(folder: str) -> str:

@@ -1,6 +1,16 @@
 """Files to frames and back; what other rooms need of it is named here."""
 
-from kochab.frames.readers import FORMATS, file_pattern, format_names, read_fits_bytes, read_frame, reading, suffixes
+from kochab.frames.readers import (
+    FORMATS,
+    file_pattern,
+    format_names,
+    frames_of,
+    named_as_frame,
+    read_fits_bytes,
+    read_frame,
+    reading,
+    suffixes,
+)
 from kochab.frames.samples import finite, shifted, split
 
 __all__ = [
@@ -8,6 +18,8 @@ __all__ = [
     "file_pattern",
     "finite",
     "format_names",
+    "frames_of",
+    "named_as_frame",
     "read_fits_bytes",
     "read_frame",
     "reading",

@@ -70,7 +70,8 @@ _OWN = {
 FORMATS: Registry[Frame] = Registry("format", "kochab.formats", {name: row.reader for name, row in _OWN.items()})
 """Readers, functions of a path. Another package's is named by its files' suffix: ``asdf``."""
 
-_PACKED = (".fz", ".gz", ".bz2")
+_PACKERS = (".gz", ".bz2")  # of any file
+_PACKED = (".fz", *_PACKERS)
 _SUFFIXES = {suffix: name for name, row in _OWN.items() for suffix in row.suffixes.split()}
 
 
@@ -88,8 +89,22 @@ def named_as_fits(path: str | os.PathLike[str], packed: bool = True) -> bool:
     return _SUFFIXES.get(suffix) == "FITS" and (packed or suffix not in _PACKED)
 
 
+def named_as_frame(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a frame by its name: ``m42.png`` and ``m42.fits.gz``, not ``stars.csv.gz`` or ``._m42.png``."""
+    name = os.path.basename(path).lower()
+    stem, suffix = os.path.splitext(name)
+    if suffix in _PACKERS:
+        suffix = os.path.splitext(stem)[1]
+    return suffix in suffixes() and suffix not in _PACKERS and not name.startswith(".")
+
+
+def frames_of(folder: Path) -> list[Path]:
+    """The frames in a folder, by name; OSError when it cannot be read."""
+    return sorted(path for path in folder.iterdir() if named_as_frame(path) and path.is_file())
+
+
 def file_pattern() -> str:
-    """The same as a file dialog takes them, in both cases for systems that tell capitals apart."""
+    """The suffixes as a file dialog takes them, in both cases for systems that tell capitals apart."""
     return " ".join(f"*{suffix} *{suffix.upper()}" for suffix in suffixes())
 
 

@@ -5,8 +5,6 @@ import os
 import re
 import secrets
 import signal
-import socket
-import struct
 import subprocess
 import sys
 import threading
@@ -19,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from kochab.core.errors import KochabError, UsageError
 from kochab.folders import config_folder, data_folder
 from kochab.parsing.text_input import parse_json, read_text
-from kochab.server.hand_over import Place, connected, place, worker_command
+from kochab.server.hand_over import Place, connected, peer, place, worker_command
 from kochab.server.http_server import LOOPBACK, Answer, HttpServer
 from kochab.workflows.solution_json import Json
 
@@ -267,5 +265,4 @@ def _process(where: Place) -> int:
     if connection is None:
         return 0
     with connection:
-        credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-        return int(struct.unpack("3i", credentials)[0])
+        return peer(connection)[0]

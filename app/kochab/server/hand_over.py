@@ -79,7 +79,7 @@ def connected(path: str) -> "socket.socket | None":
     connection.settimeout(CONNECT_S)
     try:
         connection.connect(path)
-        if peer_user(connection) == os.geteuid():
+        if peer(connection)[1] == os.geteuid():
             return connection
     except OSError:  # whoever listened there has ended
         pass
@@ -87,15 +87,19 @@ def connected(path: str) -> "socket.socket | None":
     return None
 
 
-def peer_user(connection: "socket.socket") -> int:
-    """The user at the other end, as the system tells it; where it does not (macOS), the folder alone guards."""
+def peer(connection: "socket.socket") -> tuple[int, int]:
+    """Process and user at the other end, as the system tells them.
+
+    Where it does not (macOS), they are 0 and this process's own user: the folder alone guards.
+    """
     import socket
     import struct
 
     if not hasattr(socket, "SO_PEERCRED"):
-        return os.geteuid()
+        return 0, os.geteuid()
     credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    return int(struct.unpack("3i", credentials)[1])
+    process, user, _ = struct.unpack("3i", credentials)
+    return process, user
 
 
 def hand_over(arguments: Sequence[str]) -> int | None:

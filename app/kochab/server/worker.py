@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from kochab.core.errors import UsageError
-from kochab.server.hand_over import DONE, MAGIC, OTHER_VERSION, WRITTEN, Place, connected, limit_numbers, peer_user
+from kochab.server.hand_over import DONE, MAGIC, OTHER_VERSION, WRITTEN, Place, connected, limit_numbers, peer
 
 Run = Callable[[Sequence[str]], int]
 """A command line that returns its exit code."""
@@ -152,7 +152,7 @@ class Worker:
         except OSError:
             return
         with connection:
-            if peer_user(connection) != os.geteuid() or len(self._children) >= MOST_CHILDREN:
+            if peer(connection)[1] != os.geteuid() or len(self._children) >= MOST_CHILDREN:
                 return
             self._ahead_from = max(self._ahead_from, time.monotonic() + AHEAD_S)
             if self._handed(connection):

@@ -149,14 +149,12 @@ class FileFrames(SolvedFrames):
 
 def image_files(paths: Sequence[str | Path]) -> list[Path]:
     """The files, and of folders the newest few, newest first. Raises UsageError when there is none."""
-    from kochab.frames import suffixes
+    from kochab.frames import frames_of
 
     files: list[Path] = []
-    known = suffixes()
     for path in map(Path, paths):
         if path.is_dir():
-            found = [p for p in path.iterdir() if p.suffix.lower() in known and p.is_file()]
-            files += sorted(found, key=lambda p: -p.stat().st_mtime_ns)[:NEWEST]
+            files += sorted(frames_of(path), key=lambda p: -p.stat().st_mtime_ns)[:NEWEST]
         else:
             files.append(path)
     if not files:

@@ -251,9 +251,8 @@ class FolderCamera(CameraSource):
 
 def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:
     """Pictures in a folder and those below it; what vanishes meanwhile is left out."""
-    from kochab.frames import suffixes
+    from kochab.frames import named_as_frame
 
-    known = suffixes()
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.name.startswith("."):
@@ -262,7 +261,7 @@ def _pictures(folder: Path, depth: int) -> Iterator[tuple[str, Stamp]]:
                 if entry.is_dir():
                     if depth > 1:
                         yield from _pictures(Path(entry.path), depth - 1)
-                elif os.path.splitext(entry.name)[1].lower() in known:
+                elif named_as_frame(entry.name):
                     status = entry.stat()
                     yield entry.path, Stamp(status.st_size, status.st_mtime_ns)
 

@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, Signal
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
-from kochab.frames import suffixes
+from kochab.frames import frames_of
 from kochab.solver import SolveOptions
 from kochab.text.translation import tr
 from kochab.window.frame.session import Session, WorkflowEngine
@@ -49,11 +49,8 @@ def images_in(paths: Iterable[Path]) -> list[Path]:
     """The files of ``paths``, each once; a folder stands for the images in it, by name."""
     # A dict keeps their order, and each once.
     found: dict[Path, None] = {}
-    known = suffixes()
     for path in paths:
-        inside = sorted(path.iterdir()) if path.is_dir() else []
-        images = (p for p in inside if p.suffix.lower() in known and p.is_file())
-        found.update(dict.fromkeys(images if path.is_dir() else [path]))
+        found.update(dict.fromkeys(frames_of(path) if path.is_dir() else [path]))
     return list(found)
 
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
-from kochab.frames import suffixes
+from kochab.frames import named_as_frame
 from kochab.parsing.text_input import LARGEST_BYTES, decoded
 
 SCHEMA = pa.schema(
@@ -30,7 +30,6 @@ SCHEMA = pa.schema(
     ]
 )
 TABLES = (".csv", ".tsv", ".txt", ".parquet")
-PACKED = (".gz", ".bz2")
 BATCH = 50_000
 LIST_COLUMNS = ("x", "y", "width", "height")
 """Of a Parquet table that holds star lists: x and y are lists, px; ``flux`` may be there."""
@@ -152,14 +151,7 @@ def _items(text: str, size: tuple[int, int] | None) -> Iterator[Item]:
 
 def _is_input(name: str, size: tuple[int, int] | None) -> bool:
     """Whether a file in a folder is a frame by its name, or, with ``size``, a star list."""
-    small = name.lower()
-    if size is not None and small.endswith(".csv"):
-        return True
-    whole = small
-    for packed in PACKED:
-        whole = whole.removesuffix(packed)
-    ending = f".{whole.rpartition('.')[2]}"
-    return ending in suffixes() and ending not in PACKED
+    return named_as_frame(name) or (size is not None and name.lower().endswith(".csv"))
 
 
 def _item(fs: Any, info: Mapping[str, Any], size: tuple[int, int] | None) -> Item:

@@ -165,6 +165,17 @@ def keep_night(record: NightRecord, path: Path | None = None) -> None:
         return
 
 
+def compared_with_earlier(night: Night, whole: bool = True) -> list[Compared]:
+    """How a night compares with those that are kept; it is kept then for the next, where it is ``whole``."""
+    record = record_of(night)
+    if record is None:
+        return []
+    compared = against_earlier(record, kept_nights())
+    if whole:
+        keep_night(record)
+    return compared
+
+
 def against_earlier(record: NightRecord, kept: Sequence[NightRecord]) -> list[Compared]:
     """Tonight among the last nights of the same equipment and site; nothing of fewer than three."""
     others = [one for one in kept if one.alike(record) and one.began[:10] != record.began[:10]]

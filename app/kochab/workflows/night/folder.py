@@ -6,11 +6,11 @@ from pathlib import Path
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
-from kochab.frames import suffixes
+from kochab.frames import frames_of
 from kochab.sky.elements import kept_elements
 from kochab.solver import SolveOptions
 from kochab.text.translation import tr
-from kochab.workflows.night.earlier import Compared, against_earlier, keep_night, kept_nights, record_of
+from kochab.workflows.night.earlier import Compared, compared_with_earlier
 from kochab.workflows.night.frame import NightFrame, measure_frame
 from kochab.workflows.night.guiding import guiding_of
 from kochab.workflows.night.summary import Night, night_of
@@ -34,7 +34,7 @@ def measure_folder(
     into : list of NightFrame
         Grows by each frame, so that a night that is given up is not lost.
     """
-    files = frames_of(folder)
+    files = frames_in(folder)
     more = kept_elements()
     for k, file in enumerate(files):
         here = Progress("night", k / len(files), tr("Frame {k} of {n}", k=k + 1, n=len(files)))
@@ -46,18 +46,13 @@ def measure_folder(
     night = night_of(into, len(files), guiding_of([folder]))
     if not night.frames:
         raise UsageError("{folder} has calibration frames alone.", folder=folder.name)
-    record = record_of(night)
-    earlier = against_earlier(record, kept_nights()) if record else []
-    if record:
-        keep_night(record)
-    return night, earlier
+    return night, compared_with_earlier(night)
 
 
-def frames_of(folder: Path) -> list[Path]:
-    """The frames of a folder by name; UsageError where it has none or cannot be read."""
+def frames_in(folder: Path) -> list[Path]:
+    """The frames in a folder, by name; UsageError where it has none or cannot be read."""
     try:
-        known = {*suffixes()} - {".gz", ".bz2"}
-        found = sorted(path for path in folder.iterdir() if path.suffix.lower() in known and path.is_file())
+        found = frames_of(folder)
     except OSError as error:
         raise UsageError("{folder} cannot be read: {why}.", folder=folder, why=error.strerror or error) from error
     if not found:
@@ -67,7 +62,7 @@ def frames_of(folder: Path) -> list[Path]:
 
 def half_done(into: Sequence[NightFrame], folder: Path) -> Night | None:
     """The night as far as it was measured; None while nothing is."""
-    night = night_of(into, asked=len(frames_of(folder)))
+    night = night_of(into, asked=len(frames_in(folder)))
     return night if night.frames else None
 
 
