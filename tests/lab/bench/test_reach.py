@@ -1,15 +1,18 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kochab.core.attitude import radec_deg
+from kochab.core.attitude import radec_deg, small_rotation
 from kochab.core.frame import Detections
+from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
 from kochab.frames.fits_write import write_fits
 from kochab.lab.bench import reach
-from kochab.simulate.random_fields import FieldPlan, random_picture
+from kochab.simulate.random_fields import FieldPlan, random_field, random_picture
 from kochab.sky import open_catalogue
+from kochab.solver.pipeline import solve_detections, solve_frame
 
 
 @pytest.fixture
@@ -39,7 +42,7 @@ def goals_of(result):
 
 def test_what_is_found_and_refused_is_counted(few, monkeypatch) -> None:
     # Three runs differ in their picture's truth alone.
-    for name in ("rendered_skies", "spoilt_fields"):
+    for name in ("rendered_skies", "spoilt_fields", "stretched_fields"):
         monkeypatch.setattr(reach, name, remembered(getattr(reach, name)))
     picture = random_picture(open_catalogue(), np.random.default_rng(3), FieldPlan(12.0, size_px=512))
     write_fits(picture.frame, few / "sky.fits")
@@ -53,10 +56,11 @@ def test_what_is_found_and_refused_is_counted(few, monkeypatch) -> None:
     elsewhere = {**there, "ra_deg": (ra + 40.0) % 360.0, "what": "whole sky"}
     (few / "truth.json").write_text(json.dumps({"sky.fits": there, "a-table.fits": {"what": "no place"}}))
     result = reach.run(True, lambda _: None)
-    assert [row["n"] for row in result.rows] == [1, 4, 2, 2]
+    assert [row["n"] for row in result.rows] == [1, 4, 2, 2, 2]
     assert all(0.0 < row["median_cpu_s"] <= row["cpu_s_99"] for row in result.rows)
     goals = goals_of(result)
     assert goals["hard pictures found, %"].value == 100.0
+    assert goals["centres within the 95 % radius of their middles', %"].value == 100.0
     assert goals["whole-sky pictures found, %"].met is None
     assert goals["wrong answers"].value == 0
     (few / "truth.json").write_text(json.dumps({"sky.fits": elsewhere}))
@@ -88,3 +92,25 @@ def test_letters_and_windows_outshine_the_stars_they_stand_among() -> None:
         assert (hidden.xy[:lights, 1] > 600).all()
         assert hidden.flux[lights - 1] > hidden.flux[lights]
     assert (hidden.xy[lights:, 1] < 600).all()
+
+
+def test_bright_stars_count_where_they_shine_and_their_names_are_counted() -> None:
+    picture = random_picture(open_catalogue(), np.random.default_rng(5), FieldPlan(24.0, size_px=1024))
+    result = run(solve_frame(picture.frame))
+    shining, named = reach.bright_stars(picture.frame, result)
+    assert 0 < named == shining
+    nameless = replace(result, stars=result.stars[-8:], seen=())
+    assert reach.bright_stars(picture.frame, nameless) == (shining, 0)
+    dark = replace(picture.frame, pixels=np.full_like(picture.frame.pixels, 100))
+    assert reach.bright_stars(dark, result) == (0, 0)
+
+
+def test_a_centre_is_measured_by_what_its_middle_says() -> None:
+    field = random_field(open_catalogue(), np.random.default_rng(6), FieldPlan(24.0, brightest=300))
+    result = run(solve_detections(field.detections))
+    near = reach.sigmas_of_the_middle(field.detections, result)
+    turned = small_rotation(np.array([0.003, 0.0, 0.0])) @ result.attitude.matrix
+    elsewhere = replace(result, attitude=replace(result.attitude, matrix=turned))
+    far = reach.sigmas_of_the_middle(field.detections, elsewhere)
+    assert near < 4.0 < 20.0 < far
+    assert reach.sigmas_of_the_middle(field.detections.take(slice(0, 4)), result) is None

@@ -3,19 +3,23 @@
 Hard pictures with their truth lie in the folder that ``KOCHAB_FRAMES_REACH`` names, or beside the checkout; without
 them their goals are not measured. Debian's ``solve-field``, where it is installed, gets the stars that Kochab detects,
 unless the bench is quick.
-Whole skies are star lists of four projections; captions and roofs hide fields of 24 degrees.
+Whole skies are star lists of four projections; captions and roofs hide fields of 24 degrees, others are stretched.
+Of each picture that is found it is also counted how many bright stars that shine have their names, and how far the
+centre lies from what the picture's middle alone says, in their sigmas.
 """
 
 import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from kochab.core.arrays import Array, Floats
 from kochab.core.attitude import apart_deg, radec_deg
-from kochab.core.frame import Detections
+from kochab.core.frame import Detections, Frame
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames import read_frame
@@ -24,6 +28,8 @@ from kochab.lab.bench.peers import Place, astrometry_net, frames_folder, hostile
 from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.simulate.whole_skies import RADII, whole_sky
 from kochab.sky import open_catalogue
+from kochab.solver import UNKNOWN_YEAR
+from kochab.solver.aspect import resized
 from kochab.solver.pipeline import examine_frame, solve_detections
 
 SEED = 20261127
@@ -36,6 +42,11 @@ WHOLE_SKY_DEG = 100.0
 """So wide a picture counts as a whole sky."""
 SKY_WITHIN_DEG = 0.3
 SPOILT_FIELD_DEG = 24.0
+STRETCH = 0.15
+"""Fields are made at most so much wider or narrower, evenly in their logarithm."""
+BRIGHT_V = 3.0
+WITHIN_95 = 2.448
+"""Sigmas of one coordinate that hold 95 % of normal errors in two."""
 BRIGHTEST = 90
 
 
@@ -45,6 +56,7 @@ def run(quick: bool, report: Report) -> BenchResult:
     pictures = list(hard_pictures(QUICK_PICTURES if quick else None, report))
     skies = list(rendered_skies(QUICK_SKIES if quick else SKIES, report))
     spoilt = list(spoilt_fields(QUICK_SPOILT if quick else SPOILT, rng))
+    stretched = list(stretched_fields(QUICK_SPOILT if quick else SPOILT, rng))
     refused = [sheet(d, None, 0.0) for d in (c.detections for c in hostile_lists(QUICK_LISTS if quick else LISTS))]
     wide = [p for p in pictures if p["wide"]]
     groups = {
@@ -52,14 +64,17 @@ def run(quick: bool, report: Report) -> BenchResult:
         "whole-sky pictures": wide,
         "rendered whole skies": skies,
         "captions and roofs": spoilt,
+        "stretched fields": stretched,
         "lists without truth": refused,
     }
     rows = [row(name, kept) for name, kept in groups.items() if kept]
-    return BenchResult("reach", rows, goals({r["what"]: r for r in rows}))
+    return BenchResult("reach", rows, goals({r["what"]: r for r in rows}, pictures))
 
 
-def goals(rows: dict[str, dict[str, Any]]) -> list[Goal]:
-    """Found of each kind, none wrong, and what a refusal costs."""
+def goals(rows: dict[str, dict[str, Any]], pictures: Sequence[dict[str, Any]]) -> list[Goal]:
+    """Found of each kind, none wrong, bright stars named, sigmas right, and what a refusal costs."""
+    shining = sum(p["shining"] for p in pictures)
+    sigmas = np.array([p["sigmas"] for p in pictures if p["sigmas"] is not None])
     found = {name: float(r["found_percent"]) for name, r in rows.items()}
     refused = rows["lists without truth"]
     return [
@@ -67,6 +82,17 @@ def goals(rows: dict[str, dict[str, Any]]) -> list[Goal]:
         Goal.at_least("whole-sky pictures found, % (14 of 15)", found.get("whole-sky pictures"), 93.3),
         Goal.at_least("rendered whole skies found, %", found["rendered whole skies"], 99.0),
         Goal.at_least("captions and roofs found, % (11 of 12)", found["captions and roofs"], 91.6),
+        Goal.at_least("stretched fields found, %", found["stretched fields"], 90.0),
+        Goal.at_least(
+            "stars of V < 3 with light that are named, %",
+            100.0 * sum(p["named"] for p in pictures) / shining if shining else None,
+            97.0,
+        ),
+        Goal.at_least(
+            "centres within the 95 % radius of their middles', %",
+            100.0 * float(np.mean(sigmas < WITHIN_95)) if len(sigmas) else None,
+            95.0,
+        ),
         Goal.at_most("wrong answers", sum(r["wrong"] for name, r in rows.items() if name != "whole-sky pictures"), 0),
         Goal.at_most("a refusal, median, processor s", refused["median_cpu_s"], 0.5),
         Goal.at_most("a refusal, 99 %, processor s", refused["cpu_s_99"], 1.5),
@@ -103,9 +129,14 @@ def hard_pictures(most: int | None, report: Report) -> Iterator[dict[str, Any]]:
     for name, truth in sorted(truths.items())[:most]:
         place = truth["ra_deg"], truth["dec_deg"]
         started = time.process_time()
-        seen = drive(examine_frame(read_frame(folder / name)))
+        frame = read_frame(folder / name)
+        seen = drive(examine_frame(frame))
         kept = judged(seen.result, place, truth["tol_deg"], truth.get("pixel"))
         kept |= {"cpu_s": time.process_time() - started, "wide": is_wide(truth)}
+        kept |= {"shining": 0, "named": 0, "sigmas": None}
+        if isinstance(seen.result, Solution) and kept["found"]:
+            kept["shining"], kept["named"] = bright_stars(frame, seen.result)
+            kept["sigmas"] = sigmas_of_the_middle(seen.detections, seen.result)
         report(f"{name}: {'found' if kept['found'] else 'WRONG' if kept['wrong'] else 'no solution'}")
         # Its lens is a plane and its place the middle's: near enough where the truth is the middle's too.
         if most is None and "pixel" not in truth and shutil.which("solve-field"):
@@ -138,6 +169,15 @@ def spoilt_fields(count: int, rng: np.random.Generator) -> Iterator[dict[str, An
         field = random_field(catalogue, rng, FieldPlan(SPOILT_FIELD_DEG, missing=0.0, spurious=0.0))
         hidden = captions(field.detections, rng) if number % 2 == 0 else roof(field.detections, rng)
         yield sheet(hidden, field.attitude.ra_dec_deg, 0.01 * SPOILT_FIELD_DEG)
+
+
+def stretched_fields(count: int, rng: np.random.Generator) -> Iterator[dict[str, Any]]:
+    """One fact sheet a field whose picture was made wider or narrower."""
+    catalogue = open_catalogue()
+    for _ in range(count):
+        field = random_field(catalogue, rng, FieldPlan(SPOILT_FIELD_DEG, missing=0.1, spurious=0.1))
+        share = float(np.exp(np.log1p(STRETCH) * rng.uniform(-1.0, 1.0)))
+        yield sheet(resized(field.detections, share), field.attitude.ra_dec_deg, 0.01 * SPOILT_FIELD_DEG)
 
 
 def captions(stars: Detections, rng: np.random.Generator) -> Detections:
@@ -191,6 +231,52 @@ def judged(
         place = answer.ra_dec_deg if pixel is None else radec_deg(answer.sky_at(np.array([pixel], dtype=float))[0])
     found = near(place, truth, within_deg)
     return {"found": found, "wrong": place is not None and not found}
+
+
+def bright_stars(frame: Frame, solution: Solution) -> tuple[int, int]:
+    """Stars of V < 3 where light stands five sigma above the ring around their place, and how many of them are named.
+
+    One beside a brighter star is part of its image. The ring, 12 to 28 px, is the bench's own: no detector has part.
+    """
+    catalogue, known = open_catalogue(), {star.id for star in solution.named}
+    rows = catalogue.brightest(solution.centre_vector, min(solution.radius_rad, np.pi / 2), 400, UNKNOWN_YEAR)
+    rows = rows[np.asarray(catalogue.mag(rows)) < BRIGHT_V]
+    places = solution.pixels_of(catalogue.vectors(rows, UNKNOWN_YEAR))
+    shining = named = 0
+    for k, label in enumerate(catalogue.labels(rows)):
+        alone = np.hypot(*(places[:k] - places[k]).T).min(initial=np.inf) > 5.0
+        if alone and shines(frame.pixels, places[k]):
+            shining, named = shining + 1, named + (label[0] in known)
+    return shining, named
+
+
+def shines(pixels: Array, place: Floats) -> bool:
+    """Whether there is light within 6 px of a place (2,) px that the ring around it does not have."""
+    reach = 30
+    size = np.array(pixels.shape[::-1])
+    if not (np.isfinite(place).all() and (place > reach).all() and (place < size - reach - 1).all()):
+        return False
+    x, y = np.rint(place).astype(int)
+    square = pixels[y - reach : y + reach + 1, x - reach : x + reach + 1].astype(np.float64)
+    means = np.mean([np.roll(square, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)
+    away = np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    ring = means[(away > 12) & (away < 28)]
+    return bool(means[away < 6].max() > np.median(ring) + 5.0 * max(float(ring.std()), 0.002 * float(pixels.max())))
+
+
+def sigmas_of_the_middle(detections: Detections, solution: Solution) -> float | None:
+    """How far the centre lies from what the middle half's stars alone say, in both's sigmas; None where they do not."""
+    size = np.array([detections.width, detections.height])
+    off = detections.xy - (size - 1.0) / 2.0
+    part = detections.take(np.flatnonzero((np.abs(off) < size / 4.0).all(axis=1)))
+    width, height = (size // 2).tolist()
+    xy = part.xy - (size - 1.0) / 2.0 + (np.array([width, height]) - 1.0) / 2.0
+    answer = drive(solve_detections(replace(part, width=width, height=height, xy=xy)))
+    if not isinstance(answer, Solution):
+        return None
+    apart_arcsec = np.degrees((solution.centre_attitude.matrix @ answer.centre_vector)[:2]) * 3600.0
+    sigma = np.hypot(solution.attitude.sigma_arcsec[:2], answer.attitude.sigma_arcsec[:2])
+    return float(np.hypot(*(apart_arcsec / sigma)))
 
 
 def near(place: Place | None, truth: Place | None, within_deg: float) -> bool:
