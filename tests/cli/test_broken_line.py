@@ -1,5 +1,6 @@
 """A line that breaks while a command's mount moves: said at once, opened again, and the mount is stopped."""
 
+import json
 from datetime import UTC, datetime
 
 import pytest
@@ -60,3 +61,33 @@ def test_where_the_line_does_not_come_back_it_is_said_that_the_mount_may_still_m
     monkeypatch.setattr("kochab.gear.mounts.guard.Guard.stop_on_new_line.__defaults__", (3.0,))
     with pytest.raises(DeviceError, match=r"(?i)cut its power"):
         breaks_in_a_slew(board)
+
+
+def test_a_goto_whose_mount_loses_its_power_on_the_way_names_the_restart(board, capsys) -> None:
+    """It was "stopped N deg from its target", and the next goto left from a false home."""
+
+    def cut():
+        while not board.moving:
+            board.timing.sleep(0.05)
+        board.timing.sleep(1.0)
+        board.cut_power(0.5)
+
+    def goto():
+        ra = (sidereal_deg(board.clock.unix(), SITE.longitude_deg) + 10.0) % 360.0
+        port = [f"--port={board.port}", f"--driver={board.driver}", "--json"]
+        site = [f"--site={SITE.latitude_deg},{SITE.longitude_deg}"]
+        words = ["mount", "goto", f"--ra-deg={ra}", "--dec-deg=60", "--yes", *port, *site]
+        args = build_parser(words).parse_args(words)
+        args.limits = Limits(crosses_meridian=True, sun_up_deg=90.0)  # at whatever hour this runs
+        assert args.run(args) == 1
+        return json.loads(capsys.readouterr().out)["error"]
+
+    cutting = board.timing.start(cut)
+    first = goto()
+    board.timing.join(cutting)
+    assert len(board.cuts) == 1
+    second = goto()
+    assert "switched off and on" in first
+    assert "Sync first" in second or "contradicts this computer" in second
+    assert not board.false_slews()
+    assert not board.moving
