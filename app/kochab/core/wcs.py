@@ -22,8 +22,8 @@ Term = tuple[int, int]
 _GOOD_PX = 0.005
 _ORDERS = range(3, 10)  # SIP allows 2 to 9
 _GRID = 41
-_FISHEYE_RAD = 1.75
-"""Farther from the axis, 100 deg, is the frame beside a fisheye lens's circle, which shows no sky."""
+_FISHEYE_RAD = 1.62
+"""Farther from the axis, 93 deg, is the frame beside a fisheye lens's circle, which shows no sky."""
 
 
 def wcs_cards(camera: Camera, attitude: Attitude) -> list[tuple[str, Any, str]]:
