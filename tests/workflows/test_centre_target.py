@@ -42,6 +42,16 @@ def test_five_arcsec_are_reached() -> None:
     assert b.off_arcsec(target) < 7.0
 
 
+@pytest.mark.parametrize("tries", [1, 2, 3])
+def test_so_many_corrections_are_made_and_no_more(tries) -> None:
+    """Nothing ever comes within a thousandth of an arcsec."""
+    b = bench(worn(9))
+    result = centred(b, target_of(b, 25.0, 30.0), tolerance_arcsec=1e-3, tries=tries)
+    assert result.end is CentringEnd.NOT_CONVERGING
+    assert len(result.corrections) == tries
+    assert f"after {tries} corrections" in result.sentence
+
+
 def test_every_motion_is_in_the_guards_log() -> None:
     b = bench(worn(2))
     assert centred(b, target_of(b, 25.0, 40.0), tolerance_arcsec=10.0).centred

@@ -20,9 +20,10 @@ from kochab.gear.mounts import guard as guarding
 from kochab.gear.mounts import slew_supervisor
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
+from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits, SyncEvidence
 from kochab.workflows.nudge import nudge
-from tests.gear.mounts.imaginary import NIGHT, NOON, SILENT, Imaginary, at, guarded
+from tests.gear.mounts.imaginary import NIGHT, NOON, SILENT, SITE, Imaginary, at, guarded
 
 
 def evidence(place_of_date, apart_arcsec=10.0, rms=0.3, false_alarm=-12.0, count=2):
@@ -369,6 +370,34 @@ def test_a_slew_without_end_is_stopped() -> None:
     with pytest.raises(NoAnswerError, match="did not end within 0 s and was stopped"):
         run(slew)
     assert mount.did[-1] == ("stop",)
+
+
+class TellsNoSlew(Imaginary):
+    """It does not report whether it slews; each look finds it a fifth of a degree nearer to where it was sent."""
+
+    target = None
+
+    def goto(self, ra_deg, dec_deg):
+        self._do("goto", ra_deg, dec_deg)
+        self.target = ra_deg, dec_deg
+
+    def position(self):
+        if self.target is not None:
+            ra, dec = self.target
+            self.here = ra, min(dec, self.here[1] + 0.2)
+        return super().position()
+
+    def state(self):
+        return replace(self.now, slewing=None)
+
+
+def test_a_mount_that_reports_no_slewing_has_arrived_when_it_stands_still() -> None:
+    """Within half a degree of its target it still moves, by more than 3.6 arcsec between two looks."""
+    mount = TellsNoSlew(*at(-41.0, 40.0))
+    guard = Guard(mount, SITE, Limits(), clock=lambda: NIGHT, wait=lambda s: None)
+    run(guard.slew(mount.here[0], 41.0))
+    assert mount.here[1] == 41.0
+    assert [did[0] for did in mount.did] == ["goto"]
 
 
 def test_a_cancelled_slew_is_stopped() -> None:
