@@ -37,6 +37,18 @@ def test_half_the_field_needs_four_times_the_stars_of_a_cone(depth) -> None:
     assert wanted[1] / wanted[2] == pytest.approx(4.0, rel=0.01)
 
 
+@pytest.mark.parametrize("radius", [0.2, 1.0, 3.0])
+@pytest.mark.parametrize("depth", cone_search.DEPTHS)
+def test_cones_grow_until_they_reach_as_far_as_the_hint_or_as_a_cone_may(depth, radius) -> None:
+    hint = Hint(centre_deg=(10.0, 20.0, radius))
+    cones = [*cone_search._cones(hint, cone_search.Narrow(0.5, (0.5, 0.5), True, True), depth)]
+    radii = np.array([each for *_, each in cones])
+    assert {each[:2] for each in cones} == {(10.0, 20.0)}
+    assert radii[-1] == min(radius, depth.most_deg(0.5))
+    assert np.all(np.diff(radii) > 0.0)
+    assert np.all(radii[1:] <= cone_search.GROWTH**1.5 * radii[:-1])
+
+
 @pytest.fixture(scope="module")
 def deep_stars():
     """Made up, as deep as nothing that is shipped: RA, Dec, magnitude (N, 3)."""
