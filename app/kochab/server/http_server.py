@@ -112,7 +112,7 @@ class _Server(ThreadingHTTPServer):
             self._free.release()
 
     def handle_error(self, request: "socket | tuple[bytes, socket]", client_address: Any) -> None:
-        """A line that broke is nobody's concern."""
+        """Ignore a connection that broke."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -127,9 +127,9 @@ class _Handler(BaseHTTPRequestHandler):
         length = self.headers.get("Content-Length", "")
         size = int(length) if length.isdecimal() and len(length) < 13 else -1
         if size < 0:
-            return self._send(_said(HTTPStatus.LENGTH_REQUIRED))
+            return self._send(_status_only(HTTPStatus.LENGTH_REQUIRED))
         if size > MOST_BYTES:
-            return self._send(_said(HTTPStatus.REQUEST_ENTITY_TOO_LARGE))
+            return self._send(_status_only(HTTPStatus.REQUEST_ENTITY_TOO_LARGE))
         if size <= MOST_FORM_BYTES:
             return self._handle(self.rfile.read(size))
         with self.server.large:
@@ -139,20 +139,20 @@ class _Handler(BaseHTTPRequestHandler):
         self.do_POST()
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """What is no request of ours, in words: another method, a line too long."""
+        """Answer what http.server itself refuses: another method, a line that is too long."""
         if code == HTTPStatus.NOT_IMPLEMENTED:
             status = HTTPStatus.METHOD_NOT_ALLOWED
             return self._send(Response(f"{status.phrase}\n".encode(), "text/plain", status, allow="GET, POST"))
-        return self._send(_said(HTTPStatus(code)))
+        return self._send(_status_only(HTTPStatus(code)))
 
     def _handle(self, body: bytes) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
-            return self._send(_said(HTTPStatus.MISDIRECTED_REQUEST))
+            return self._send(_status_only(HTTPStatus.MISDIRECTED_REQUEST))
         try:
             split = urlsplit(self.path)
             query = {name: values[0] for name, values in parse_qs(split.query, max_num_fields=20).items()}
         except ValueError:
-            return self._send(_said(HTTPStatus.BAD_REQUEST))
+            return self._send(_status_only(HTTPStatus.BAD_REQUEST))
         form, file = parse_form(self.headers.get("Content-Type", ""), body)
         try:
             response = self.server.answer(
@@ -162,7 +162,7 @@ class _Handler(BaseHTTPRequestHandler):
             import logging
 
             logging.getLogger(__name__).exception("request failed")
-            response = _said(HTTPStatus.INTERNAL_SERVER_ERROR)
+            response = _status_only(HTTPStatus.INTERNAL_SERVER_ERROR)
         return self._send(response)
 
     def _send(self, response: Response) -> None:
@@ -183,7 +183,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Requests are not printed."""
 
 
-def _said(status: HTTPStatus) -> Response:
+def _status_only(status: HTTPStatus) -> Response:
     return Response(f"{status.phrase}\n".encode(), "text/plain", status)
 
 

@@ -17,9 +17,9 @@ from kochab.sky.sky_tables import GALACTIC_POLE_DEG
 CENTRE_DEG = (266.4050042, -28.9361739)
 """ICRS of the origin of galactic longitude (Hipparcos and Tycho catalogues, 1997, vol. 1, 1.5.3)."""
 BRIGHTEST_V, FAINTEST_V = 7.5, 10.2  # brighter stars are seen one by one; fainter ones the catalogue thins in the plane
-SMOOTH_DEG = 1.8  # one sigma: what an eye takes for a glow
+SMOOTH_DEG = 1.8  # one sigma: as the eye sees it
 DARKEST, BRIGHTEST = 2.4, 6.5  # times the density around the poles: nothing, and all that is shown
-PART = 400_000  # stars at once
+CHUNK = 400_000  # stars at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,9 +54,9 @@ def to_galactic() -> Floats:
 def milky_way(catalogue: Catalogue) -> Task[MilkyWay]:
     """Count the faint stars of a catalogue: half a second, once."""
     counts, turn = np.zeros(180 * 360), to_galactic().T
-    for start in range(0, len(catalogue), PART):
+    for start in range(0, len(catalogue), CHUNK):
         yield Progress("milky way", start / len(catalogue))
-        rows = np.arange(start, min(start + PART, len(catalogue)))
+        rows = np.arange(start, min(start + CHUNK, len(catalogue)))
         mag = catalogue.mag(rows)
         rows = rows[(mag > BRIGHTEST_V) & (mag < FAINTEST_V)]
         place = catalogue.vectors(rows) @ turn

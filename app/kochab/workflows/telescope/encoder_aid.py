@@ -27,12 +27,12 @@ from kochab.text.translation import tr
 
 EVERY_S, AGAIN_S, JOIN_S = 0.1, 3.0, 6.0
 KEPT_S = 60.0
-"""A frame is solved within that of its exposure."""
+"""Seconds from mid-exposure within which a frame is solved."""
 FRESH_S = 1.5
 STILL_S, STILL_COUNTS = 1.0, 2.5
 """A frame is of one place when the counts have not changed for so long about its mid-exposure, but for a flicker."""
 MOST_SIGMA_DEG = 2.0
-"""Encoders that know no better say nothing."""
+"""Degrees of 1 sigma: when less certain, the encoders report no position."""
 BESIDE_RAD = 1e-3
 
 

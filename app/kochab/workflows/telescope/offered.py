@@ -108,7 +108,7 @@ class OfferedTelescope:
         self.programs: dict[str, int] = {}
         """Who is connected, and over how many lines."""
         self._lock = threading.Lock()
-        self._said: dict[str, float] = {}
+        self._last_told_s: dict[str, float] = {}
         self._solved: tuple[Solution, float] | None = None
         self._mount_seen: Seen | None = None
         self._goes = False
@@ -237,10 +237,10 @@ class OfferedTelescope:
         """Tell the person, but not the same again and again, and no more than can be read."""
         with self._lock:
             now = monotonic()
-            self._said = {text: at for text, at in self._said.items() if now - at < AGAIN_S}
-            if sentence in self._said or len(self._said) >= MOST_SENTENCES:
+            self._last_told_s = {text: at for text, at in self._last_told_s.items() if now - at < AGAIN_S}
+            if sentence in self._last_told_s or len(self._last_told_s) >= MOST_SENTENCES:
                 return
-            self._said[sentence] = now
+            self._last_told_s[sentence] = now
         self._tell(sentence)
 
     @property
