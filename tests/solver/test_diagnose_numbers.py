@@ -532,6 +532,17 @@ def test_faint_discs_all_as_bright_are_dust_on_a_flat_of_another_night(level, sp
     assert (sky.reason is Reason.OUT_OF_FOCUS) is not dust
 
 
+@pytest.mark.parametrize(("level", "dust"), [(60.0, True), (600.0, False)])
+def test_faint_discs_of_several_widths_are_dust_however_unlike_in_brightness(level, dust) -> None:
+    """Specks lie at several distances from the sensor; stars out of focus are all as wide."""
+    both = discs(20.0, level, spread_mag=2.0).pixels.astype(int)
+    both[:, W // 2 :] = discs(40.0, level, spread_mag=2.0).pixels[:, W // 2 :]
+    found = all_discs(Frame(both.astype(np.uint16), saturation=65535.0))
+    assert found.spread > 0.35
+    assert found.others >= 3
+    assert found.dust is dust
+
+
 @pytest.mark.parametrize("count", [2, 3])
 def test_two_discs_do_not_tell_dust_from_stars(count) -> None:
     assert all_discs(discs(40.0, 60.0, count=count)).dust is (count == 3)

@@ -18,7 +18,8 @@ DISC_BINS = (4.0, 5.6)
 LEAST_DISC_PX = 12.0
 CLEAR_DISC_SNR = 15.0
 DISCS_ALIKE = 0.12
-DUST_SHARE, DUST_SPREAD = 0.4, 0.35
+DUST_SHARE, DUST_SPREAD, OTHER_WIDTHS = 0.4, 0.35, 0.2
+MANY_DISCS, FEW_SHARE = 5, 0.2  # three stars are as bright by chance once in four: they must be fainter to be specks
 """A speck takes some per cent of the light, more of a stretched picture; one brightness spans a factor of two or so."""
 SLENDER, DIRECTION_DEG, LENGTH = 1.8, 20.0, 1.6
 """Trails are longer than wide by so much, in one direction so nearly, and within so large a factor as long."""
@@ -78,21 +79,25 @@ class Discs:
     """Stars out of focus: the ``count`` of discs or rings all as wide, and their median diameter.
 
     ``share`` is how far the brightest stands above the sky, as a share of the frame's median level; ``spread`` the
-    standard deviation of their brightness in its natural logarithm, NaN of one.
+    standard deviation of their brightness in its natural logarithm, NaN of one; ``others`` the discs of other widths.
     """
 
     diameter_px: float = 0.0
     count: int = 0
     share: float = math.inf
     spread: float = math.nan
+    others: int = 0
 
     @property
     def dust(self) -> bool:
-        """Whether they are bright specks that a flat of another night left: all faint, and alike.
+        """Whether they are bright specks that a flat of another night left: all faint, and alike or of several widths.
 
-        Stars' light spans more than that of a few shadows: it falls off as a power near -1, whose spread is 1.
+        Stars' light spans more than that of a few shadows: it falls off as a power near -1, whose spread is 1. Specks
+        lie at several distances from the sensor; stars are all at one.
         """
-        return self.count >= 3 and self.share < DUST_SHARE and self.spread < DUST_SPREAD
+        several = self.others > OTHER_WIDTHS * self.count
+        faint = self.share < (DUST_SHARE if self.count >= MANY_DISCS else FEW_SHARE)
+        return self.count >= 3 and faint and (self.spread < DUST_SPREAD or several)
 
 
 def binned(frame: Frame) -> Bins:
@@ -164,7 +169,7 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
     own, count = levels[widest], int(np.count_nonzero(widest))
     spread = float(np.std(np.log(own), ddof=1)) if count > 1 else math.nan
     share = float(own.max()) / sky if sky > 0.0 else math.inf
-    return Discs(2.0 * float(np.median(radii[widest])), count, share, spread)
+    return Discs(2.0 * float(np.median(radii[widest])), count, share, spread, len(radii) - count)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
