@@ -155,6 +155,15 @@ def test_a_source_is_a_stars_within_ten_residuals_three_widths_and_five_pixels(f
     assert any(source.x == xy[here, 0] for source in told) is unknown
 
 
+def test_the_zero_point_is_the_magnitude_of_a_flux_of_one(field, catalogue):
+    solution, detections, _ = field
+    brighter = replace(detections, flux=detections.flux * 100.0)
+    assert found((solution, brighter, None), catalogue).zero_point == pytest.approx((5.0, 0.0), abs=1e-9)
+    three, two = (replace(solution, stars=solution.stars[:count]) for count in (3, 2))
+    assert found((three, brighter, None), catalogue).zero_point[0] == pytest.approx(5.0)
+    assert np.isnan(found((two, brighter, None), catalogue).zero_point).all()
+
+
 def test_no_zero_point_no_unknown(field, catalogue):
     solution, detections, _ = field
     assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()

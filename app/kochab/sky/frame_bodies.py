@@ -1,5 +1,6 @@
 """What a dated frame shows besides stars: bodies of the Solar System, and bright detections without a name."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -58,10 +59,15 @@ class UnknownSource:
 
 @dataclass(frozen=True, slots=True)
 class FrameBodies:
-    """What :func:`bodies_in_frame` finds, each brightest first."""
+    """What :func:`bodies_in_frame` finds, each brightest first.
+
+    ``zero_point`` is the V of a detection of flux 1, the median over matched stars, and the scatter of one of them,
+    mag; NaN where fewer than three are matched.
+    """
 
     bodies: tuple[BodyInFrame, ...]
     unknown: tuple[UnknownSource, ...]
+    zero_point: tuple[float, float] = (math.nan, math.nan)
 
 
 def bodies_in_frame(
@@ -120,7 +126,21 @@ def bodies_in_frame(
         free &= ~its
         bodies.append(BodyInFrame(body, x, y, bool(its.any())))
     year = UNDATED if time_utc is None else julian_years(time_utc)
-    return FrameBodies(tuple(bodies), _unknown(solution, detections, matched, free, year, catalogue))
+    zero_point = _zero_point(solution, detections, matched)
+    known = len(matched[0]) >= FEWEST
+    unknown = _unknown(solution, detections, zero_point, free, year, catalogue) if known else ()
+    return FrameBodies(tuple(bodies), unknown, zero_point)
+
+
+def _zero_point(solution: Solution, detections: Detections, matched: tuple[Ints, Ints]) -> tuple[float, float]:
+    """As :class:`FrameBodies` has it, from the rows of detections and stars that are ``matched``."""
+    row, star = matched
+    if len(row) < 3:
+        return math.nan, math.nan
+    mags = np.array([s.mag for s in solution.stars])[star]
+    each = mags + 2.5 * np.log10(np.maximum(detections.flux[row], 1e-12))
+    middle = median(each)
+    return middle, mad_sigma(each, middle)
 
 
 def _matched(detected: Floats, stars: Floats) -> tuple[Ints, Ints]:
@@ -202,23 +222,17 @@ def body_mark(solution: Solution, body: Body, row: int, xy: Floats) -> Mark:
 def _unknown(
     solution: Solution,
     detections: Detections,
-    matched: tuple[Ints, Ints],
+    zero_point: tuple[float, float],
     free: Bools,
     year: float,
     catalogue: Catalogue,
 ) -> tuple[UnknownSource, ...]:
-    """The ``free`` (N,) that ``matched`` rows and stars make brighter than the catalogue's limit, and nothing near."""
-    row, star = matched
-    mags = np.array([s.mag for s in solution.stars])[star]
-    zero = mags + 2.5 * np.log10(np.maximum(detections.flux[row], 1e-12))
-    if len(zero) < FEWEST:
-        return ()
-    zero_point = median(zero)
-    scatter = mad_sigma(zero, zero_point)
+    """The ``free`` (N,) that the zero point makes brighter than the catalogue's limit, and nothing near."""
+    zero, scatter = zero_point
     found = []
     clean = np.flatnonzero(free & ~detections.blended & (detections.flux > 0.0))
     clean = clean[np.argsort(-detections.flux[clean], kind="stable")[:BRIGHTEST]]
-    mag = zero_point - 2.5 * np.log10(detections.flux[clean])
+    mag = zero - 2.5 * np.log10(detections.flux[clean])
     bright = mag + 3.0 * scatter <= COMPLETE_TO_V
     clean, mag = clean[bright], mag[bright]
     directions = solution.sky_at(detections.xy[clean])

@@ -17,7 +17,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Detections, Site
 from kochab.core.progress import Task
-from kochab.core.robust import mad_sigma, median
+from kochab.core.robust import median
 from kochab.core.solution import Solution
 from kochab.sky import open_catalogue
 from kochab.sky.frame_bodies import BodyInFrame, bodies_in_frame
@@ -122,29 +122,13 @@ def sights_of(
         Bodies whose elements people gave; satellites are left to their streaks.
     """
     found = yield from bodies_in_frame(solution, detections, time_utc, site, open_catalogue(), more)
-    zero = _zero_point(solution, detections)
+    zero = Measure(*found.zero_point)
     bodies = [one for one in found.bodies if one.body.kind in (BodyKind.ASTEROID, BodyKind.COMET, BodyKind.DWARF)]
     seen = [_seen(one, solution, detections, zero) for one in bodies if one.seen]
     unknown = tuple(
         Sight(one.x, one.y, one.ra_deg, one.dec_deg, one.sigma_arcsec, one.mag, one.sigma_mag) for one in found.unknown
     )
     return Sights(tuple(one for one in seen if one), tuple(one.body.name for one in bodies), unknown)
-
-
-def _zero_point(solution: Solution, detections: Detections) -> Measure:
-    """Magnitude of a detection of flux 1, by the matched stars, and the scatter of one of them."""
-    from scipy.spatial import cKDTree
-
-    if not len(solution.stars) or not len(detections):
-        return Measure(math.nan, math.nan)
-    apart, at = cKDTree(detections.xy).query(solution.stars_px, distance_upper_bound=0.5)
-    flux = np.append(detections.flux, np.nan)[at]
-    excess = np.array([star.mag for star in solution.stars]) + 2.5 * np.log10(np.maximum(flux, 1e-12))
-    excess = excess[np.isfinite(excess) & np.isfinite(apart)]
-    if len(excess) < 3:
-        return Measure(math.nan, math.nan)
-    middle = median(excess)
-    return Measure(middle, mad_sigma(excess, middle))
 
 
 def _seen(one: BodyInFrame, solution: Solution, detections: Detections, zero: Measure) -> Sight | None:
