@@ -108,7 +108,7 @@ def _expected(detections: Detections, matches: Matches, fit: Fit, catalogue: Sta
     centre, radius = field_centre(camera, fit.attitude)
     rows = catalogue.brightest(centre, min(radius, np.pi / 2), 4 * len(matches) + MOST_STARS, year)
     mag = np.asarray(catalogue.mag(rows), dtype=np.float64)
-    bright = mag <= np.quantile(matched, DEPTH)
+    bright = mag <= _ranked(matched, DEPTH)
     rows, mag = rows[bright], mag[bright]
     vectors = catalogue.vectors(rows, year)
     rays = vectors @ fit.attitude.matrix.T
@@ -121,11 +121,17 @@ def _expected(detections: Detections, matches: Matches, fit: Fit, catalogue: Sta
     order = np.flatnonzero(inside)[np.argsort(mag[inside], kind="stable")]
     # what stands beside a brighter star is part of its image, matched or not
     order = order[without_companions(places[order], 1.5 * width_px)]
-    order = order[~np.isin(rows[order], matches.star)][:MOST_STARS]
+    known = set(matches.star.tolist())  # np.isin imports numpy.ma, as does np.quantile: 10 ms of a cold process
+    order = order[[row not in known for row in rows[order].tolist()]][:MOST_STARS]
     away = np.hypot(*(places[order, None] - matches.xy[None]).transpose(2, 0, 1)).min(axis=1, initial=np.inf)
     side = float(max(camera.width, camera.height))
     reach = np.clip(max(4.0 * fit.rms_px, width_px, NEAREST_PX) + OUTSIDE * away, NEAREST_PX, max(FARTHEST * side, 4.0))
     return _Expected(rows[order], vectors[order], places[order], mag[order], reach)
+
+
+def _ranked(values: Floats, share: float) -> float:
+    """The value that so large a share is below."""
+    return float(np.sort(values)[int(share * (len(values) - 1))])
 
 
 def _magnitudes(detections: Detections, matches: Matches, catalogue: StarCatalogue) -> Floats:
@@ -170,7 +176,7 @@ def _among_detections(detections: Detections, mag: Floats, matched: Floats, expe
     xy = np.full((len(expected.rows), 2), np.nan)
     side = float(max(detections.width, detections.height))
     area, around_px = float(detections.width * detections.height), LOCAL * side
-    brightest = float(np.quantile(matched[np.isfinite(matched)], COMPRESSED))
+    brightest = _ranked(matched[np.isfinite(matched)], COMPRESSED)
     matched = matched.copy()
     for k, (place, v, reach) in enumerate(zip(expected.places, expected.mag, expected.reach_px, strict=True)):
         bright = mag <= max(v, brightest) + FAINTER_MAG
@@ -208,7 +214,7 @@ def _in_the_light(frame: Frame, detections: Detections, others: Floats, expected
     if not len(xy) or not len(widths):
         return xy
     image = np.eye(2) * (float(np.clip(median(widths), 1.5, 10.0)) / FWHM_PER_SIGMA) ** 2
-    half = int(np.ceil(np.clip(np.median(expected.reach_px), 4.0, 10.0)))
+    half = int(np.ceil(np.clip(median(expected.reach_px), 4.0, 10.0)))
     seen = look(frame, expected.places, half, image)
     there = seen.found & (seen.snr > LEAST_SNR)
     there &= np.hypot(*(seen.xy - expected.places).T) <= expected.reach_px

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Bools, Floats
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
+from kochab.core.robust import median
 from kochab.detection.background import Halving, halving
 from kochab.detection.peaks import Stamps, cut
 from kochab.detection.star_fit import (
@@ -102,7 +103,7 @@ def look(
         clipped = top + level >= 0.98 * frame.saturation
         sigma = np.where(clipped, np.maximum(sigma, SATURATED_PX), sigma)
     shapes = fit.moments[found & (snr > 15)]
-    moments = np.median(unweighted(shapes, covariance), axis=0) if len(shapes) >= 3 else np.full(3, np.nan)
+    moments = [median(m) for m in unweighted(shapes, covariance).T] if len(shapes) >= 3 else [np.nan] * 3
     return WindowStars(xy, sigma, snr, found, np.asarray(moments))
 
 
@@ -115,7 +116,7 @@ def _background(windows: Stamps) -> tuple[Floats, Floats]:
     low, middle = values[row, n // 4], values[row, n // 2]
     level = np.nan_to_num(middle).astype(np.float64)
     noise = np.nan_to_num(middle - low).astype(np.float64) / 0.6745
-    usual = float(np.median(noise))
+    usual = median(noise)
     return level, np.maximum(noise, max(0.3 * usual, 0.3))
 
 
@@ -134,7 +135,7 @@ def _image_here(
     shapes = adaptive_moments(stamps, float(np.sqrt(np.trace(expected) / 2.0)), 8)
     if shapes.good.sum() < FEWEST_SHAPED:
         return expected, False
-    xx, yy, xy = (float(np.median(m[shapes.good])) for m in (shapes.xx, shapes.yy, shapes.xy))
+    xx, yy, xy = (median(m[shapes.good]) for m in (shapes.xx, shapes.yy, shapes.xy))
     found = np.array([[xx, xy], [xy, yy]]) - PIXEL_VARIANCE * np.eye(2)
     ratio = np.linalg.eigvalsh(found)[-1] / np.linalg.eigvalsh(expected)[-1]
     if found[0, 0] <= 0.2 or found[1, 1] <= 0.2 or 1.0 / UNLIKE < ratio < UNLIKE:
