@@ -448,7 +448,7 @@ def test_a_file_that_hangs_costs_a_watched_folder_one_complaint(odd, tmp_path, m
     monkeypatch.setattr(folder_camera, "READ_LIMIT_S", 3.0)
     monkeypatch.setattr(folder_camera, "READ_AT_ONCE_S", 0.2)
     monkeypatch.setattr(folder_camera, "PATIENCE_S", 0.5)
-    monkeypatch.setattr("kochab.frames.suffixes", lambda: {".odd": "odd", ".png": "picture"})
+    monkeypatch.setattr("kochab.frames.readers.suffixes", lambda: {".odd": "odd", ".png": "picture"})
     odd("stuck_reader")
     with closing(open_camera("folder", str(tmp_path))) as camera:
         while not camera._reading:

@@ -115,10 +115,10 @@ def test_what_a_server_says_is_shown_with_escapes_and_cut(kind) -> None:
     """U+009B begins an order to a terminal, and U+202E turns the rest of the line round."""
     told = f'<message device="C" message="{kind} no &#x9b;31m way&#x202e; {"x" * 50_000}"/>'
     with server(CAMERA + told, b"") as address, closing(IndiLink(net_address(address, 7624))) as link:
-        assert link.wait(lambda: "way" in link.said, 60.0)
-        assert link.said.startswith("no \\x9b31m way\\u202e x")
-        assert len(link.said) <= 200
-        assert link.message == (link.said if kind == "[ERROR]" else "")
+        assert link.wait(lambda: "way" in link.last_word, 60.0)
+        assert link.last_word.startswith("no \\x9b31m way\\u202e x")
+        assert len(link.last_word) <= 200
+        assert link.message == (link.last_word if kind == "[ERROR]" else "")
 
 
 @pytest.mark.parametrize("name", ["C" * 65, "C&#x202e;"])

@@ -198,7 +198,7 @@ def test_it_joins_and_leaves_with_stellarium(follow, telescope, told, monkeypatc
     assert wait_for(lambda: telescope.programs == {"Stellarium Remote Control": 1})
     program.close()
     assert wait_for(lambda: not telescope.programs)
-    assert told[-1] == "Stellarium Remote Control disconnected."
+    assert wait_for(lambda: "Stellarium Remote Control disconnected." in told)
 
 
 def test_a_password_is_sent_and_asked_for_and_never_shown(follow, telescope, told) -> None:

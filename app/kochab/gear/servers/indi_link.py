@@ -56,8 +56,8 @@ class IndiLink:
         self._lost: str | None = None
         self._made = False
         self.message = ""
-        self.last_error = ""
-        """What the server last told as an error."""
+        self.last_word = ""
+        """What the server told last, of whatever kind."""
         self._loop = asyncio.new_event_loop()
         self._client: Any = None
         self._thread = Thread(target=self._run, name="kochab-indi", daemon=True)
@@ -260,9 +260,9 @@ class IndiLink:
                         self._blob = bytes(data), str(event.sizeformat[name][1])
             elif kind == "Message":
                 words = re.sub(r"\[[A-Z]+\]", "", str(event.message)[:WORDS])
-                self.last_error = server_text(" ".join(words.split()), WORDS)
+                self.last_word = server_text(" ".join(words.split()), WORDS)
                 if "[ERROR]" in str(event.message):
-                    self.message = self.last_error
+                    self.message = self.last_word
             self._news.notify_all()
 
 
@@ -356,7 +356,7 @@ class IndiDevice:
 
     def send(self, vector: str, members: dict[str, str]) -> float:
         """Ask the device to take new values; when that was, on `monotonic`."""
-        self.link.message = self.link.last_error = ""
+        self.link.message = self.link.last_word = ""
         sent_s = monotonic()
         self.link.send(self.name, vector, members)
         return sent_s
@@ -376,7 +376,7 @@ class IndiDevice:
 
     def message(self, any_kind: bool = False) -> str:
         """What the server last told as an error, in brackets; of ``any_kind`` where it told no error."""
-        words = self.link.message or (self.link.last_error if any_kind else "")
+        words = self.link.message or (self.link.last_word if any_kind else "")
         return f" ({words.rstrip('.')})" if words else ""
 
 
