@@ -88,6 +88,8 @@ def stars_at_their_places(
     matched[matches.detection] = catalogue.mag(matches.star)
     xy = _found(frame, detections, mag, matched, expected)
     seen = np.flatnonzero(np.isfinite(xy[:, 0]))
+    if not len(seen):
+        return ()
     # letters, leaves and roofs are as bright beside the places as at them
     off = NUDGE * max(detections.width, detections.height) * _CIRCLE[np.arange(len(xy)) % len(_CIRCLE)]
     beside = _found(frame, detections, mag, matched, replace(expected, places=expected.places + off))
@@ -173,24 +175,32 @@ def _among_detections(detections: Detections, mag: Floats, matched: Floats, expe
     expected : _Expected
         The stars.
     """
+    from scipy.spatial import cKDTree
+
     xy = np.full((len(expected.rows), 2), np.nan)
     side = float(max(detections.width, detections.height))
     area, around_px = float(detections.width * detections.height), LOCAL * side
     brightest = _ranked(matched[np.isfinite(matched)], COMPRESSED)
     matched = matched.copy()
-    for k, (place, v, reach) in enumerate(zip(expected.places, expected.mag, expected.reach_px, strict=True)):
-        bright = mag <= max(v, brightest) + FAINTER_MAG
-        free = bright & np.isinf(matched)
-        away = np.hypot(*(detections.xy - place).T)
+    tree = cKDTree(detections.xy)
+    in_reach = tree.query_ball_point(expected.places, BRIGHT_REACH * expected.reach_px, return_length=True)
+    for k in np.flatnonzero(in_reach).tolist():
+        place, v, reach = expected.places[k], float(expected.mag[k]), float(expected.reach_px[k])
+        limit = max(v, brightest) + FAINTER_MAG
+        everywhere = np.count_nonzero((mag <= limit) & np.isinf(matched))
+        bright = np.array(tree.query_ball_point(place, max(around_px, BRIGHT_REACH * reach)), dtype=np.int64)
+        bright = bright[mag[bright] <= limit]
+        free = np.isinf(matched[bright])
+        away = np.hypot(*(detections.xy[bright] - place).T)
         far = BRIGHT_REACH * reach
-        around = free & (away < around_px) & (away > far)
-        density = max(free.sum() / area, around.sum() / (np.pi * around_px**2))
+        around = np.count_nonzero(free & (away < around_px) & (away > far))
+        density = max(everywhere / area, around / (np.pi * around_px**2))
         by_chance = float(np.sqrt(BY_CHANCE / (np.pi * max(density, 1e-12))))
         near = np.flatnonzero(free & (away <= min(far, by_chance)))
         if not len(near):
-            near = np.flatnonzero(bright & (matched > v + COMPANION_MAG) & (away <= reach))
+            near = np.flatnonzero((matched[bright] > v + COMPANION_MAG) & (away <= reach))
         if len(near):
-            best = near[away[near].argmin()]
+            best = bright[near[away[near].argmin()]]
             xy[k], matched[best] = detections.xy[best], v
     return xy
 
@@ -232,4 +242,7 @@ def _in_the_light(frame: Frame, detections: Detections, others: Floats, expected
 
 def _away_from(places: Floats, xy: Floats, least_px: float) -> Bools:
     """Which of ``xy`` (K, 2) lie so far from each of ``places`` (M, 2)."""
-    return np.asarray(np.hypot(*(xy[:, None] - places[None]).transpose(2, 0, 1)).min(axis=1, initial=np.inf) > least_px)
+    from scipy.spatial import cKDTree
+
+    apart, _ = cKDTree(places.reshape(-1, 2)).query(xy, distance_upper_bound=least_px)
+    return np.asarray(~np.isfinite(apart))

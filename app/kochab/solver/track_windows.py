@@ -165,8 +165,11 @@ def _smoothed(value: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _first_of_close(xy: Floats, distance_px: float) -> Bools:
     """Which places no earlier one is as near to: one star is one witness, however many look."""
-    d2 = np.square(xy[:, None] - xy).sum(axis=2)
-    return np.asarray(~np.tril(d2 < distance_px**2, -1).any(axis=1))
+    from scipy.spatial import cKDTree
+
+    first = np.ones(len(xy), dtype=np.bool_)
+    first[cKDTree(xy).query_pairs(distance_px, output_type="ndarray")[:, 1]] = False
+    return first
 
 
 # -- What was found where stars were expected: an attitude, or no better than chance -----------
