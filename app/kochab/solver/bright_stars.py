@@ -13,6 +13,7 @@ import numpy as np
 from kochab.attitude.fit import Fit
 from kochab.core.arrays import Bools, Floats, Ints, Table
 from kochab.core.frame import Detections, Frame
+from kochab.core.pairing import close_pairs
 from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Matches, NamedStar, StarCatalogue
 from kochab.detection.star_fit import FWHM_PER_SIGMA
@@ -175,22 +176,19 @@ def _among_detections(detections: Detections, mag: Floats, matched: Floats, expe
     expected : _Expected
         The stars.
     """
-    from scipy.spatial import cKDTree
-
     xy = np.full((len(expected.rows), 2), np.nan)
     side = float(max(detections.width, detections.height))
     area, around_px = float(detections.width * detections.height), LOCAL * side
     brightest = _ranked(matched[np.isfinite(matched)], COMPRESSED)
     matched = matched.copy()
-    tree = cKDTree(detections.xy)
-    in_reach = tree.query_ball_point(expected.places, BRIGHT_REACH * expected.reach_px, return_length=True)
+    stars, _, distance2 = close_pairs(expected.places, detections.xy, BRIGHT_REACH * float(expected.reach_px.max()))
+    in_reach = np.zeros(len(xy), dtype=np.bool_)
+    in_reach[stars[distance2 <= np.square(BRIGHT_REACH * expected.reach_px[stars])]] = True
     for k in np.flatnonzero(in_reach).tolist():
         place, v, reach = expected.places[k], float(expected.mag[k]), float(expected.reach_px[k])
-        limit = max(v, brightest) + FAINTER_MAG
-        everywhere = np.count_nonzero((mag <= limit) & np.isinf(matched))
-        bright = np.array(tree.query_ball_point(place, max(around_px, BRIGHT_REACH * reach)), dtype=np.int64)
-        bright = bright[mag[bright] <= limit]
+        bright = np.flatnonzero(mag <= max(v, brightest) + FAINTER_MAG)
         free = np.isinf(matched[bright])
+        everywhere = np.count_nonzero(free)
         away = np.hypot(*(detections.xy[bright] - place).T)
         far = BRIGHT_REACH * reach
         around = np.count_nonzero(free & (away < around_px) & (away > far))
@@ -242,7 +240,6 @@ def _in_the_light(frame: Frame, detections: Detections, others: Floats, expected
 
 def _away_from(places: Floats, xy: Floats, least_px: float) -> Bools:
     """Which of ``xy`` (K, 2) lie so far from each of ``places`` (M, 2)."""
-    from scipy.spatial import cKDTree
-
-    apart, _ = cKDTree(places.reshape(-1, 2)).query(xy, distance_upper_bound=least_px)
-    return np.asarray(~np.isfinite(apart))
+    away = np.ones(len(xy), dtype=np.bool_)
+    away[close_pairs(xy, places, least_px)[0]] = False
+    return away

@@ -15,7 +15,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import median
 from kochab.detection.background import Halving, halving
-from kochab.detection.peaks import Stamps, cut
+from kochab.detection.peaks import Stamps, close_pairs, cut
 from kochab.detection.star_fit import (
     FWHM_PER_SIGMA,
     PIXEL_VARIANCE,
@@ -165,10 +165,8 @@ def _smoothed(value: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _first_of_close(xy: Floats, distance_px: float) -> Bools:
     """Which places no earlier one is as near to: one star is one witness, however many look."""
-    from scipy.spatial import cKDTree
-
     first = np.ones(len(xy), dtype=np.bool_)
-    first[cKDTree(xy).query_pairs(distance_px, output_type="ndarray")[:, 1]] = False
+    first[close_pairs(xy, distance_px)[1]] = False
     return first
 
 
