@@ -25,7 +25,7 @@ from kochab.polar.error import Knob
 from kochab.polar.measure import Measurement, MeasureSettings, combine_measurements, measure_local
 from kochab.polar.sighting import LocalAttitude
 from kochab.polar.tutor import BoltTutor, Instruction, TutorStep
-from kochab.workflows.polar.align import MOST_ROUNDS, AdjustmentGuide, AlignOptions, good
+from kochab.workflows.polar.align import MOST_ROUNDS, AdjustmentGuide, AlignOptions, found_enough, good
 from tests.nights.guide_logs import Evening, evening, refracted_pole
 
 ARCSEC = math.pi / 648000.0
@@ -231,14 +231,14 @@ def run(kind: Kind, seed: int) -> Run:
     mount = Mount(kind, seed)
     hand, tutor, told = Hand(kind, mount), Counted(), []
     began, used, stopped, blind = mount.total_arcsec, 0, False, 0.0
-    in_camera, quiet = None, None
+    in_camera, quiet, quiets = None, None, 0
     for _ in range(MOST_ROUNDS):
         measurement = _measured(mount)
         if quiet is not None:
             measurement = combine_measurements(quiet, measurement)
         else:
             measurement = with_axis_seen_before(measurement, in_camera)
-        if good(measurement, AlignOptions()):
+        if good(measurement, AlignOptions(), tutor.rough):
             break
         told += [finding.text for finding in measurement.findings if finding.spoils]
         if measurement.spoilt:
@@ -256,7 +256,8 @@ def run(kind: Kind, seed: int) -> Run:
         told.append(guide.instruction.words)
         in_camera = guide.live.camera_axis
         stopped = guide.instruction.step is TutorStep.STOP
-        if not stopped or (not here and tutor.rough and quiet is not None):
+        quiets = 0 if here else quiets + 1
+        if not stopped or (tutor.rough and found_enough(measurement, AlignOptions(), quiets)):
             break
         quiet = None if here else measurement
     accused = any(ACCUSED.search(words) for words in told)

@@ -118,3 +118,10 @@ def test_a_clock_six_hours_wrong_is_named_before_anything_gets_worse():
         assert one.ended_arcsec < one.began_arcsec
         assert one.instructions <= 12
         assert "Check the clock and time zone" in one.told[-1]
+
+
+@pytest.mark.parametrize("seed", [888156, 888333, 888335])
+def test_a_rough_hand_is_measured_until_the_uncertainty_is_small(seed):
+    """Two sweeps of noisy frames, 29 arcsec of uncertainty together, had let it stop 61 to 79 arcsec away."""
+    (kind,) = (kind for kind in KINDS if kind.name == "overshoots 5 arcmin")
+    assert run(kind, seed).ended_arcsec < 60.0

@@ -256,7 +256,11 @@ def _update(
     return PolarUpdate("adjust", None, words, *shown, solved=not unsolved, moves=guide.tutor.moves)
 
 
-MOST_ROUNDS = 6
+MOST_ROUNDS = 9
+ROUGH_SHARE = 0.6
+"""Of the goal, which the uncertainty has to be below where the hand at the bolts is rough."""
+MOST_QUIET = 5
+"""Measurements one after another without a turn of a bolt, after which a rough hand is told where it stands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,6 +326,7 @@ def align(
     tutor, history = tutor or BoltTutor(), History()
     bolts = None if motors is None else MotorisedBolts(motors, tutor)
     sweep, rounds, droop, wanted = options.sweep, 0, UNKNOWN, options.second_sweep
+    quiets = 0  # measurements one after another on which no bolt was turned
     before: Measurement | None = None
     live: LivePhase | None = None
     in_camera: CameraAxis | None = None
@@ -354,7 +359,7 @@ def align(
                 history.measured(measured.measurement)
                 keep(history)
         error = measured.measurement.error
-        enough = good(measured.measurement, options)
+        enough = good(measured.measurement, options, tutor.rough)
         if enough or rounds == MOST_ROUNDS:
             yield _done(measured, enough, tutor.moves)
             return Alignment(measured.measurement, enough, rounds, tutor.moves, history)
@@ -373,7 +378,8 @@ def align(
             continue
         adjusted = yield from adjust(source, measured.measurement, tutor, controls, history, bolts)
         quiet = adjusted.end is AdjustingEnd.THERE and not adjusted.turned
-        if quiet and tutor.rough and before is not None:  # found twice: it is as near as this hand goes
+        quiets = quiets + 1 if quiet else 0
+        if tutor.rough and found_enough(measured.measurement, options, quiets):  # it is as near as this hand goes
             yield _done(measured, False, tutor.moves)
             return Alignment(measured.measurement, False, rounds, tutor.moves, history)
         before = measured.measurement if quiet else None  # no bolt was turned: both count
@@ -387,10 +393,27 @@ def _reaches_goal(found: Measurement, options: AlignOptions) -> bool:
     return not found.spoilt and reach <= options.goal_arcsec
 
 
-def good(found: Measurement, options: AlignOptions) -> bool:
-    """Whether it is within the goal for sure, or within an uncertainty that is itself no larger than the goal."""
-    within = found.error.below_uncertainty and found.error.uncertainty_arcsec <= options.goal_arcsec
-    return _reaches_goal(found, options) or (not found.spoilt and within)
+def good(found: Measurement, options: AlignOptions, rough: bool = False) -> bool:
+    """Whether it is within the goal for sure, or within an uncertainty that is itself no larger than the goal.
+
+    Parameters
+    ----------
+    found : Measurement
+        The last, with those before it since a bolt was turned.
+    options : AlignOptions
+        The goal.
+    rough : bool
+        Whether the hand was: it has left the axis anywhere within its own width, not near the pole, so that the
+        uncertainty has to be smaller.
+    """
+    small = found.error.uncertainty_arcsec <= (ROUGH_SHARE if rough else 1.0) * options.goal_arcsec
+    return _reaches_goal(found, options) or (not found.spoilt and found.error.below_uncertainty and small)
+
+
+def found_enough(found: Measurement, options: AlignOptions, quiets: int) -> bool:
+    """Whether more sweeps on which no bolt is turned, ``quiets`` so far, would tell hardly more."""
+    sure = found.error.uncertainty_arcsec <= ROUGH_SHARE * options.goal_arcsec
+    return quiets >= (2 if sure else MOST_QUIET)
 
 
 AGREE2 = 9.0  # squared distance in sigmas, two dimensions: one in 90 that agree are taken for others
