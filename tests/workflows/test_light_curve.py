@@ -112,13 +112,13 @@ def test_the_aavso_s_file_has_its_fields(night):
 
 
 def test_a_star_is_found_by_its_name_and_a_planet_is_none():
-    star = chosen_star("RR Lyr", START)
+    star = chosen_star("RR Lyr")
     there = open_catalogue().brightest(star.vector, chosen_stars.SAME_RAD, 1)
     assert len(there) == 1
-    assert separation_deg(star.vector, chosen_star("19h25m27.9s +42d47m04s", START).vector) < 20.0 / 3600.0
+    assert separation_deg(star.vector, chosen_star("19h25m27.9s +42d47m04s").vector) < 20.0 / 3600.0
     for name in ("Jupiter", "M 13", "no such star"):
         with pytest.raises(UsageError):
-            chosen_star(name, START)
+            chosen_star(name)
 
 
 @pytest.mark.parametrize("code", ["", "A", "ABCDEF", "A-B", "Ä1", "A\nB"])

@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,15 +88,15 @@ def run(args: argparse.Namespace) -> int:
     observatory = None if args.ades is None else Observatory.parse(args.ades, args.observer, args.telescope)
     if observatory:
         targets["psv"] = args.out / f"{name}-night.psv"
-    chosen = tuple(chosen_star(text, datetime.now(UTC)) for text in args.star)
+    chosen = tuple(chosen_star(text) for text in args.star)
     refuse_overwriting(targets.values(), files, args.overwrite)
     if args.elements:
         tables_of(tuple(args.elements))  # a file that cannot be read is told before anything is measured
     measured: list[NightFrame] = []
     stopped = False
     try:
-        work = partial(measure_one, options=options_of(args), site=args.site, elements=tuple(args.elements))
-        work = partial(work, chosen=chosen)
+        elements = tuple(args.elements)
+        work = partial(measure_one, options=options_of(args), site=args.site, elements=elements, chosen=chosen)
         _measure(files, work, args.workers, measured)
     except KeyboardInterrupt:
         stopped = True

@@ -40,8 +40,8 @@ from kochab.window.atlas.mosaic import Mosaic, border, frame_at
 from kochab.window.atlas.sky_painting import paint_frame, paint_glow, paint_stars
 from kochab.window.dialogs import is_red
 from kochab.window.image.frame_view import CLICK_PX, PANS_PX
-from kochab.window.image.overlay import Overlay
-from kochab.window.image.screen_image import Viewport
+from kochab.window.image.overlay import Brush, Overlay
+from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.themes import Colours, theme_colours, translucent
 
 WIDEST_DEG, CLOSEST_DEG = 180.0, 0.1
@@ -209,6 +209,11 @@ class StarChart(QWidget):
     def mark_at(self, at: QPointF) -> Mark | None:
         """What is at a place of the widget."""
         return self.overlay.mark_at(at.x() - 0.5, at.y() - 0.5, REACH_PX)
+
+    def brush(self, painter: QPainter) -> Brush:
+        """Paints marks and words over this chart."""
+        view = Viewport(self.width(), self.height())
+        return Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
 
     def drag(self, before: QPointF, after: QPointF) -> None:
         """Turn the sky so that what was at one place comes to another, with north up."""

@@ -19,7 +19,6 @@ from kochab.sky.horizon import Horizon
 from kochab.text.translation import tr, tr_noop
 from kochab.window.atlas.chart import StarChart
 from kochab.window.image.overlay import Brush, cross
-from kochab.window.image.screen_image import LabelSpace, Viewport
 from kochab.window.themes import Colours, theme_colours, translucent
 
 STEP_DEG = 1.0  # of azimuth along the hill, and of altitude along the meridian
@@ -116,7 +115,7 @@ class MountMarks:
         if self.local is None:
             return
         colours = theme_colours()
-        brush, sheet = _brush(painter, chart), chart.sheet
+        brush, sheet = chart.brush(painter), chart.sheet
         painter.save()
         floor = QPolygonF([QPointF(x, y) for x, y in flat(chart, self.local.floor).tolist()])
         hill = QPainterPath()
@@ -159,7 +158,7 @@ class MountMarks:
 
     def paint_marks(self, painter: QPainter, chart: StarChart) -> None:
         """The way, the target, the ring and the dot."""
-        colours, brush = theme_colours(), _brush(painter, chart)
+        colours, brush = theme_colours(), chart.brush(painter)
         ring, dot, goal = (_place(chart, at) for at in (self.mount, self.solved, self.target))
         if self.slewing and self.mount is not None and self.target is not None:
             painter.setPen(QPen(QColor(colours.way), 2.0, Qt.PenStyle.DashLine))
@@ -210,11 +209,6 @@ def _between(start: Floats, end: Floats) -> Floats:
     if angle < 1e-6:
         return np.stack([start, end])
     return unit(np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end)
-
-
-def _brush(painter: QPainter, chart: StarChart) -> Brush:
-    view = Viewport(chart.width(), chart.height())
-    return Brush(painter, view, theme_colours(), LabelSpace(view.width, view.height))
 
 
 def _write(brush: Brush, at: QPointF, text: str, colour: str) -> None:

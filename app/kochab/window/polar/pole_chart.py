@@ -14,8 +14,7 @@ from kochab.text.translation import tr
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.mosaic import frame_at
 from kochab.window.atlas.sky_reading import read_sky
-from kochab.window.image.overlay import Brush, cross
-from kochab.window.image.screen_image import LabelSpace, Viewport
+from kochab.window.image.overlay import cross
 from kochab.window.services import Services
 from kochab.window.themes import theme_colours
 
@@ -88,8 +87,7 @@ class PoleChart(StarChart):
 
     def paint_marks(self, painter: QPainter, chart: StarChart) -> None:
         """A cross where the axis is to point."""
-        colours, view = theme_colours(), Viewport(self.width(), self.height())
-        brush = Brush(painter, view, colours, LabelSpace(view.width, view.height))
+        colours, brush = theme_colours(), self.brush(painter)
         x, y = (self.sheet.pixels_of(self.pole[None])[0] + 0.5).tolist()
         brush.pen(colours.centre, 2.0)
         cross(brush, x, y, *CROSS_PX)

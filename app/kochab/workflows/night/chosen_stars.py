@@ -6,7 +6,7 @@ Each in the aperture that the others have, and brought to V by their catalogue m
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -49,17 +49,9 @@ class StarInFrame:
     checks: tuple[tuple[str, float], ...]
 
 
-def chosen_star(text: str, when: datetime) -> ChosenStar:
-    """The star that a person names; UsageError where there is none of that name.
-
-    Parameters
-    ----------
-    text : str
-        A name, a number or a position.
-    when : datetime
-        Of no matter for a star, which stays where it is.
-    """
-    found = run(find(text, when, None, []))
+def chosen_star(text: str) -> ChosenStar:
+    """The star that a person names; by a name, a number or a position; UsageError where there is none."""
+    found = run(find(text, datetime.now(UTC), None, []))  # the time is for what moves, which is no star
     if isinstance(found, NotFound) or found.kind not in ("star", "position"):
         raise UsageError("{text} is no star that is known: give its name, or its RA and Dec.", text=text)
     catalogue = open_catalogue()

@@ -21,7 +21,7 @@ from kochab.solver import SolveOptions
 from kochab.workflows.night.chosen_stars import ChosenStar, StarInFrame, stars_in_frame
 from kochab.workflows.night.crossings import Crossing, crossings_of
 from kochab.workflows.night.sharpness import Sharpness, sharpness
-from kochab.workflows.night.sky_brightness import DarkLevel, StarsOnSky, dark_level, stars_on_sky
+from kochab.workflows.night.sky_brightness import DarkLevel, StarsOnSky, dark_level, paired_stars, stars_on_sky
 from kochab.workflows.night.strangers import Sights, sights_of
 from kochab.workflows.night.transparency import StarLight
 from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
@@ -185,16 +185,8 @@ def _linear(frame: Frame) -> bool:
 
 def star_light(detections: Detections, solution: Solution, exposure_s: float | None) -> StarLight:
     """The light of the matched stars, the brightest that are not saturated."""
-    from scipy.spatial import cKDTree
-
-    stars = [star for star in solution.stars if np.isfinite(star.mag)]
     good = np.flatnonzero(~detections.saturated & ~detections.blended & (detections.flux > 0) & (detections.snr > 5))
-    if not stars or not len(good):
-        return StarLight((), np.zeros(0), np.zeros(0))
-    places = np.array([(star.x, star.y) for star in stars])
-    apart, nearest = cKDTree(detections.xy[good]).query(places, distance_upper_bound=SAME_PX)
-    found = np.flatnonzero(np.isfinite(apart))
-    pairs = [(stars[k], row) for k, row in zip(found, good[np.asarray(nearest)[found]], strict=True)]
+    pairs = paired_stars(solution.stars, detections.xy, good, SAME_PX)
     pairs = sorted(pairs, key=lambda pair: -float(detections.flux[pair[1]]))[:BRIGHTEST]
     rows = np.array([row for _, row in pairs], dtype=np.int64)
     measured_mag = -2.5 * np.log10(detections.flux[rows] / (exposure_s or 1.0))

@@ -12,7 +12,7 @@ PASP 95, 163), with ``sigma`` the noise of a pixel and ``s`` the profile's own.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -120,7 +120,8 @@ def stars_on_sky(frame: Frame, detections: Detections, solution: Solution) -> St
     half = math.ceil(OUTER * fwhm) + 2
     x, y = detections.xy.T
     inside = (np.minimum(x, y) > half) & (x < frame.width - half - 2) & (y < frame.height - half - 2)
-    pairs = list(_pairs(solution.stars, detections.xy, np.flatnonzero(good & inside)))[:MOST]
+    pairs = paired_stars(solution.stars, detections.xy, np.flatnonzero(good & inside), SAME_PX)
+    pairs = sorted(pairs, key=lambda pair: pair[0].mag)[:MOST]
     if len(pairs) < FEWEST or not OUTER * fwhm < LARGEST_PX:
         return None
     stars, rows = [star for star, _ in pairs], np.array([row for _, row in pairs])
@@ -150,15 +151,26 @@ def stars_on_sky(frame: Frame, detections: Detections, solution: Solution) -> St
     )
 
 
-def _pairs(stars: Sequence[NamedStar], xy: Floats, rows: Ints) -> Iterator[tuple[NamedStar, int]]:
-    """Stars of known magnitude with their detections among ``rows``, the brightest first."""
+def paired_stars(stars: Sequence[NamedStar], xy: Floats, rows: Ints, reach_px: float) -> list[tuple[NamedStar, int]]:
+    """Stars of known magnitude, each with the detection nearest to it.
+
+    Parameters
+    ----------
+    stars : sequence of NamedStar
+        Of the solution.
+    xy : Floats
+        Places of all detections (N, 2), px.
+    rows : Ints
+        Which detections count.
+    reach_px : float
+        How far apart both may be at most.
+    """
     from scipy.spatial import cKDTree
 
-    places = np.array([(star.x, star.y) for star in stars])
-    apart, nearest = map(np.asarray, cKDTree(xy[rows]).query(places, distance_upper_bound=SAME_PX))
-    for star, off, k in sorted(zip(stars, apart, nearest, strict=True), key=lambda found: found[0].mag):
-        if math.isfinite(off) and math.isfinite(star.mag):
-            yield star, int(rows[k])
+    places = np.array([(star.x, star.y) for star in stars]).reshape(-1, 2)
+    apart, nearest = map(np.asarray, cKDTree(xy[rows]).query(places, distance_upper_bound=reach_px))
+    found = zip(stars, apart, nearest, strict=True)
+    return [(star, int(rows[k])) for star, off, k in found if math.isfinite(off) and math.isfinite(star.mag)]
 
 
 def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Floats, Floats, Floats, Floats]:
@@ -308,14 +320,13 @@ def _at_colour(values: Floats, colour: Floats, left_out_mag: float) -> Measure |
 
 @dataclass(frozen=True, slots=True)
 class OfColour:
-    """The value that stars of one colour have in common, its sigma, the scatter of one star, and the change with B-V.
+    """The value that stars of one colour have in common, its sigma, and its change with B-V.
 
     ``slope`` is NaN where too few colours are known.
     """
 
     value: float
     sigma: float
-    scatter: float
     slope: float
 
 
@@ -335,7 +346,7 @@ def of_colour(values: Floats, colour: Floats, wanted: float) -> OfColour:
     if known.sum() < COLOURED:
         kept = clipped(values - median(values))
         scatter = float(np.std(values[kept], ddof=1))
-        return OfColour(median(values), OF_MEDIAN * scatter / math.sqrt(kept.sum()), scatter, math.nan)
+        return OfColour(median(values), OF_MEDIAN * scatter / math.sqrt(kept.sum()), math.nan)
     rows, values = np.stack([np.ones(known.sum()), colour[known] - wanted], axis=1), values[known]
     kept, terms = np.ones(len(values), dtype=np.bool_), np.zeros(2)
     for _ in range(4):
@@ -344,7 +355,7 @@ def of_colour(values: Floats, colour: Floats, wanted: float) -> OfColour:
     left = (values - rows @ terms)[kept]
     scatter = math.sqrt(float(left @ left) / max(len(left) - 2, 1))
     sigma = scatter * math.sqrt(float(np.linalg.pinv(rows[kept].T @ rows[kept])[0, 0]))
-    return OfColour(float(terms[0]), sigma, scatter, float(terms[1]))
+    return OfColour(float(terms[0]), sigma, float(terms[1]))
 
 
 def blacks_of(

@@ -78,17 +78,13 @@ class Night:
     brightness: tuple[Measure | None, ...] = ()
     faintest: tuple[Measure | None, ...] = ()
     guiding: tuple[Guiding, ...] = ()
+    light_curves: tuple[LightCurve, ...] = ()
 
     @property
     def events(self) -> tuple[Event, ...]:
         """What happened, in order of time."""
         passed = [(self.frames[k].time_utc, one) for k, one in self.crossings]
         return events_of(self.tracking, [(time, one) for time, one in passed if time])
-
-    @property
-    def light_curves(self) -> tuple[LightCurve, ...]:
-        """Of the stars that were chosen."""
-        return light_curves(self.frames)
 
     @property
     def clouded(self) -> list[int]:
@@ -164,6 +160,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None, guiding: Se
         tuple(_brightness(ordered, cloud, darks)),
         tuple(faintest_of(f.on_sky) if f.on_sky else None for f in ordered),
         tuple(guiding),
+        light_curves(ordered),
     )
 
 
