@@ -266,7 +266,7 @@ def test_the_page_is_whole_needs_no_network_and_says_what_is_not_measured(night)
     assert all(address.startswith("data:image/jpeg;base64,") for address in page.addresses)
     assert "url(" not in text
     assert found["advice"] in text
-    assert "Sky brightness is not measured: black is unknown." in text
+    assert "Sky brightness is not measured: the black level is unknown." in text
     assert text.count("<svg") == 2
     assert not re.search(r"\bnan\b|\binf\b|None", text)
 
@@ -354,7 +354,7 @@ def test_a_chosen_star_has_a_light_curve_and_the_aavso_a_file(night, tmp_path, c
     given = ["night", str(folder), "--out", str(tmp_path), "--json", "--scale", "14"]
     given += ["--ades", "703", "--observer", "A. Name", "--telescope", "0.1,lens,CMOS"]
     assert main([*given, "--star", STEADY, "--star", STEADY_PLACE, "--aavso", "abc"]) == 0
-    assert "No asteroid or comet was found: no ADES file is written." in capsys.readouterr().err
+    assert "No asteroid or comet was found, so no ADES file was written." in capsys.readouterr().err
     assert not list(tmp_path.glob("*.psv"))
     curves = json.loads((tmp_path / "crab-night.json").read_text())["stars"]
     assert len(curves) == 2
@@ -374,15 +374,15 @@ def test_a_star_that_no_frame_shows_is_told(night, tmp_path, capsys):
     folder, _, _ = night
     few = [str(folder / f"light_{k:02d}.fits") for k in range(2)]
     assert main(["night", *few, "--out", str(tmp_path), "--scale", "14", "--star", "Vega"]) == 0
-    assert "Vega is measured in no frame" in capsys.readouterr().err
+    assert "Vega was not measured in any frame" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--star", "Jupiter"], "Jupiter is no star that is known"),
+        (["--star", "Jupiter"], "Jupiter is not a known star"),
         (["--aavso", "ABC"], "--aavso needs --star"),
-        (["--star", "Vega", "--aavso", "no code"], "no code is no AAVSO observer code"),
+        (["--star", "Vega", "--aavso", "no code"], "no code is not an AAVSO observer code"),
         (["--ades", "703"], "--ades needs --observer NAME."),
     ],
 )

@@ -86,7 +86,7 @@ def test_a_file_is_a_frame_by_its_name(name, frame):
 
 
 def test_everything_that_takes_a_folder_takes_the_same_frames(tmp_path):
-    """Packed frames counted in the window alone, and a folder of such a name in the command line alone."""
+    """Compressed frames used to count only in the window, a folder with such a name only on the command line."""
     for name in ("b.fits", "a.png", "c.fits.gz", "stars.csv.gz", "._a.png", "notes.txt"):
         (tmp_path / name).write_bytes(b"")
     (tmp_path / "d.fits").mkdir()

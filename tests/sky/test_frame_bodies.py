@@ -128,7 +128,7 @@ def test_stars_that_the_fit_left_out_are_found_at_once_and_the_same_as_one_by_on
 def test_a_source_three_magnitudes_brighter_than_the_star_there_is_unknown(
     field, catalogue, monkeypatch, compared, brighter, unknown
 ):
-    """Less may be a variable, a double or a saturated star; both looks, at all stars at once and at each, go by it."""
+    """A smaller excess may be a variable, a double or a saturated star; both passes use the same limit."""
     solution, detections, _ = field
     # the one of eighth magnitude that stands farthest from the others
     away = {star: np.hypot(*(detections.xy - [star.x, star.y]).T) for star in solution.stars if 7.5 < star.mag < 8.6}

@@ -26,7 +26,7 @@ def test_nine_reasons_in_ten_are_what_was_done(shared_frames):
 
 
 def test_a_globular_cluster_is_not_out_of_focus(frames_reach):
-    """Its core and what is brightest in it are wide, each as it comes; stars out of focus are all as wide."""
+    """Its core and its brightest members are wide, each differently; defocused stars all have the same width."""
     frame = read_frame(frames_reach / "apd__tutorials_FITS-images_M13_blue_0001.fits")
     answer = run(solve_frame(frame, SolveOptions(timeout_s=None)))
     assert isinstance(answer, NoSolution)

@@ -86,8 +86,8 @@ def test_a_night_without_bodies_has_no_file():
 @pytest.mark.parametrize(
     ("code", "observer", "telescope", "words"),
     [
-        ("70", "A. Name", "0.2,reflector,CCD", "no MPC observatory code"),
-        ("703\n!", "A. Name", "0.2,reflector,CCD", "no MPC observatory code"),
+        ("70", "A. Name", "0.2,reflector,CCD", "not an MPC observatory code"),
+        ("703\n!", "A. Name", "0.2,reflector,CCD", "not an MPC observatory code"),
         ("703", " ", "0.2,reflector,CCD", "--observer"),
         ("703", "A. Name", "", "--telescope '' is not understood"),
         ("703", "A. Name", "0.2,reflector", "--telescope 0.2,reflector is not"),

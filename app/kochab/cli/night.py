@@ -46,11 +46,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_options(parser, "--json", "--site", *SEARCH, "--profile", "--workers", "--overwrite")
     about = "elements of satellites (TLE, OMM), asteroids and comets to name what crossed; may be repeated"
     parser.add_argument("--elements", action="append", default=[], metavar="FILE", type=Path, help=about)
-    about = "a star to follow: a light curve in page and tables; may be repeated"
+    about = "a star to measure in every frame, for a light curve in page and tables; may be repeated"
     parser.add_argument("--star", action="append", default=[], metavar="NAME", help=about)
-    about = "write the stars as the AAVSO takes them, for the observer of this code"
+    about = "also write the light curves in the AAVSO Extended format, for this observer code"
     parser.add_argument("--aavso", metavar="CODE", help=about)
-    about = "write the places of asteroids and comets as the Minor Planet Center takes them (ADES), for its site CODE"
+    about = "also write positions of asteroids and comets in the MPC's ADES format, for this observatory code"
     parser.add_argument("--ades", metavar="CODE", help=about)
     parser.add_argument("--observer", metavar="NAME", default="", help="who observed, for --ades")
     about = "for --ades: aperture in metres, design and detector, such as 0.2,reflector,CMOS"
@@ -108,13 +108,13 @@ def run(args: argparse.Namespace) -> int:
     earlier = compared_with_earlier(night, whole=not stopped)
     _write(night, name, targets, earlier)
     for star in {star.name for star in chosen} - {curve.name for curve in night.light_curves}:
-        say(f"{star} is measured in no frame: it is outside, saturated, or the frames have no time.")
+        say(f"{star} was not measured in any frame: it is outside the field or saturated, or the frames have no time.")
     if observer:
         write_atomically(targets["aavso.txt"], aavso_extended(night.light_curves, observer))
     if observatory and (places := ades_psv(night, observatory)):
         write_atomically(targets["psv"], places)
     elif observatory:
-        say("No asteroid or comet was found: no ADES file is written.")
+        say("No asteroid or comet was found, so no ADES file was written.")
     page = str(targets["html"])
     tell({"night": page, **_summary(night, earlier)}, text_of(night, page, earlier), args.json)
     if stopped:
@@ -222,7 +222,7 @@ def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> st
     if sky := night.usual(night.brightness):
         lines.append(f"sky      {sky.text()} mag/arcsec2 (V)")
     if faintest := night.usual(night.faintest):
-        lines.append(f"faintest V {faintest.text()}")
+        lines.append(f"limit    V {faintest.text()} (signal-to-noise ratio 5)")
     for curve in night.light_curves:
         middle = night.usual([point.mag for point in curve.points])
         mag = f"V {middle.text()}" if middle else "no frame"

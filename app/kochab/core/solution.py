@@ -131,7 +131,7 @@ class Solution:
 
     @property
     def named(self) -> tuple[NamedStar, ...]:
-        """Every star that is known in the frame, brightest first."""
+        """Every identified star; where ``seen`` has some, brightest first, else as the fit has them."""
         return tuple(sorted((*self.stars, *self.seen), key=lambda star: star.mag)) if self.seen else self.stars
 
     @property

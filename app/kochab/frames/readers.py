@@ -104,7 +104,7 @@ def frames_of(folder: Path) -> list[Path]:
 
 
 def file_pattern() -> str:
-    """The suffixes as a file dialog takes them, in both cases for systems that tell capitals apart."""
+    """Suffix patterns for a file dialog, in lower and upper case for systems that distinguish them."""
     return " ".join(f"*{suffix} *{suffix.upper()}" for suffix in suffixes())
 
 

@@ -563,8 +563,8 @@ GUIDED = tr_noop(
     "Guided frames hold their place: only the rotation of the field counts. If you did not guide, set Guided to no."
 )
 CREEPS = tr_noop(
-    "Flexure not measured (±{sigma} assumed): a tube or camera that creeps in Dec looks like the axis. A place on the"
-    " other side of the meridian shows it."
+    "Flexure not measured (±{sigma} assumed): creep of the tube or camera in Dec looks like an axis error. Frames on"
+    " the other side of the meridian would show it."
 )
 LOW = tr_noop("A frame is only {high:.0f}° above the horizon, where refraction is hard to predict.")
 UNSEEN = {

@@ -193,7 +193,7 @@ def _gaussian(dx: Floats, dy: Floats, image: RenderedStar) -> Floats:
 
 
 def _along(away_px: Floats, image: RenderedStar) -> Floats:
-    """A Gaussian's share of each of K neighbouring pixels (N, K), whose middles are ``away_px`` (N, K) from its own."""
+    """Fraction of a Gaussian in each of K neighbouring pixels (N, K), centred ``away_px`` (N, K) from it."""
     from scipy.special import ndtr
 
     edges = np.concatenate([away_px - 0.5, away_px[:, -1:] + 0.5], axis=1)

@@ -24,7 +24,7 @@ DEPTH = 0.75
 """Stars as bright as this share of the matched ones are looked for."""
 MOST_STARS = 200
 FEWEST_MATCHES = 8
-"""Fewer do not tell how bright a star of a magnitude is here."""
+"""Fewer matches do not calibrate flux against magnitude."""
 NEAREST_PX, FARTHEST = 2.5, 0.005
 """How far off light is looked for: at least, and at most, over the frame's larger side."""
 OUTSIDE = 0.01

@@ -174,7 +174,7 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Disc:
-    """Signal to noise, level above the sky, radius and centre (2,) as y, x of a disc, in bins."""
+    """A disc: signal-to-noise ratio, level above the sky, and in bins its radius and its centre (2,) as y, x."""
 
     snr: float
     level: float

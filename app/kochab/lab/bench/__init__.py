@@ -148,7 +148,7 @@ def timed(work: Callable[[], T], clock: Callable[[], float] = time.process_time)
 
 @dataclass(frozen=True, slots=True)
 class Only:
-    """Which rows are wanted: those whose names begin with one of ``names``; all when there are none."""
+    """Selects the rows whose names begin with one of ``names``; all rows when it is empty."""
 
     names: tuple[str, ...] = ()
 

@@ -265,7 +265,7 @@ def shines(pixels: Array, place: Floats) -> bool:
 
 
 def sigmas_of_the_middle(detections: Detections, solution: Solution) -> float | None:
-    """How far the centre lies from what the middle half's stars alone say, in both's sigmas; None where they do not."""
+    """Offset of the centre from that of the middle half alone, in combined sigmas; None where that has no fit."""
     size = np.array([detections.width, detections.height])
     off = detections.xy - (size - 1.0) / 2.0
     part = detections.take(np.flatnonzero((np.abs(off) < size / 4.0).all(axis=1)))

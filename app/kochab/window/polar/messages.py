@@ -20,7 +20,7 @@ class Message:
 
 
 def most_urgent(state: AlignmentState, message: Message) -> Message:
-    """What to say now. ``message`` answers what a person did last; empty where nothing was done or its time is over."""
+    """The message to show now. ``message`` answers the person's last action, and is empty without one."""
     if message.text and message.role == "wrong":
         return message
     spoilt = next((finding.text for finding in state.findings if finding.spoils), "")

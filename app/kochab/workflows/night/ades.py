@@ -49,7 +49,7 @@ class Observatory:
             Aperture in metres, design and detector with commas between, such as ``0.2,reflector,CMOS``.
         """
         if not CODE.fullmatch(code.strip().upper()):
-            raise UsageError("{text} is no MPC observatory code, such as 703.", text=code)
+            raise UsageError("{text} is not an MPC observatory code, such as 703.", text=code)
         if not _plain(observer):
             raise UsageError("--ades needs --observer NAME.")
         parts = [_plain(part) for part in telescope.split(",")]
@@ -111,7 +111,7 @@ def _place(sight: Sight) -> dict[str, str]:
 
 
 def _identity(name: str, k: int) -> dict[str, str]:
-    """What the Minor Planet Center calls a body; one without a name has our own for these frames."""
+    """A body's designation as the Minor Planet Center writes it; an unknown one gets a tracklet name of our own."""
     if not name:
         return {"trkSub": f"KOC{k + 1:03d}"}
     if PROVISIONAL.fullmatch(short := name.split(" (")[0]):

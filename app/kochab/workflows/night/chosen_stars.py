@@ -53,7 +53,7 @@ def chosen_star(text: str) -> ChosenStar:
     """The star that a person names; by a name, a number or a position; UsageError where there is none."""
     found = run(find(text, datetime.now(UTC), None, []))  # the time is for what moves, which is no star
     if isinstance(found, NotFound) or found.kind not in ("star", "position"):
-        raise UsageError("{text} is no star that is known: give its name, or its RA and Dec.", text=text)
+        raise UsageError("{text} is not a known star. Give its name, or its RA and Dec.", text=text)
     catalogue = open_catalogue()
     rows = catalogue.brightest(found.vector, SAME_RAD, 1)
     if not len(rows):

@@ -78,7 +78,7 @@ def _guiding(run: GuidedRun) -> Guiding | None:
 
 
 def _settled(time: Floats, dither: Floats) -> Iterator[Ints]:
-    """Indices of frames between two dithers, without those that settle after the first."""
+    """Frame indices of each stretch between dithers, without the frames taken while the guider settled."""
     for k, number in enumerate(np.unique(dither)):
         part = np.flatnonzero(dither == number)
         kept = part[time[part] > time[part[0]] + SETTLING_S] if k else part

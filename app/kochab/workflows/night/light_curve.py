@@ -22,7 +22,7 @@ from kochab.workflows.night.measure import Measure
 TELLING = 5
 """Frames from which on a check star's scatter is one."""
 IN_MOST = 0.8
-"""Share of a star's frames in which its check star has to be measured."""
+"""Least fraction of a star's frames in which its check star is measured too."""
 LEAST_MAG = 0.003
 """No single measurement of a star through the air is better."""
 CLEAR = "CV"
@@ -58,7 +58,7 @@ class LightCurve:
 
 
 def light_curves(frames: Sequence[NightFrame]) -> tuple[LightCurve, ...]:
-    """The chosen stars over a night whose frames are in order of time."""
+    """Light curves of the chosen stars; the frames are in order of time."""
     names = dict.fromkeys(one.name for frame in frames for one in frame.chosen)
     return tuple(curve for curve in (_curve(name, frames) for name in names) if curve.points)
 
@@ -122,5 +122,5 @@ def observer_code(text: str) -> str:
     """The code of an AAVSO observer; UsageError where it cannot be one."""
     code = text.strip().upper()
     if not (code.isascii() and code.isalnum() and 2 <= len(code) <= 5):
-        raise UsageError("{text} is no AAVSO observer code, such as ABC.", text=text)
+        raise UsageError("{text} is not an AAVSO observer code, such as ABC.", text=text)
     return code

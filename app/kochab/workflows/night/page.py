@@ -174,7 +174,7 @@ def _tiles(night: Night) -> list[str]:
     if sky := night.usual(night.brightness):
         tiles.append(_tile(tr("Sky (mag/arcsec²)"), sky.text(), tr("V, at the colour of a night sky")))
     if faintest := night.usual(night.faintest):
-        tiles.append(_tile(tr("Faintest star (mag)"), faintest.text(), tr("V, at a signal to noise of 5")))
+        tiles.append(_tile(tr("Limiting magnitude"), faintest.text(), tr("V, at a signal-to-noise ratio of 5")))
     if any(night.lost):
         text = tr("lost more than {mag} mag", mag=number(CLOUD_MAG, ".1f"))
         tiles.append(_tile(tr("Cloud"), tr_n("{n} frame", "{n} frames", len(night.clouded)), text))
@@ -340,9 +340,9 @@ def _notes(night: Night) -> list[str]:
     elif any(frame.solved for frame in night.frames):
         notes.append(tr("Transparency is not measured: it needs two solved frames of linear data."))
     if any(night.brightness):
-        notes.append(tr("Sky brightness is that of V beside stars, so that vignetting cancels; black is taken off."))
+        notes.append(tr("Sky brightness (V) is measured beside each star: vignetting cancels. Black is subtracted."))
     else:
-        notes.append(tr("Sky brightness is not measured: black is unknown. Add darks of the frames' exposure."))
+        notes.append(tr("Sky brightness is not measured: the black level is unknown. Add darks of the same exposure."))
     if night.tracking:
         text = tr("Drift is that of the frame centres in RA and Dec (J2000); dithers are taken out.")
         notes.append(text)

@@ -33,7 +33,7 @@ COLOUR, COLOUR_SIGMA = 0.8, 0.3
 MAG_PER_AIRMASS, AIR_SIGMA = 0.2, 0.08
 """What clear air takes a unit of airmass, V magnitudes, and how that differs; haze takes more, and counts as cloud."""
 USUAL_AIRMASS, UNKNOWN_AIR_MAG = 1.3, 0.15
-"""Where the altitude is not known."""
+"""Airmass, and the uncertainty of its extinction, where the altitude is unknown."""
 UNKNOWN_COLOUR_MAG, LIGHT_MAG = 0.15, 0.03
 """What colours that were not fitted may do; what the catalogue may be off as a whole, and light beyond the ring."""
 APERTURE, INNER, OUTER = 2.5, 4.0, 6.5
@@ -293,7 +293,7 @@ def brightness_of(
 
 
 def stated_brightness(stars: StarsOnSky, airmass: float | None) -> Measure | None:
-    """The same of a frame alone, by the black level that its file states; None where it states none."""
+    """Sky brightness of a single frame, from the black level stated in its file; None where there is none."""
     return None if stars.black is None else brightness_of(stars, Measure(stars.black, BLACK_SIGMA), airmass)
 
 
@@ -431,7 +431,7 @@ def _together(one: datetime | None, other: datetime | None) -> bool:
 
 
 def _of_two(one: tuple[float, float], other: tuple[float, float]) -> Measure:
-    """The level at no exposure, of (exposure, level) twice: the sky's share of it grows with the exposure."""
+    """The level at zero exposure, extrapolated from two pairs of exposure and level."""
     (short, low), (long, high) = sorted((one, other))
     black = (low * long - high * short) / (long - short)
     return Measure(
