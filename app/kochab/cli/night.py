@@ -58,38 +58,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.set_defaults(run=run)
 
 
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A file that the night is written into, its text (nothing is written where it is empty) and what is said then."""
+
+    path: Path
+    text_of: "Callable[[Night, Sequence[Compared]], str]"
+    empty: str = ""
+
+
 def run(args: argparse.Namespace) -> int:
     """Measure every frame, write page and tables, print the summary."""
     from kochab.frames.atomic_file import write_atomically
     from kochab.frames.outputs import refuse_overwriting
-    from kochab.workflows.night.ades import Observatory, ades_psv
     from kochab.workflows.night.chosen_stars import chosen_star
     from kochab.workflows.night.earlier import compared_with_earlier
     from kochab.workflows.night.guiding import guiding_of
-    from kochab.workflows.night.light_curve import aavso_extended, observer_code
     from kochab.workflows.night.summary import night_of
 
-    given = named(args.frames)
-    files = [file for one in given for file in frames_in(one)]
-    for file in files:
-        if Path(file).is_dir():
-            raise UsageError(f"{file} is a folder without frames.")
-        if not Path(file).exists():
-            raise UsageError(f"{file} does not exist.")
-    name = Path(given[0]).resolve().name or "frames"
-    if not args.out.is_dir():
-        raise UsageError(f"{args.out} is not a folder.")
-    targets = {ending: args.out / f"{name}-night.{ending}" for ending in ("html", "csv", "json")}
-    observer = None if args.aavso is None else observer_code(args.aavso)
-    if observer and not args.star:
-        raise UsageError("--aavso needs --star NAME.")
-    if observer:
-        targets["aavso.txt"] = args.out / f"{name}-night-aavso.txt"
-    observatory = None if args.ades is None else Observatory.parse(args.ades, args.observer, args.telescope)
-    if observatory:
-        targets["psv"] = args.out / f"{name}-night.psv"
+    given, files = _frames(args.frames)
+    outputs = _outputs(args, Path(given[0]).resolve().name or "frames")
     chosen = tuple(chosen_star(text) for text in args.star)
-    refuse_overwriting(targets.values(), files, args.overwrite)
+    refuse_overwriting([output.path for output in outputs], files, args.overwrite)
     if args.elements:
         tables_of(tuple(args.elements))  # a file that cannot be read is told before anything is measured
     measured: list[NightFrame] = []
@@ -106,20 +96,59 @@ def run(args: argparse.Namespace) -> int:
     if not night.frames:
         raise UsageError(f"{given[0]} has calibration frames alone.")
     earlier = compared_with_earlier(night, whole=not stopped)
-    _write(night, name, targets, earlier)
     for star in {star.name for star in chosen} - {curve.name for curve in night.light_curves}:
         say(f"{star} was not measured in any frame: it is outside the field or saturated, or the frames have no time.")
-    if observer:
-        write_atomically(targets["aavso.txt"], aavso_extended(night.light_curves, observer))
-    if observatory and (places := ades_psv(night, observatory)):
-        write_atomically(targets["psv"], places)
-    elif observatory:
-        say("No asteroid or comet was found, so no ADES file was written.")
-    page = str(targets["html"])
+    for output in outputs:
+        if text := output.text_of(night, earlier):
+            write_atomically(output.path, text)
+        else:
+            say(output.empty)
+    page = str(outputs[0].path)
     tell({"night": page, **_summary(night, earlier)}, text_of(night, page, earlier), args.json)
     if stopped:
         return 130
     return int(len(night.unsolved) == len(night.frames))
+
+
+def _frames(names: list[str]) -> tuple[list[str], list[str]]:
+    """What was given, and the frames in it; UsageError for a folder without any and for what does not exist."""
+    given = named(names)
+    files = [file for one in given for file in frames_in(one)]
+    for file in files:
+        if Path(file).is_dir():
+            raise UsageError(f"{file} is a folder without frames.")
+        if not Path(file).exists():
+            raise UsageError(f"{file} does not exist.")
+    return given, files
+
+
+def _outputs(args: argparse.Namespace, name: str) -> list[Output]:
+    """The files that are asked for, the page first; UsageError where an option is of no use."""
+    from kochab.workflows.night.ades import Observatory, ades_psv
+    from kochab.workflows.night.light_curve import aavso_extended, observer_code
+    from kochab.workflows.night.page import night_page
+    from kochab.workflows.night.table import night_csv, night_json_text
+
+    if not args.out.is_dir():
+        raise UsageError(f"{args.out} is not a folder.")
+    start = str(args.out / f"{name}-night")
+    outputs = [
+        Output(Path(f"{start}.html"), lambda night, earlier: night_page(night, name, earlier)),
+        Output(Path(f"{start}.csv"), lambda night, _: night_csv(night)),
+        Output(Path(f"{start}.json"), night_json_text),
+    ]
+    if args.aavso is not None:
+        observer = observer_code(args.aavso)
+        if not args.star:
+            raise UsageError("--aavso needs --star NAME.")
+        path = Path(f"{start}-aavso.txt")
+        outputs.append(Output(path, lambda night, _: aavso_extended(night.light_curves, observer)))
+    if args.ades is not None:
+        observatory = Observatory.parse(args.ades, args.observer, args.telescope)
+        none = "No asteroid or comet was found, so no ADES file was written."
+        path = Path(f"{start}.psv")
+        outputs.append(Output(path, lambda night, _: ades_psv(night, observatory), none))
+    return outputs
 
 
 def _measure(
@@ -180,16 +209,6 @@ def measure_one(
 
     more = [*tables_of(elements), *kept_elements()]
     return {"file": item.file, "frame": (yield from measure_frame(item.file, options, site, more, chosen))}
-
-
-def _write(night: "Night", name: str, targets: dict[str, Path], earlier: "Sequence[Compared]") -> None:
-    from kochab.frames.atomic_file import write_atomically
-    from kochab.workflows.night.page import night_page
-    from kochab.workflows.night.table import night_csv, night_json_text
-
-    write_atomically(targets["html"], night_page(night, name, earlier))
-    write_atomically(targets["csv"], night_csv(night))
-    write_atomically(targets["json"], night_json_text(night, earlier))
 
 
 def _summary(night: "Night", earlier: "Sequence[Compared]") -> Json:

@@ -95,8 +95,9 @@ def _check(seen: Sequence[StarInFrame]) -> str:
 
 
 def aavso_extended(curves: Sequence[LightCurve], observer: str) -> str:
-    """The AAVSO's Extended File Format (version 1.2) of light curves, for the observer of that code.
+    """The AAVSO's Extended File Format of light curves, for the observer of that code.
 
+    Version 1.2, https://www.aavso.org/aavso-extended-file-format: six parameters, then rows of fifteen columns.
     Magnitudes are those of the whole field's catalogue ("ENSEMBLE"); a frame is one measurement, none is combined.
     """
     head = [
