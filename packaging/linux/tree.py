@@ -289,7 +289,9 @@ def join_fortran(site: Path) -> None:
 def join_equal_files(site: Path) -> None:
     """One file for libraries that several packages bring alike."""
     seen: dict[bytes, Path] = {}
-    for path in sorted(path for path in site.rglob("*.so*") if path.stat().st_size > 100_000):
+    # Links are left alone: those to Debian's libraries lead nowhere on a machine of another kind.
+    files = (path for path in site.rglob("*.so*") if path.is_file() and not path.is_symlink())
+    for path in sorted(path for path in files if path.stat().st_size > 100_000):
         first = seen.setdefault(path.read_bytes(), path)
         if first != path:
             path.unlink()

@@ -15,9 +15,9 @@ mirror=$(sed -n 's/^URIs: *//p' /etc/apt/sources.list.d/debian.sources 2>/dev/nu
 [ -n "$mirror" ] || mirror=$(awk '$1 == "deb" {print $2; exit}' /etc/apt/sources.list)
 mkdir -p "$folder"
 failed=0
-# An emulated machine is thirty times slower: its solves are tried, not its speed.
-patience=30
-[ "$arch" = "$(dpkg --print-architecture)" ] || patience=900
+# An emulated machine is thirty times slower: what it does is tried, not its speed.
+patience=30 appears=80 drawn=12
+[ "$arch" = "$(dpkg --print-architecture)" ] || patience=900 appears=900 drawn=180
 display=:86
 Xvfb "$display" -screen 0 1280x800x24 >/dev/null 2>&1 &
 screen=$!
@@ -105,13 +105,13 @@ PY
   fi
 
   if [ "${ONLY:-}" != solve ]; then
-    (inside ann "timeout 90 kochab orion.png" >"$folder/$suite-$arch-window.log") &
+    (inside ann "timeout $((appears + drawn)) kochab orion.png" >"$folder/$suite-$arch-window.log") &
     shown=1
-    for second in $(seq 80); do
+    for second in $(seq $appears); do
       sleep 1
       DISPLAY=$display xdotool search --onlyvisible --name "orion" >/dev/null 2>&1 && { shown=0; break; }
     done
-    sleep 12
+    sleep $drawn
     DISPLAY=$display import -window root "$folder/$suite-$arch-window.png"
     DISPLAY=$display xdotool search --onlyvisible --name "orion" windowquit 2>/dev/null
     wait $!

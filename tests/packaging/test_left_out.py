@@ -96,3 +96,15 @@ def test_a_module_that_is_imported_only_keeps_its_names_and_does_nothing(package
 
 def test_a_library_of_the_system_is_a_dependency(packaged):
     assert set(packaged("linux/tree.py").SYSTEMS.values()) <= set(packaged("debian/build.py").LIBRARIES)
+
+
+def test_equal_libraries_are_one_file_also_for_a_machine_of_another_kind(packaged, tmp_path):
+    for name in ("scipy.libs/libopenblas.so", "numpy.libs/libopenblas.so", "PIL/_imaging.so"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes((b"P" if "PIL" in name else b"O") * 200_000)
+    to_debians = tmp_path / "PIL" / "liblzma.so"
+    to_debians.symlink_to("/usr/lib/s390x-linux-gnu/liblzma.so.5")  # of a machine that this one is not
+    packaged("linux/tree.py").join_equal_files(tmp_path)
+    links = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_symlink()}
+    assert links == {"scipy.libs/libopenblas.so", "PIL/liblzma.so"}
+    assert (tmp_path / "scipy.libs/libopenblas.so").read_bytes() == b"O" * 200_000
