@@ -202,3 +202,22 @@ def test_there_are_88_constellations_and_24_letters():
 )
 def test_positions_make_names(ra, dec, name):
     assert position_name(unit_vectors(ra, dec)) == name
+
+
+@pytest.mark.parametrize(
+    ("designation", "names", "title"),
+    [
+        ("ESO 56-115", ("Large Magellanic Cloud", "Large Magellanic Cloud"), "Large Magellanic Cloud (ESO 56-115)"),
+        ("PGC 2248", ("Cartwheel Galaxy", "Cartwheel Galaxy"), "Cartwheel Galaxy (PGC 2248)"),
+        ("NGC 1976", ("M 42", "M 42 Orion Nebula"), "M 42 (Orion Nebula)"),
+        ("NGC 1", ("NGC 1", "NGC 1"), "NGC 1"),
+    ],
+)
+def test_what_people_say_comes_first(designation, names, title):
+    objects = finder().objects
+    row = objects.name.tolist().index(designation)
+    assert objects.label(row) == names
+    assert objects.title(row) == title
+    assert finder().still(title).name == title
+    assert objects.names(row)[0] == names[0]
+    assert designation in objects.names(row)

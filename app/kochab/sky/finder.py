@@ -344,9 +344,7 @@ class Finder:
         objects = self.objects
         major, minor = float(objects.major[row]), float(objects.minor[row])
         size = (major, minor if math.isfinite(minor) else major) if math.isfinite(major) else None
-        common = str(objects.common[row]).partition(",")[0]
-        name = f"{objects.designation(row)} ({common})" if common else objects.designation(row)
-        mag = float(objects.mag[row])
+        name, mag = objects.title(row), float(objects.mag[row])
         place = radec_deg(objects.vector[row])
         return Found(
             name, str(objects.kind[row]), *place, mag, str(objects.band[row]), size, float(objects.pa_deg[row])

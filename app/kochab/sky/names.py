@@ -233,13 +233,29 @@ class SkyObjects(Table):
     source: np.ndarray[tuple[int], np.dtype[np.str_]]
 
     def designation(self, row: int) -> str:
-        """How it is called first: M 42, NGC 2024, Sh2-155."""
+        """Its number in the catalogue that people use: M 42, NGC 2024, Sh2-155."""
         messier = str(self.messier[row])
         return messier.replace("M", "M ", 1) if messier else str(self.name[row])
 
+    def label(self, row: int) -> tuple[str, str]:
+        """What it is called where there is little room, and where there is more: M 42, and M 42 Orion Nebula.
+
+        Nobody says ESO 56-115: what is in no catalogue that people use has its name alone, where it has one.
+        """
+        number, name = self.designation(row), str(self.common[row]).partition(",")[0]
+        if name and number.startswith(UNSAID):
+            return name, name
+        return number, f"{number} {name}".strip()
+
+    def title(self, row: int) -> str:
+        """All it is called in one line: M 42 (Orion Nebula), Large Magellanic Cloud (ESO 56-115)."""
+        first, full = self.label(row)
+        other = self.designation(row) if first == full else full.removeprefix(first).strip()
+        return f"{first} ({other})" if other != first else first
+
     def names(self, row: int) -> list[str]:
         """Those that are shown, the best known first."""
-        texts = (self.designation(row), *self.common[row].split(","), str(self.name[row]))
+        texts = (self.label(row)[0], *self.common[row].split(","), self.designation(row), str(self.name[row]))
         return [text for text in dict.fromkeys(texts) if text]
 
 
@@ -268,6 +284,8 @@ def objects_of_rows(head: str, rows: Sequence[str]) -> SkyObjects:
     return SkyObjects(name, kind, unit_vectors(ra, dec).reshape(-1, 3), mag, major, minor, pa, *rest)
 
 
+UNSAID = ("ESO ", "PGC ", "SNR ")
+"""Catalogues whose numbers nobody says."""
 TEXTS = ("name", "type", "messier", "common", "also", "band", "source")
 MAG_SOURCES = {"O": "OpenNGC", "S": "Stellarium", "H": "Harris 1996", "K": "HNSKY"}
 """Whose magnitude an object has; HNSKY's table is Han Kleijn's, after Steinicke."""

@@ -189,7 +189,6 @@ def sky_tables(folder: Path | None = None) -> SkyTables:
         "ecliptic": (_circle(pole),),
         "galactic": (_circle(unit_vectors(*GALACTIC_POLE_DEG)),),
     }
-    texts = ((objects.designation(row), name.partition(",")[0]) for row, name in enumerate(objects.common.tolist()))
-    names_of = tuple((short, f"{short} {name}".strip()) for short, name in texts)
+    names_of = tuple(map(objects.label, range(len(objects))))
     variables, called = _variables(folder / "variables.tsv"), _constellations(folder / "lines.tsv", figures)
     return SkyTables(objects, ranks_of(objects), names_of, stars, variables, lines, outlines, called)

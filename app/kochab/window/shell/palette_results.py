@@ -76,7 +76,8 @@ class Surroundings:
         title, _, common = found.name.partition(" (")
         common = common.removesuffix(")")
         also = written if spelled(written) not in spelled(found.name) else ""
-        if common and found.kind != "position":  # as people say it, its number after it
+        numbered = any(letter.isdigit() for letter in title)
+        if common and numbered and found.kind != "position":  # as people say it, its number after it
             title, common = common, title
         size = angle_text(max(found.size_arcmin) / 60.0) if found.size_arcmin else ""
         band = tr("mag") if found.band in ("", "?") else found.band
