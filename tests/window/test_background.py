@@ -1,8 +1,10 @@
 import threading
 
 from kochab.core.errors import CatalogueError
-from kochab.core.progress import Progress
+from kochab.core.progress import Progress, run
+from kochab.sky.completion import completion
 from kochab.window.application import Background
+from kochab.window.frame.session import WorkflowEngine
 from tests.window.fakes import FakeEngine
 
 
@@ -62,3 +64,11 @@ def test_closing_ends_the_preparation(qtbot, make_window):
     qtbot.waitUntil(lambda: background.job.running, timeout=5000)
     window.close()
     assert not background.job.running
+
+
+def test_the_search_has_its_names_before_anybody_asks(monkeypatch):
+    """The first opening waited most of a second for them."""
+    monkeypatch.setattr("kochab.identification.index.fine", object)
+    completion.cache_clear()
+    run(WorkflowEngine().prepare())
+    assert completion.cache_info().currsize == 1

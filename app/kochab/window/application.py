@@ -47,8 +47,14 @@ from kochab.workflows.session.wiring import Wiring
 INDEX_TIP = tr_noop(
     "The index for fields narrower than about 2° is built on this computer, once. Wider fields solve meanwhile."
 )
-LIBRARIES = ("scipy.spatial", "scipy.integrate", "kochab.simulate.camera_source", "serial.tools.list_ports")
-"""What views and solved frames need a moment later."""
+LIBRARIES = (
+    "scipy.spatial",
+    "scipy.integrate",
+    "kochab.simulate.camera_source",
+    "serial.tools.list_ports",
+    "kochab.window.shell.palette",
+)
+"""What views, solved frames and the search need a moment later."""
 AFTER_MS = 1500  # the person's first frame goes first
 
 

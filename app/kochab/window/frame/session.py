@@ -59,14 +59,17 @@ class WorkflowEngine:
         return replace(solved, result=with_doubts(solved.result, options, frame.hint))
 
     def prepare(self) -> Task[None]:
-        """Load what a solve and the views need; build the small-field index, too large to ship."""
+        """Load what a solve, the views and the search need; build the small-field index, too large to ship."""
         for name in (*NEEDED, *self._views):
             yield Progress("load", None, name)
             import_module(name)
         DRIVERS.others()  # asks every package that is installed
         from kochab.identification.index import fine
+        from kochab.sky.completion import completion
         from kochab.workflows.fine_patterns import make_elsewhere
 
+        yield Progress("load", None, "names")
+        completion()  # so that the search lists from the first letter
         if fine() is None:
             yield from make_elsewhere()
 
