@@ -8,6 +8,8 @@ from PySide6.QtWidgets import QDialog, QLabel
 
 from kochab.window.devices.mount_status import MountStatus
 from kochab.window.shell.views import VIEWS
+from kochab.workflows.session.alignment_state import AlignmentState
+from tests.window.polar_cases import error
 
 
 def resize(qtbot, window, width, height=600):
@@ -51,6 +53,34 @@ def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, op
                 assert whole(window, window.rail.widgetForAction(action)), (low, action.text())
 
 
+def test_the_rail_is_whole_on_1024_by_700_at_a_scale_of_two(qtbot, opened):
+    """Settings was a strip of 12 px."""
+    window, _ = opened
+    window.resize(512, 350)
+    qtbot.waitUntil(lambda: window.height() == 350)
+    preferences = window.rail.widgetForAction(window.actions_by_name["preferences"])
+    qtbot.waitUntil(lambda: whole(window, preferences))
+
+
+def test_buttons_that_have_no_room_in_one_line_are_in_the_menu(qtbot, opened):
+    """The menu's own button stood alone in a second line at 683 px."""
+    window, commands = opened
+    commands.views.show("polar")
+    buttons = commands.views.docks["polar"].view.buttons
+    shown = (buttons.start, buttons.at_bolts, buttons.sound, buttons.phone, buttons.more)
+    for width, out in ((683, {buttons.phone}), (1366, set())):
+        resize(qtbot, window, width, 600)
+        qtbot.waitUntil(lambda out=out: {b for b in shown if b.isHidden()} == out)
+        assert len({b.y() for b in shown if b.isVisible()}) == 1
+        assert {made for made, row in buttons._rows.items() if row.isVisible()} == out
+    resize(qtbot, window, 683, 600)
+    window.resize(640, 600)  # as narrow as it can be
+    row = buttons._rows[buttons.phone]
+    row.trigger()
+    buttons.menu.aboutToShow.emit()
+    assert row.text() == buttons.phone.text()
+
+
 def test_the_card_is_short_where_the_whole_of_it_would_hide_the_image(qtbot, opened):
     window, commands = opened
     card = window.workspace.card
@@ -83,6 +113,9 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
         over, room = (card, panes.buttons), window.pages.currentWidget()
         if name == "polar":
             made = commands.views.docks[name].view
+            made.alignment.state = AlignmentState("done", "12″", error=error(10.0, 5.0))
+            made._show()
+            qtbot.waitUntil(lambda made=made: whole(window, made.room.number.total))
             texts, over = (made.room.number.total, made.buttons.start, made.buttons.more), (room.number, room.bar)
         elif name == "last_night":
             made = commands.views.docks[name].view

@@ -7,7 +7,7 @@ from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QMenu, QPushButton
 
 from kochab.text.translation import tr
-from kochab.window.flow import Flow
+from kochab.window.flow import SPACING_PX, Flow
 from kochab.window.polar.alignment import RunningAlignment
 from kochab.window.polar.setup import SECOND_TIP
 from kochab.window.widgets import ProgressBar, button, named
@@ -50,6 +50,7 @@ class AlignmentButtons:
         self.second = self._row(tr("Second s&weep"), sweep, tr(SECOND_TIP))
         self.cancel = self._row(tr("&End the alignment"), do["stop"], tr("A turning mount stops"))
         self.menu.addSeparator()
+        self._rows = {made: self._row(made.text(), made.click, made.toolTip()) for made in (self.phone, self.sound)}
         self.set_up = self._row(tr("&Set up…"), do["set_up"], tr("Frames, axis, site, pole and goal"))
         self.tonight = self._row(tr("Ton&ight…"), do["tonight"], tr("All that is known, and the report"))
         self.more = named(QPushButton("…"), tr("More"), tr("More"))
@@ -57,6 +58,9 @@ class AlignmentButtons:
         self.more.setMenu(self.menu)
         self.bar = ProgressBar(tr("Progress of the alignment"))
         self.bar.setFixedWidth(BAR_PX)
+        self.menu.aboutToShow.connect(self._name_rows)
+        for action in self._rows.values():
+            action.setVisible(False)
 
     def _row(self, text: str, called: Callable[[], None], tip: str) -> QAction:
         action = self.menu.addAction(text)
@@ -64,10 +68,27 @@ class AlignmentButtons:
         action.triggered.connect(lambda _=False: called())
         return action
 
+    def _name_rows(self) -> None:
+        """Give the rows of the menu what their buttons say now: on, or off."""
+        for made, action in self._rows.items():
+            action.setText(made.text())
+
     def flow(self) -> Flow:
         """All of them side by side, in as many lines as there is room for."""
         first = (self.start, self.done, self.turn_for_me)
         return Flow(*first, self.at_bolts, self.sound, self.phone, self.more, self.bar)
+
+    def fit(self, width: int) -> None:
+        """Move those wanted least into the menu, until the rest, the bar aside, has room in a line of ``width`` px."""
+        places = (self.start, self.done, self.turn_for_me, self.at_bolts)
+        line = [*(made for made in places if not made.isHidden()), self.sound, self.phone, self.more]
+        for made, action in self._rows.items():
+            wide = sum(each.sizeHint().width() for each in line) + SPACING_PX * (len(line) - 1)
+            if wide > width:
+                line.remove(made)
+            if made.isHidden() is not (made not in line):
+                made.setVisible(made in line)
+            action.setVisible(made not in line)
 
     def enable(self, running: bool, drifts: bool) -> None:
         """What can be used while one runs, and while none does; nobody turns the axis where it ``drifts``."""

@@ -16,7 +16,7 @@ STEPS = (
     tr_noop("You turn one bolt at a time, until the star in the frame is where it belongs."),
     tr_noop("Kochab measures again and says how far off the axis still is."),
 )
-DRAWING_PX, WIDE_PX, NARROWEST_PX = 132, 560, 330
+DRAWING_PX, WIDE_PX, NARROWEST_PX = 132, 600, 330
 TRAILS = ((0.30, 20.0, 110.0), (0.52, 200.0, 100.0), (0.62, 330.0, 40.0), (0.80, 80.0, 70.0), (0.92, 215.0, 60.0))
 """Arcs of stars around the pole: radius as a share of the drawing's, where it begins and how long, degrees."""
 LOW_PX = 260  # lower than this there is room for the sentences alone

@@ -35,7 +35,7 @@ class PoleChart(StarChart):
         self.setAccessibleDescription("")
         self.overlay.layers.on["boundaries"] = False
         self.own, self.site, self.pole = self, UNKNOWN, np.array([0.0, 0.0, 1.0])
-        self._services, self._is_read = services, False
+        self._services, self._is_read, self._marked = services, False, True
 
     def show_site(self, site: Site | None) -> None:
         """Turn to the pole of a site as it stands there now; None: its hemisphere is not known."""
@@ -72,6 +72,8 @@ class PoleChart(StarChart):
         reach, font = round(CROSS_PX[1]), self.fontMetrics()
         aside = font.horizontalAdvance(self._name) // 2
         mark = QRect(middle, middle).adjusted(-aside, -reach, aside, reach + 2 * font.height())
+        shown = mark.adjusted(0, 0, 0, -font.height())
+        self._marked = room.contains(shown) and not (shown.intersects(cards) or shown.intersects(bar))
         self.overlay.covered[:] = [box.translated(-self.pos()) for box in (cards, bar, mark)]
 
     @property
@@ -86,7 +88,9 @@ class PoleChart(StarChart):
         """Nothing: no ground is in sight."""
 
     def paint_marks(self, painter: QPainter, chart: StarChart) -> None:
-        """A cross where the axis is to point."""
+        """A cross where the axis is to point, unless the cards leave no room for it."""
+        if not self._marked:
+            return
         colours, brush = theme_colours(), self.brush(painter)
         x, y = (self.sheet.pixels_of(self.pole[None])[0] + 0.5).tolist()
         brush.pen(colours.centre, 2.0)

@@ -9,8 +9,8 @@ from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QWidget
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 from kochab.text.translation import tr, tr_noop
 from kochab.window.dialogs import dropped_files
-from kochab.window.flow import Flow
 from kochab.window.polar.bolts_painting import Spinner
+from kochab.window.polar.buttons import AlignmentButtons
 from kochab.window.polar.first_steps import LOW_PX, FirstSteps
 from kochab.window.polar.live_frame import LiveFrame
 from kochab.window.polar.messages import Message
@@ -29,7 +29,8 @@ TITLES = {
     (Knob.AZIMUTH, "next"): tr_noop("Azimuth, next"),
     (Knob.AZIMUTH, "done"): tr_noop("Azimuth, done"),
 }
-MARGIN_PX, OVER_PX, GAP_PX = 16, 560, 10  # around what lies over the frame, its width at most, and between its parts
+MARGIN_PX, OVER_PX, GAP_PX = 16, 600, 10  # around what lies over the frame, its width at most, and between its parts
+BAR_MARGINS_PX = 8, 6, 8, 6  # around the buttons, within an edge of one pixel
 LEAST_PX = 320, 390  # the width of the cards, and the height of the room, in a small window
 DONE_SHARE = 0.5  # of the goal, within which a knob that nobody is asked to turn is done
 
@@ -54,6 +55,8 @@ class NumberCard(QFrame):
         """Show a state."""
         error = state.known_error
         self.total.setText(NONE if error is None else angle_in_words(error.total_arcsec))
+        for number in (self.total, self.sigma):
+            number.setVisible(state.error is not None)
         sigma = "" if error is None else angle_in_words(error.with_systematics.sigma_total_arcsec)
         self.sigma.setText(f"± {sigma}" if sigma else "")
         past = error is not None and not state.running
@@ -158,7 +161,7 @@ class PolarRoom(Page):
 
     files_dropped = Signal(object)  # list[Path]
 
-    def __init__(self, services: Services, buttons: Flow, set_up: Callable[[], None]) -> None:
+    def __init__(self, services: Services, buttons: AlignmentButtons, set_up: Callable[[], None]) -> None:
         super().__init__()
         self.frame = LiveFrame(services)
         self.number = NumberCard()
@@ -170,8 +173,9 @@ class PolarRoom(Page):
         self._column = column(*parts, on=self.over, spacing=GAP_PX, margins=(0, 0, 0, 0))
         self.bar = styled_frame("card")
         self.bar.setParent(self)
-        buttons.setContentsMargins(8, 6, 8, 6)
-        self.bar.setLayout(buttons)
+        flow, self._buttons = buttons.flow(), buttons
+        flow.setContentsMargins(*BAR_MARGINS_PX)
+        self.bar.setLayout(flow)
         self.first, self._is_first = FirstSteps(set_up), True
         self.first.setParent(self)
         column((self.frame, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
@@ -224,6 +228,7 @@ class PolarRoom(Page):
     def _place(self) -> None:
         """The cards at the upper left, the buttons at the lower left."""
         inside = self.rect().adjusted(MARGIN_PX, MARGIN_PX, -MARGIN_PX, -MARGIN_PX)
+        self._buttons.fit(inside.width() - BAR_MARGINS_PX[0] - BAR_MARGINS_PX[2] - 2)
         long = min(self.bar.sizeHint().width(), inside.width())
         bar = QRect(inside.topLeft(), QSize(long, self.bar.heightForWidth(long)))
         bar.moveBottomLeft(inside.bottomLeft())

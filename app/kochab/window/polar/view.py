@@ -73,7 +73,7 @@ class PolarView(View):
             "tonight": lambda: self.tabs.setCurrentIndex(TONIGHT),
         }
         self.buttons = AlignmentButtons(self.press, calls, self.cues.description)
-        self.room = PolarRoom(services, self.buttons.flow(), calls["set_up"])
+        self.room = PolarRoom(services, self.buttons, calls["set_up"])
         self._said = Message()  # the answer to what a person did last
         self._answered: object = None  # the turn that was made, and when: its frame is awaited
         self._answered_s = 0.0

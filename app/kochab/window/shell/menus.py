@@ -12,9 +12,10 @@ from kochab.text.angle_text import short_name
 from kochab.text.translation import tr
 from kochab.window.shell.actions import Actions
 from kochab.window.themes import TEXT_SIZE_TITLES, THEME_TITLES
+from kochab.window.widgets import set_property
 
 LEAST_LETTERS, LEAST_LINES = 116, 31  # of the window's width and height, for a rail with names
-LOW_LINES = 23  # of its height, for icons of the usual size
+LOW_LINES = 26  # of its height, for icons of the usual size
 ICON_PX, SMALL_ICON_PX = 22, 16
 
 
@@ -128,8 +129,12 @@ class Rail(QToolBar):
         lines = window.height() / metrics.lineSpacing()
         small = window.width() < metrics.averageCharWidth() * LEAST_LETTERS or lines < LEAST_LINES
         self.setToolButtonStyle(style.ToolButtonIconOnly if small else style.ToolButtonTextUnderIcon)
-        side = SMALL_ICON_PX if lines < LOW_LINES else ICON_PX
+        low = lines < LOW_LINES
+        side = SMALL_ICON_PX if low else ICON_PX
         self.setIconSize(QSize(side, side))
+        if bool(self.property("low")) is not low:
+            for each in (self, *self.findChildren(QToolButton)):
+                set_property(each, "low", low)
 
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
