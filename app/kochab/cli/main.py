@@ -33,6 +33,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "mount": ("kochab.cli.mount:add_parser", "a telescope mount: probe, sync, goto, stop, centre, recover, disagree"),
     "polar": ("kochab.cli.polar:add_parser", "polar alignment error, from two frames or more"),
     "night": ("kochab.cli.night:add_parser", "what a folder of frames says of the night: a page and a table"),
+    "station": (
+        "kochab.cli.station:add_parser",
+        "a camera that stands still: azimuth and altitude of its pixels, cloud",
+    ),
     "archive": ("kochab.cli.archive:add_parser", "frames by the million as one Parquet table, on Dask"),
     "telescope": ("kochab.cli.telescope:add_parser", "a telescope for SkySafari, Stellarium, KStars"),
     "serve": ("kochab.server.command:add_parser", "a worker that makes solve and others quick"),
