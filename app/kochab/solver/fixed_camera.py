@@ -253,8 +253,8 @@ def _refuse_moved(frames: Sequence[StarsOfFrame], fit: Fit) -> None:
         worst = max(worst, (shift / max(MOVED_PX, MOVED * one.rms_px), one.file, shift))
     if worst[1]:
         raise UsageError(
-            "{file}: its stars stand {shift:.1f} px from where one camera that stands still has them. It was moved, or a"
-            " time is wrong.",
+            "{file}: its stars stand {shift:.1f} px from where one camera that stands still has them. It was moved, or"
+            " a time is wrong.",
             file=worst[1],
             shift=worst[2],
         )
