@@ -113,7 +113,7 @@ def test_it_says_where_it_points(bench) -> None:
 def test_a_sync_is_believed_and_moves_nothing(bench) -> None:
     target = own(bench, *place(-22.0, 41.0, bench.clock))
     bench.mount.sync(*target)
-    assert distance(bench, target) < CLOSE_DEG
+    wait_for(lambda: distance(bench, target) < CLOSE_DEG)
     assert not moved(bench.telescope)
 
 
@@ -121,7 +121,7 @@ def test_a_goto_arrives(bench) -> None:
     target = own(bench, *place(-25.0, 45.0, bench.clock))
     bench.mount.goto(*target)
     wait_for(lambda: bench.mount.state().slewing is False)
-    assert distance(bench, target) < CLOSE_DEG
+    wait_for(lambda: distance(bench, target) < CLOSE_DEG)  # a server may tell the place before
 
 
 def test_a_goto_below_the_horizon_is_refused_or_not_done(bench) -> None:
@@ -136,11 +136,17 @@ def test_a_goto_below_the_horizon_is_refused_or_not_done(bench) -> None:
 
 @pytest.mark.parametrize("direction", Direction)
 def test_a_move_goes_the_right_way_and_ends_by_itself(bench, direction) -> None:
-    before = bench.mount.position()
-    bench.mount.move(direction, 0.5, 0.3)
-    wait_for(lambda: not bench.mount.watchdog.moving)
-    wait_for(lambda: still(bench.telescope))
-    bench.mount.state()  # a motor board takes up its tracking
+    before, start = bench.mount.position(), bench.telescope.believed_deg()
+
+    def it_moves() -> bool:
+        """Whether it has: a server on a busy machine may be given the beginning and the end of a move at once."""
+        bench.mount.move(direction, 0.5, 0.3)
+        wait_for(lambda: not bench.mount.watchdog.moving)
+        wait_for(lambda: still(bench.telescope))
+        bench.mount.state()  # a motor board takes up its tracking
+        return apart_deg(bench.telescope.believed_deg(), start) > 0.01
+
+    assert any(it_moves() for _ in range(10))
     wait_for(lambda: separate(before, bench.mount.position()) > 0.01)  # a server may tell the one before
     after = bench.mount.position()
     east = (after.ra_deg - before.ra_deg + 180.0) % 360.0 - 180.0

