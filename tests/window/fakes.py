@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,12 @@ class FakeSolved:
 
 def star_field(width: int = 600, height: int = 400, stars: int = 40, seed: int = 1) -> Frame:
     """A uint16 frame of round stars on noise."""
+    return Frame(pixels=_pixels(width, height, stars, seed), path="fake.fits")
+
+
+@cache
+def _pixels(width: int, height: int, stars: int, seed: int) -> np.ndarray:
+    """Drawn once for all windows, and not to be written to."""
     rng = np.random.default_rng(seed)
     image = rng.normal(1000.0, 20.0, (height, width))
     yy, xx = np.mgrid[-6:7, -6:7]
@@ -37,7 +44,9 @@ def star_field(width: int = 600, height: int = 400, stars: int = 40, seed: int =
         strict=True,
     ):
         image[y - 6 : y + 7, x - 6 : x + 7] += f * blob
-    return Frame(pixels=np.clip(image, 0, 65535).astype(np.uint16), path="fake.fits")
+    pixels = np.clip(image, 0, 65535).astype(np.uint16)
+    pixels.setflags(write=False)
+    return pixels
 
 
 def fake_solution(width: int, height: int, fov_deg: float = 12.0, stars: int = 24) -> Solution:

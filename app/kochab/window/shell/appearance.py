@@ -54,7 +54,7 @@ class StyleSheets(QObject):
     def _next(self) -> None:
         if self.waiting and isValid(part := self.waiting.pop(0)):
             part.ensurePolished()  # else a toolbar that was never seen keeps its old margins
-            part.setStyleSheet(self.sheet)
+            self._meet(part)  # which a part of the window itself has been through by now, the first time
         self.waiting = [p for p in self.waiting if isValid(p)]  # a dialog may have been closed
         if not self.waiting:
             self._timer.stop()

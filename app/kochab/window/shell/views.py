@@ -106,7 +106,7 @@ class Views(QObject):
             [self.image, *(self.actions[name] for name, mode in VIEWS.items() if mode.on_rail)],
             [window.actions_by_name[name] for name in ("night", "preferences")],
         )
-        colour_icons(window.actions_by_name, theme_colours())  # those of the views are new
+        colour_icons({"image": self.image, **self.actions}, theme_colours())  # the others have theirs
         self.actions["details"] = window.actions_by_name["details"]
         for name in self.actions:
             self._add(name)
