@@ -147,7 +147,6 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     An address in a test's name differs between processes, and pytest-xdist runs nothing then.
     """
     assert not [item.nodeid for item in session.items if " at 0x" in item.nodeid]
-    gc.collect()
     gc.freeze()
     gc.enable()
     if len(session.items) < MANY or session.config.option.collectonly:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import t
+import scipy
 
 from kochab.attitude import fit as fitting
 from kochab.attitude import least_squares
@@ -99,9 +99,7 @@ def test_the_chance_of_two_terms_is_the_tail_of_the_f_distribution(before, after
     """(R1 / R0)^(dof / 2); without freedom, or with nothing to gain, all is chance."""
     assert chance(before, after, freedom) == pytest.approx(expected)
     if freedom == 6 and before > after > 0.0:
-        from scipy.stats import f
-
-        assert f.sf((before - after) / 2.0 / (after / freedom), 2, freedom) == pytest.approx(expected)
+        assert scipy.stats.f.sf((before - after) / 2.0 / (after / freedom), 2, freedom) == pytest.approx(expected)
 
 
 # -- The camera's change, and which cameras there are -------------------------------------------------
@@ -193,7 +191,7 @@ def by_hand(camera, found, names, weight):
 
 
 def student_variance(freedom):
-    return float(t.stats(freedom, moments="v"))
+    return float(scipy.stats.t.stats(freedom, moments="v"))
 
 
 @pytest.mark.parametrize("mirrored", [False, True])

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
+import scipy
 
 from kochab.core.pairing import mutual_nearest_of_few
 from kochab.identification.verification import crowding, least_likely, log10_agreement, log10_ball, log10_by_distance
@@ -96,7 +96,7 @@ def _holds(claims):
     claims = np.array(claims)
     for level in (-0.5, -1.0, -1.5, -2.0, -2.5, -3.0):
         count = int((claims < level).sum())
-        assert stats.poisson.sf(count - 1, len(claims) * 10.0**level) > 0.01, (level, count)
+        assert scipy.stats.poisson.sf(count - 1, len(claims) * 10.0**level) > 0.01, (level, count)
 
 
 def test_the_bound_by_distance_is_reached_no_oftener_than_it_says():

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy import stats
+import scipy
 
 from kochab.core.attitude import attitude_from, unit_vectors
 from kochab.core.camera import Camera
@@ -52,7 +52,7 @@ def test_the_four_that_propose_a_pointing_and_what_is_beside_them_prove_nothing(
         apart = np.hypot(*(view.xy[verdict.detections] - expected).T)
         agree = apart[(verdict.detections >= 4) & ~np.isin(verdict.stars, proposing)]
         stars = len(toy_volume.near(LEVEL, verdict.pointing.matrix[2], 0.17)) / (np.pi * (0.17 * FOCAL_PX) ** 2)
-        by_chance = stats.binom.sf(len(agree) - 1, len(view.xy) - 4, 0.5 * stars * np.pi * agree.max() ** 2)
+        by_chance = scipy.stats.binom.sf(len(agree) - 1, len(view.xy) - 4, 0.5 * stars * np.pi * agree.max() ** 2)
         assert verdict.log10_chance > np.log10(by_chance)
         tried += 1
     assert tried > 15

@@ -5,9 +5,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+import scipy
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
 
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Site
@@ -157,7 +157,7 @@ def log_probability(seen, cause, free, terms):
     logs, odds = [], []
     for sizes, n in product(np.divide(sizes_of(*free[:3]), 60.0), np.divide(free[3], 60.0)):
         covariance = slopes @ np.diag(np.square(sizes)) @ slopes.T + n**2 * np.eye(len(slopes))
-        logs.append(multivariate_normal(None, covariance).logpdf(found))
+        logs.append(scipy.stats.multivariate_normal(None, covariance).logpdf(found))
         odds.append(16.0 / (16.0 + (60.0 * n) ** 2))  # half at four arcminutes
     return logsumexp(logs, b=odds) - np.log(sum(odds))
 
