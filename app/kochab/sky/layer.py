@@ -6,7 +6,7 @@ seen of it. Marks are in image px, label boxes in screen px; whoever draws bring
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from math import hypot
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -265,11 +265,13 @@ def _stars(tables: SkyTables, solution: Solution, centre: Floats, reach: float, 
     nameless = stars.name[rows] == ""
     rows = rows[~nameless | (np.cumsum(nameless) <= MOST)]  # of a wide frame the brightest
     xy = solution.pixels_of(unit(stars.vector[rows] + (year - EPOCH) * stars.step[rows]))
-    for row, place in zip(rows[seen := inside(solution, xy)].tolist(), xy[seen], strict=True):
-        name = stars.called(row)
-        plain = " " not in name or stars.mag[row] < BRIGHTEST  # Rigil Kentaurus comes before Toliman
-        later = NUMBERED if not stars.name[row] else -FIRST * plain
-        yield Mark("star", row, place, 0.0, star_rank(float(stars.mag[row])) + later, name, name)
+    rows, xy = rows[seen := inside(solution, xy)], xy[seen]
+    given, mags = stars.name[rows].tolist(), stars.mag[rows].tolist()
+    for row, place, named, mag in zip(rows.tolist(), xy, given, mags, strict=True):
+        name = named or stars.called(row)
+        plain = " " not in name or mag < BRIGHTEST  # Rigil Kentaurus comes before Toliman
+        later = -FIRST * plain if named else NUMBERED
+        yield Mark("star", row, place, 0.0, star_rank(mag) + later, name, name)
 
 
 def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach: float) -> Iterable[Floats]:
@@ -299,11 +301,13 @@ def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach
         arc = np.repeat(rows, counts)
         angle = (low[arc] + share * (high - low)[arc])[:, None]
         xy = solution.pixels_of(np.cos(angle) * first[arc] + np.sin(angle) * side[arc])
-        for part in np.split(xy, ends[:-1]):
-            # the solution gives NaN outside the lens model's domain, where the distortion would fold back
-            good = part[np.isfinite(part[:, 0])]
-            if len(good) > 1:
-                yield good
+        # the solution gives NaN outside the lens model's domain, where the distortion would fold back
+        good = np.isfinite(xy[:, 0])
+        ends = np.cumsum(np.add.reduceat(good, ends - counts))
+        xy = xy[good]
+        for begin, end in pairwise([0, *ends.tolist()]):
+            if end - begin > 1:
+                yield xy[begin:end]
 
 
 def among(xy: Floats, stars: Floats) -> Bools:
@@ -414,24 +418,24 @@ def labels(
     at = view.to_screen(sky.places)
     x0, y0, x1, y1 = view.bounds
     seen = np.flatnonzero((at[:, 0] >= x0) & (at[:, 0] <= x1) & (at[:, 1] >= y0) & (at[:, 1] <= y1))
-    boxes = np.full((BEST + 64, 4), np.inf)
-    count = 0
+    boxes = np.full((4, BEST + 64), np.inf)  # left, top, right and bottom
+    count, room = 0, boxes.shape[1]
     for x, y, w, h in taken:
-        boxes[count % len(boxes)] = x, y, x + w, y + h
+        boxes[:, count % room] = x, y, x + w, y + h
         count += 1
     most = int((x1 - x0) * (y1 - y0) / AREA_PX2 * 4.0 ** (2.0 * amount - 1.0)) + 4
     chosen: list[Label] = []
-    spots = at[seen[: 2 * most]]  # which a name rather leaves free
+    spots_x, spots_y = np.ascontiguousarray(at[seen[: 2 * most]].T)  # which a name rather leaves free
     used: set[str] = set()
-    named: list[tuple[float, float]] = []  # places of the stars that have a name
+    named, stars = np.full((BEST, 2), np.inf), 0  # places of the stars that have a name
     for number in seen[:BEST].tolist():
         mark = sky.marks[number]
-        if len(chosen) >= most or count >= len(boxes) - 2:
+        if len(chosen) >= most or count >= room - 2:
             break
         if mark.mag > faintest.get(mark.group, -np.inf):
             continue
         px, py = at[number].tolist()
-        if mark.kind == "star" and any(hypot(px - x, py - y) < TWIN_PX for x, y in named):
+        if mark.kind == "star" and (np.hypot(*(named[:stars] - at[number]).T) < TWIN_PX).any():
             continue  # Toliman beside Rigil Kentaurus: on the screen one star
         common = mark.text.removeprefix(mark.short).strip()
         dot = mark.kind != "star" and mark.radius * view.scale < DOT_PX
@@ -443,20 +447,22 @@ def labels(
             box = (x, y, x + width, y + height)
             if x < x0 or y < y0 or box[2] > x1 or box[3] > y1:
                 continue
-            apart, left, right = boxes[:count], x - APART_PX, box[2] + APART_PX
-            hit = (apart[:, 0] < right) & (left < apart[:, 2]) & (apart[:, 1] < box[3]) & (box[1] < apart[:, 3])
+            lefts, tops, rights, bottoms = boxes[:, :count]
+            hit = (lefts < box[2] + APART_PX) & (x - APART_PX < rights) & (tops < box[3]) & (y < bottoms)
             if not hit.any():
-                covers = ((spots > box[:2]) & (spots < box[2:])).all(axis=1).any()
+                inside_x, inside_y = (spots_x > x) & (spots_x < box[2]), (spots_y > y) & (spots_y < box[3])
+                covers = (inside_x & inside_y).any()
                 free = box if free is None or not covers else free
                 if not covers:
                     break
         if free is not None:
-            boxes[count] = free
+            boxes[:, count] = free
             count += 1
             chosen.append(Label(text, (free[0], free[1], width, height), mark))
-            named += [(px, py)] if mark.kind == "star" else []
+            if mark.kind == "star":
+                named[stars], stars = at[number], stars + 1
             if mark.radius * view.scale < DOT_PX:  # no other name over the spot itself
-                boxes[count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
+                boxes[:, count] = px - STAR_PX, py - STAR_PX, px + STAR_PX, py + STAR_PX
                 count += 1
     return chosen
 
@@ -477,7 +483,9 @@ def constellation_labels(
     taken : iterable of (float, float, float, float)
         Boxes (x, y, w, h) that names leave free.
     """
-    boxes, found = [*taken], []
+    found = []
+    boxes = np.array([*taken, *[(np.inf, np.inf, 0.0, 0.0)] * len(sky.constellations)]).reshape(-1, 4)
+    boxes[:, 2:] += boxes[:, :2]
     x0, y0, x1, y1 = view.bounds
     for name, xy in sky.constellations:
         width, height = text_size(name.upper())
@@ -486,9 +494,10 @@ def constellation_labels(
             x, y = (middle + np.multiply(way, (0.6 * width, 1.5 * height))).tolist()
             if not (x0 <= x <= x1 - width and y0 <= y <= y1 - height):
                 continue
-            if not any(x < u + w and u < x + width and y < v + h and v < y + height for u, v, w, h in boxes):
+            hit = (boxes[:, 0] < x + width) & (x < boxes[:, 2]) & (boxes[:, 1] < y + height) & (y < boxes[:, 3])
+            if not hit.any():
                 found.append((name.upper(), (x, y, width, height)))
-                boxes.append((x, y, width, height))
+                boxes[-len(found)] = x, y, x + width, y + height
                 break
     return found
 

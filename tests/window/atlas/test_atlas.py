@@ -18,6 +18,7 @@ from kochab.core.camera import Camera, ChartCamera
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import run as finish
 from kochab.sky.milky_way import MilkyWay
+from kochab.window.atlas.chart import SPARE
 from kochab.window.atlas.dialog import Atlas
 from kochab.window.atlas.mosaic import Mosaic, border, frame_at
 from kochab.window.atlas.sky_painting import paint_frame, paint_glow, paint_stars
@@ -373,12 +374,13 @@ def test_the_glow_of_a_4k_chart_asks_for_no_more_places_than_its_clouds_have(qap
     assert np.abs(seen - finer).max() <= 4, "nobody sees the difference"
 
 
+@pytest.mark.parametrize("amount", [0.5, 1.0])
 @pytest.mark.parametrize("field", [60.0, 37.0, 25.0, 8.0])
-def test_a_chart_names_what_it_would_from_all_tables(atlas, field):
+def test_a_chart_names_what_it_would_from_all_tables(atlas, field, amount):
     """It leaves the rest out before it looks for names: at 4K that took half of the time of a turn."""
     chart = atlas.chart
     for layer in ("names", "objects"):
-        chart.overlay.layers.amount[layer] = 1.0
+        chart.overlay.layers.amount[layer] = amount
 
     def named():
         chart.look(BELT, field)
@@ -386,7 +388,7 @@ def test_a_chart_names_what_it_would_from_all_tables(atlas, field):
         return [(label.text, label.box) for label in chart.overlay.labels], len(chart.overlay.sky.marks)
 
     from_some, some = named()
-    chart._suiting = dict.fromkeys(range(-20, 100), chart._tables)
+    chart._suiting = {(step, *[min(1.0, amount + SPARE)] * 2): chart._tables for step in range(-20, 100)}
     chart._key = None
     from_all, all_there_are = named()
     assert from_all == from_some

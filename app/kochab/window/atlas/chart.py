@@ -48,6 +48,7 @@ WIDEST_DEG, CLOSEST_DEG = 180.0, 0.1
 
 
 WIDE_DEG, WIDE_MAG, WIDE_RANK = 60.0, 5.0, 8.0  # wider, a chart names no more, and leaves boundaries out
+SPARE = 0.125  # by how much more names are looked at than wished, of 0..1
 STEPS, WIDE_STEP = 4, 99  # steps of a narrower chart's width to a factor of two, and the one of all wide charts
 
 
@@ -123,7 +124,8 @@ class StarChart(QWidget):
         self.is_light = False  # as wide charts are: while it turns with something, twice as fast
         self._picture: tuple[object, QPixmap] | None = None  # of the sky, until something of it changes
         self._tables: SkyTables | None = None
-        self._suiting: dict[int, SkyTables] = {}  # by how wide the chart is: the rest would hold up its turning
+        # By how wide the chart is, and how much of stars and objects is wished: the rest would hold up its turning.
+        self._suiting: dict[tuple[int, float, float], SkyTables] = {}
         self._key: object = None
         self._stars: tuple[Floats, Floats, Floats] = NO_STARS, np.empty(0), np.empty(0)
         self._bodies: list[Body] = []
@@ -162,17 +164,20 @@ class StarChart(QWidget):
             return None
         is_wide = self.is_light or self.field_deg > WIDE_DEG
         step = WIDE_STEP if is_wide else int(np.floor(STEPS * np.log2(self.field_deg)))
-        if step not in self._suiting:
+        # Names also leave free what nobody wished to have named.
+        wished = (min(1.0, self.overlay.layers.amount[layer] + SPARE) for layer in ("names", "objects"))
+        key = step, *wished
+        if key not in self._suiting:
             tables, lines = self._tables, self._tables.lines
-            last = named_to(2.0 ** (step / STEPS))
+            last = named_to(2.0 ** (step / STEPS), *key[1:])
             shown, named = star_rank(tables.stars.mag) - FIRST <= last["star"], tables.ranks <= last["object"]
             if is_wide:
                 lines = {kind: chains for kind, chains in lines.items() if kind != "boundaries"}
                 shown, named = tables.stars.mag < WIDE_MAG, tables.ranks < WIDE_RANK
             stars = tables.stars.take(np.flatnonzero(shown))
             ranks = np.where(named, tables.ranks, np.inf)
-            self._suiting[step] = replace(tables, lines=lines, stars=stars, ranks=ranks)
-        return self._suiting[step]
+            self._suiting[key] = replace(tables, lines=lines, stars=stars, ranks=ranks)
+        return self._suiting[key]
 
     def show_bodies(self, bodies: list[Body]) -> None:
         """Draw bodies of the Solar System."""
