@@ -165,11 +165,11 @@ class StarChart(QWidget):
         is_wide = self.is_light or self.field_deg > WIDE_DEG
         step = WIDE_STEP if is_wide else int(np.floor(STEPS * np.log2(self.field_deg)))
         # Names also leave free what nobody wished to have named.
-        wished = (min(1.0, self.overlay.layers.amount[layer] + SPARE) for layer in ("names", "objects"))
-        key = step, *wished
+        names, objects = (min(1.0, self.overlay.layers.amount[layer] + SPARE) for layer in ("names", "objects"))
+        key = step, names, objects
         if key not in self._suiting:
             tables, lines = self._tables, self._tables.lines
-            last = named_to(2.0 ** (step / STEPS), *key[1:])
+            last = named_to(2.0 ** (step / STEPS), names, objects)
             shown, named = star_rank(tables.stars.mag) - FIRST <= last["star"], tables.ranks <= last["object"]
             if is_wide:
                 lines = {kind: chains for kind, chains in lines.items() if kind != "boundaries"}
