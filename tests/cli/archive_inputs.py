@@ -1,8 +1,6 @@
 """What an archive is tested on: a rendered night, and lists of stars that astropy's tangent plane has placed."""
 
 import json
-import os
-import signal
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +8,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from astropy.wcs import WCS
 
-from kochab.cli.cluster import KILLED
 from kochab.cli.main import main
 from kochab.core.attitude import unit_vectors
 from kochab.sky import open_catalogue
-from kochab.workflows.archive.run import Chunk, Outcome
 
 SIZE, SCALE = (1000, 800), 40.0
 CENTRES = ((84.0, -2.0), (201.0, 55.0), (310.0, 41.0), (15.0, 60.5), (120.0, -30.0), (250.0, 10.0))
@@ -58,19 +54,3 @@ def rows_of(out: Path | str, **options) -> dict[str, dict]:
     found = {row["url"].rpartition("/")[2]: row for row in rows}
     assert len(found) == len(rows)
     return found
-
-
-# What a worker does in place of solving: Dask finds it by the name of this module.
-
-
-def ends_for_poison(chunk: Chunk) -> Outcome:
-    """Rows with their URLs alone; an input called poison takes its process with it."""
-    for item in chunk.items:
-        if "poison" in item.url:
-            os.kill(os.getpid(), signal.SIGKILL)
-    return Outcome("", [{"url": item.url} for item in chunk.items])
-
-
-def told_as_lost(chunk: Chunk) -> Outcome:
-    """What is said of an input that ended its worker each time."""
-    return Outcome("", [{"url": item.url, "error": KILLED} for item in chunk.items])

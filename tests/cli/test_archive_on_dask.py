@@ -18,7 +18,8 @@ from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
 from kochab.workflows.archive.run import Chunk
-from tests.cli.archive_inputs import CENTRES, archive, ends_for_poison, told_as_lost, write_lists
+from tests.cli.archive_inputs import CENTRES, archive, write_lists
+from tests.cli.poisoned import ends_for_poison, told_as_lost
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 KOCHAB = [sys.executable, "-m", "kochab", "archive"]
