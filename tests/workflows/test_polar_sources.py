@@ -11,7 +11,7 @@ from kochab.core.camera import Camera
 from kochab.core.capture import CameraSource
 from kochab.core.errors import UsageError
 from kochab.core.frame import Frame, Hint, Site
-from kochab.core.progress import run
+from kochab.core.progress import PREPARING, Progress, run
 from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.frames.hints import NO_ZONE
 from kochab.polar.error import PolarError
@@ -75,6 +75,30 @@ def test_a_turn_further_than_the_last_answers_hint_is_not_looked_for_there_for_e
     seen = run(source.sight())
     assert isinstance(seen, Sighting)
     assert source._near(dark(WHEN)).hint.centre_deg is not None
+
+
+def test_a_frame_of_a_field_that_was_solved_before_waits_for_no_index(rig, monkeypatch):
+    """A trailed frame held up the first alignment of an installation for a minute, until small fields could be asked."""
+    source, waited = CameraSightings(SimulatedCamera(rig)), []
+
+    def waits(frame, options):
+        try:
+            yield Progress("detect")
+            yield Progress(PREPARING)
+            yield Progress(PREPARING)
+            raise AssertionError
+        finally:
+            waited.append(True)
+
+    assert isinstance(run(source.sight()), Sighting)
+    monkeypatch.setattr("kochab.workflows.polar.sources.solve_open_frame", waits)
+    told = []
+    assert run(source.sight(), told.append) is None
+    assert [step.stage for step in told] == ["wait for a frame", "detect"]
+    assert waited == [True]
+    assert isinstance(source._last, Solution)
+    monkeypatch.undo()
+    assert isinstance(run(source.sight()), Sighting)
 
 
 class Canned(CameraSource):

@@ -97,3 +97,18 @@ class Stopwatch:
                 yield progress
         finally:
             task.close()
+
+
+def without_preparing(task: Task[T]) -> Task[T | None]:
+    """The same task, which ends with None where it would wait until an index is made, perhaps for minutes."""
+    try:
+        while True:
+            try:
+                progress = next(task)
+            except StopIteration as end:
+                return end.value  # type: ignore[no-any-return]
+            if progress.stage == PREPARING:
+                return None
+            yield progress
+    finally:
+        task.close()

@@ -17,7 +17,7 @@ from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S
-from kochab.core.progress import Progress, Task
+from kochab.core.progress import Progress, Task, without_preparing
 from kochab.core.solution import NoSolution, Solution
 from kochab.folders import config_folder
 from kochab.frames.atomic_file import write_atomically
@@ -182,7 +182,12 @@ class CameraSightings:
         if frame is None:
             return None
         moment = self._time_of(frame)
-        solved = yield from solve_open_frame(frame, self._near(frame))
+        task = solve_open_frame(frame, self._near(frame))
+        # Of a field that was solved before, a trailed frame has no use for the index of small fields.
+        solved = yield from (task if self._last is None else without_preparing(task))
+        if solved is None:
+            self._seen(frame, None)
+            return None
         self._seen(frame, None if isinstance(solved.result, NoSolution) else solved.result)
         if isinstance(solved.result, NoSolution):
             self._near_last = False  # an axis may have been turned further than that
