@@ -32,7 +32,7 @@ def test_the_time_that_is_left_is_estimated(qtbot, make_window, monkeypatch):
     for now[0], share in ((0.0, 0.0), (0.1, 0.2), (2.1, 0.28), (4.1, 0.36)):  # it goes on at 20 %
         background._progressed(Progress("patterns", share))
         told.append(window.status.background.text().removeprefix("Building the small-field index: "))
-    assert told == ["0 %", "20 %", "28 %, about 18 s left", "36 %, about 16 s left"]
+    assert told == ["0 %", "20 %", "28 %, about 20 s left", "36 %, about 20 s left"]
     engine.gate.set()
 
 

@@ -55,7 +55,7 @@ from kochab.window.settings import WindowSettings
 from kochab.window.shell import help_book
 from kochab.window.shell.help_book import pages
 from kochab.window.shell.preferences import Preferences
-from kochab.window.shell.tour import CARDS, Tour
+from kochab.window.shell.tour import Tour
 from kochab.window.shell.views import VIEWS
 from kochab.window.widgets import ElidedLabel
 from kochab.workflows.session.alignment import AxisTurnedBy
@@ -528,11 +528,11 @@ def test_every_card_of_the_tour_is_translated(qtbot, solved_abroad):
     window, commands = solved_abroad
     commands.help.show_tour()
     (tour,) = dialogs_of(window)
-    for card in range(len(CARDS)):
+    for card in range(len(tour.cards)):
         left = unmarked(tour, NAMES_SHOWN)
         assert not left, "\n".join(left)
         assert cut(tour) == []
-        (tour.skip if card == len(CARDS) - 1 else tour.next).click()
+        (tour.skip if card == len(tour.cards) - 1 else tour.next).click()
 
 
 @pytest.mark.parametrize("driver", ["lx200", "onstep", "nexstar", "synscan", "ioptron", "skywatcher"])

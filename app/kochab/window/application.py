@@ -4,6 +4,7 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from math import ceil
 from pathlib import Path
 from time import monotonic
 
@@ -14,6 +15,7 @@ from kochab.core.progress import PREPARING, Progress
 from kochab.detection import DETECTORS
 from kochab.folders import data_folder
 from kochab.identification import IDENTIFIERS
+from kochab.text.duration_text import duration_text
 from kochab.text.translation import speak, tr, tr_noop
 from kochab.window.devices.cameras import Cameras
 from kochab.window.devices.equipment import Equipment
@@ -88,10 +90,12 @@ class Background(QObject):
             # The speed of a smaller part tells nothing of the rest.
             if share - first > 0.05:
                 left = (monotonic() - when) * (1 - share) / (share - first)
+                # In whole minutes, and tens of seconds in the last: finer, it wanders with what else the machine does.
+                rounded = 60.0 * round(left / 60.0) if left > 90.0 else 10.0 * ceil(left / 10.0)
                 text = tr(
-                    "Building the small-field index: {share:.0f} %, about {left:.0f} s left",
+                    "Building the small-field index: {share:.0f} %, about {left} left",
                     share=100 * share,
-                    left=left,
+                    left=duration_text(rounded),
                 )
         self._status.background.setText(text)
         self._status.background.setToolTip(tr(INDEX_TIP))

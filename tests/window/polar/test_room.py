@@ -12,6 +12,7 @@ from astropy.units import deg
 
 from kochab.core.attitude import angle_between as separation
 from kochab.core.frame import Frame
+from kochab.core.mount import Direction
 from kochab.core.progress import run
 from kochab.polar.error import Knob
 from kochab.polar.measure import PolarFinding, PolarFindingKind
@@ -22,6 +23,7 @@ from kochab.window.polar.first_steps import STEPS
 from kochab.window.polar.messages import Message, all_known, most_urgent
 from kochab.window.polar.room import KnobCard, NumberCard, standing_of
 from kochab.window.polar.setup import DRIFT_ADVICE
+from kochab.workflows.polar.update import TurnInstruction
 from kochab.workflows.session.alignment import AxisTurnedBy
 from kochab.workflows.session.alignment_state import AlignmentState
 from tests.window.polar_cases import adjusting, error
@@ -128,8 +130,34 @@ def test_the_ring_follows_the_error_from_half_a_degree_to_seconds(qtbot):
     for total in (1800.0, 300.0, 60.0, 5.0):
         target.show_state(replace(adjusting(total, 0.0), live=True, measured=(error(1800.0, 0.0),)))
         reach.append(target.reach_arcsec / total)
+    target.show_state(replace(adjusting(5.0, 0.0), live=False, trail=((0.0, 5.0),), measured=(error(1800.0, 0.0),)))
+    assert target.reach_arcsec <= 45.0, "nor when it is measured again"
     assert np.all(np.array(reach[:3]) < 12.0)
     assert target.reach_arcsec <= 45.0
+
+
+def test_measured_again_the_room_says_so_and_keeps_to_the_newest_error():
+    """At 7 arcsec "Rotate RA" came without a why, a knob said "raise the axis" by 0 arcsec, the ring was 30 arcmin."""
+    turn = TurnInstruction("turn", None, "Rotate RA.", Direction.WEST, 60.0)
+    asked = AlignmentState(
+        "turn", "Rotate RA.", turn_instruction=turn, error=error(5.0, 0.0), measured=(error(1800.0, 0.0),)
+    )
+    again = replace(asked, trail=((0.0, 5.0),))
+    assert [most_urgent(state, Message()).text for state in (asked, again)] == [
+        "Rotate RA.",
+        "Measure again. Rotate RA.",
+    ]
+    assert [standing_of(state, Knob.ALTITUDE, 30.0) for state in (asked, again)] == ["", "done"]
+    assert standing_of(replace(again, error=error(50.0, 0.0)), Knob.ALTITUDE, 30.0) == ""
+
+
+def test_a_knobs_arrow_is_the_plots_own(qtbot):
+    """An arrow that turned clockwise stood over "anticlockwise", which the bolt had to go."""
+    card = KnobCard(Knob.AZIMUTH)
+    qtbot.addWidget(card)
+    for off, arrow in ((-600.0, "▶"), (600.0, "◀")):
+        card.show_state(adjusting(3.0, off), 30.0)
+        assert card.value.text().startswith(arrow)
 
 
 def test_numbers_and_picture_of_a_telescope_that_is_gone_are_not_left(polar):

@@ -68,8 +68,8 @@ class AxisTarget(QWidget):
     @property
     def reach_arcsec(self) -> float:
         """The error at the edge; those drawn are well inside, with their ellipses."""
-        # While a bolt turns the ring follows the live error alone: the last measurement is an older place.
-        before = () if self.state.live else self.state.measured[-1:]
+        # Once a bolt was turned the ring follows the newest error alone: the last measurement is an older place.
+        before = () if self.state.live or self.state.trail else self.state.measured[-1:]
         errors = [e for e in (self.state.error, *before) if e is not None]
         most = max((e.total_arcsec + e.with_systematics.ellipse_arcsec()[0] for e in errors), default=280.0)
         return next((r for r in REACHES_ARCSEC if r > 1.1 * most), REACHES_ARCSEC[-1])

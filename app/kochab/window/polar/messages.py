@@ -34,7 +34,8 @@ def most_urgent(state: AlignmentState, message: Message) -> Message:
         return Message(state.detail or tr("Wait for a new frame."), "old")
     if state.stage != "adjust":
         if state.turn_instruction is not None:
-            return Message(state.words, "strong")
+            again = tr("Measure again.") if state.trail else ""
+            return Message(f"{again} {state.words}".strip(), "strong")
         return Message(f"{state.words} {state.detail}".strip())
     loud = [finding.text for finding in state.findings if finding.kind not in QUIET]
     if state.stop:

@@ -21,6 +21,7 @@ from kochab.workflows.session.alignment_state import AlignmentState
 
 NONE = "–"
 KNOBS = {Knob.ALTITUDE: tr_noop("Altitude"), Knob.AZIMUTH: tr_noop("Azimuth")}
+WAYS = {"raise": "▲", "lower": "▼", "clockwise": "▶", "anticlockwise": "◀"}
 TITLES = {
     (Knob.ALTITUDE, "now"): tr_noop("Altitude, now"),
     (Knob.ALTITUDE, "next"): tr_noop("Altitude, next"),
@@ -111,7 +112,8 @@ class KnobCard(QFrame):
         size = angle_in_words(error.knob_arcsec(self._knob))
         if standing == "done":
             return f"✓ {size}"
-        return f"{cure(error, self._knob).sign} {size}" if state.bolt_error is not None else size
+        # As the plot has it: a bolt may have to go anticlockwise for the axis to go clockwise.
+        return f"{WAYS[cure(error, self._knob).word]} {size}" if state.bolt_error is not None else size
 
     def _words(self, state: AlignmentState, error: PolarError | None, standing: str) -> str:
         if error is None or standing == "done" or not state.tells(self._knob):
@@ -129,12 +131,13 @@ def standing_of(state: AlignmentState, knob: Knob, goal_arcsec: float) -> str:
         return ""
     if not state.running and error.total_arcsec <= goal_arcsec:
         return "done"
+    off = error.altitude_arcsec if knob is Knob.ALTITUDE else error.azimuth_on_sky_arcsec
+    good = abs(off) <= DONE_SHARE * goal_arcsec
     if state.stage != "adjust" or state.instruction is None:
-        return ""
+        return "done" if state.running and state.trail and good else ""  # it is measured again
     if state.instruction.knob is knob:
         return "now"
-    off = error.altitude_arcsec if knob is Knob.ALTITUDE else error.azimuth_on_sky_arcsec
-    return "done" if state.stop or abs(off) <= DONE_SHARE * goal_arcsec else "next"
+    return "done" if state.stop or good else "next"
 
 
 class MessageStrip(QFrame):

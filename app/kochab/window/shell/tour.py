@@ -1,4 +1,4 @@
-"""The tour: four cards beside what they speak of, at the first start or from the Help menu."""
+"""The tour: up to four cards beside what they speak of, at the first start or from the Help menu."""
 
 from PySide6.QtCore import QEvent, QObject, QPoint, QRect, Qt
 from PySide6.QtGui import QKeyEvent
@@ -53,6 +53,8 @@ class Tour(QFrame):
         super().__init__(window)
         self._over = window
         self.setObjectName("card")
+        # Before the first frame there is no card to point at.
+        self.cards = [card for card in CARDS if card[2] != "card" or window.workspace.card.isVisible()]
         self.at = 0
         self.outline = QFrame(window)
         self.outline.setObjectName("outline")
@@ -76,12 +78,12 @@ class Tour(QFrame):
 
     def _turn(self, by: int) -> None:
         self.at += by
-        last = self.at == len(CARDS) - 1
-        title, text, _ = CARDS[self.at]
+        last = self.at == len(self.cards) - 1
+        title, text, _ = self.cards[self.at]
         self.title.setText(tr(title))
         self.text.setText(tr(text))
         self.setAccessibleName(f"{tr(title)}. {tr(text)}")
-        self.count.setText(tr("{at} of {cards}", at=self.at + 1, cards=len(CARDS)))
+        self.count.setText(tr("{at} of {cards}", at=self.at + 1, cards=len(self.cards)))
         self.back.setVisible(self.at > 0)
         self.next.setVisible(not last)
         self.open.setVisible(last)
@@ -96,7 +98,7 @@ class Tour(QFrame):
 
     def target(self) -> QWidget | None:
         """What the card speaks of; None while it is not in sight."""
-        window, name = self._over, CARDS[self.at][2]
+        window, name = self._over, self.cards[self.at][2]
         if name == "open" and window.welcome.isVisible():
             found: QWidget | None = window.welcome.first
         elif name == "open":
