@@ -10,10 +10,11 @@ from kochab.core.attitude import small_rotation
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run
 from kochab.core.solution import Solution
+from kochab.detection.windows import WindowStars, look
 from kochab.simulate.star_images import Sky, render
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import turn_between
-from kochab.solver.track_windows import TrackedStarImage, WindowStars, look, match
+from kochab.solver.track_windows import TrackedStarImage, match
 from kochab.solver.tracker import Tracker
 
 from .stream import Stream, bright_sky, prediction, wide_camera

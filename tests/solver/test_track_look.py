@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kochab.core.frame import Frame
-from kochab.solver.track_windows import look
+from kochab.detection.windows import look
 
 H, W, LEVEL, NOISE, SIGMA = 240, 320, 400.0, 6.0, 1.3
 IMAGE = np.eye(2) * SIGMA**2

@@ -10,9 +10,10 @@ from kochab.core.attitude import ARCSEC, Attitude, attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.detection.windows import WindowStars
 from kochab.sky import open_catalogue
 from kochab.solver.track_prediction import Neighbourhood, Prediction, predicted_attitudes
-from kochab.solver.track_windows import TrackedStarImage, WindowStars, match
+from kochab.solver.track_windows import TrackedStarImage, match
 
 CAMERA = Camera.centred(640, 480, 3000.0)
 FIRST = attitude_from(84.0, -2.0, 25.0).matrix

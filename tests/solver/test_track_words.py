@@ -15,12 +15,13 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import run
 from kochab.core.solution import NamedStar, NoSolution, Reason, Solution
+from kochab.detection.windows import WindowStars
 from kochab.identification.predictional_estimate import Estimate
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, TrackedCamera, new_profile
 from kochab.solver.pipeline import Examined
 from kochab.solver.track_prediction import Expected
-from kochab.solver.track_windows import Tracked, WindowSearchResult, WindowStars
+from kochab.solver.track_windows import Tracked, WindowSearchResult
 from kochab.solver.tracker import Tracker, filter_after_blind_solve, tracked_solution
 
 from .stream import START, prediction

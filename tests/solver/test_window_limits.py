@@ -8,19 +8,12 @@ import pytest
 from kochab.attitude.filter import begin
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
+from kochab.detection.windows import WindowStars, look
 from kochab.identification.predictional_estimate import Estimate
 from kochab.identification.verification import least_likely
 from kochab.solver import track_windows
 from kochab.solver.track_prediction import Expected, Prediction
-from kochab.solver.track_windows import (
-    Tracked,
-    TrackedStarImage,
-    WindowSearch,
-    WindowSearchResult,
-    WindowStars,
-    look,
-    match,
-)
+from kochab.solver.track_windows import Tracked, TrackedStarImage, WindowSearch, WindowSearchResult, match
 
 from .test_track_look import GRID, IMAGE, NOISE, SIGMA, frame, sky
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from kochab.core.frame import Frame
+from kochab.detection import windows
+from kochab.detection.windows import look
 from kochab.solver import track_windows
-from kochab.solver.track_windows import look, match
+from kochab.solver.track_windows import match
 
 from .test_track_look import GRID, IMAGE, SIGMA, sky
 from .test_window_limits import CAMERA, field, seen_at
@@ -18,9 +20,9 @@ def frame(pixels):
 @pytest.fixture
 def cuts(monkeypatch):
     """Where stamps are cut, and how far they reach."""
-    made, cut = [], track_windows.cut
+    made, cut = [], windows.cut
     monkeypatch.setattr(
-        track_windows,
+        windows,
         "cut",
         lambda pixels, how, xy, level, half: made.append((xy, half)) or cut(pixels, how, xy, level, half),
     )
@@ -37,7 +39,7 @@ def test_the_stamp_lies_about_the_star_wherever_in_its_window(cuts, half) -> Non
 def test_smoothing_is_that_of_the_binomial_coefficients() -> None:
     delta = np.zeros((1, 5, 5), np.float32)
     delta[0, 2, 2] = 16.0
-    np.testing.assert_array_equal(track_windows._smoothed(delta)[0], np.outer([1, 2, 1], [1, 2, 1]))
+    np.testing.assert_array_equal(windows._smoothed(delta)[0], np.outer([1, 2, 1], [1, 2, 1]))
 
 
 @pytest.mark.parametrize(("wide", "reach"), [(0.6, 4), (1.3, 5), (1.59, 5), (1.61, 6), (3.1, 9), (5.9, 16), (6.9, 16)])

@@ -121,6 +121,8 @@ def layers_of(text: str) -> "Layers":
 @cache
 def tables_of(elements: tuple[Path, ...]) -> "list[Moving]":
     """The bodies of the user's files of elements."""
+    if not elements:
+        return []
     from kochab.sky.elements import read_elements
 
     return [read_elements(path) for path in elements]

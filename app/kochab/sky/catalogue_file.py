@@ -10,7 +10,6 @@ r"""The catalogue's file: columns, their units, tiers of magnitude and zones of 
 Offsets count from the first column. Nothing in it depends on when or where it was written.
 """
 
-import hashlib
 import json
 import mmap
 import struct
@@ -236,6 +235,8 @@ def write_deep(path: Path, stars: StarList, link: Ints | None = None) -> None:
 
 def sha256(path: Path) -> str:
     """The SHA-256 of a file, as hex."""
+    import hashlib  # loads OpenSSL: 2 ms of a cold solve, which verifies nothing
+
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

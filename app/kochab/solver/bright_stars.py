@@ -17,8 +17,8 @@ from kochab.core.pairing import close_pairs
 from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Matches, NamedStar, StarCatalogue
 from kochab.detection.star_fit import FWHM_PER_SIGMA
+from kochab.detection.windows import look
 from kochab.solver.matches import field_centre, named_stars, without_companions
-from kochab.solver.track_windows import look
 
 DEPTH = 0.75
 """Stars as bright as this share of the matched ones are looked for."""

@@ -22,6 +22,7 @@ from kochab.core.robust import median
 from kochab.core.solution import NoSolution, Solution
 from kochab.detection.auto import AutoDetector
 from kochab.detection.star_fit import FWHM_PER_SIGMA
+from kochab.detection.windows import look
 from kochab.frames import reading
 from kochab.sky import open_catalogue
 from kochab.sky.horizon import Horizon, sun_altitude_deg
@@ -29,7 +30,6 @@ from kochab.solver import SolveOptions
 from kochab.solver.fixed_camera import FixedCamera, StarsOfFrame, azimuth_altitude_deg, calibrated, directions_of
 from kochab.solver.matches import without_companions
 from kochab.solver.pipeline import solve_detections, year_of
-from kochab.solver.track_windows import look
 from kochab.text.translation import tr
 from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
 

@@ -20,6 +20,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
+from kochab.detection.windows import WindowStars
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.lab.bench import Goal, Report, Row, column, summary, timed
 from kochab.lab.bench.identify_shapes import SEED, SHAPES, SIZE_PX, log_uniform, shape_list
@@ -29,7 +30,7 @@ from kochab.sky import open_catalogue
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import solve_detections, solve_frame
 from kochab.solver.track_prediction import Neighbourhood
-from kochab.solver.track_windows import WindowStars, match
+from kochab.solver.track_windows import match
 
 LISTS, QUICK_LISTS = 10_000, 120
 FIELDS_DEG = (0.8, 40.0)
