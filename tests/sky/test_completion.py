@@ -5,7 +5,7 @@ import pytest
 
 from kochab.core.attitude import unit_vectors
 from kochab.sky.completion import completion
-from kochab.sky.finder import finder
+from kochab.sky.finder import finder, spelled
 
 
 def names(text, most=8, **around):
@@ -88,3 +88,28 @@ def test_around_a_place_only_what_stands_there():
 
 def test_nothing_begins_with_nothing():
     assert names("") == names("   ") == names("zzzzzz") == []
+
+
+@pytest.mark.parametrize("text", ["neb", "cl", "gal", "s", "a", "alph"])
+def test_the_best_known_come_first_and_a_name_that_begins_with_another_word_two_magnitudes_later(text):
+    ranks = []
+    for one in completion().beginning(text, 5000):
+        inside = one.entry.table != "star" and one.written and not spelled(one.written).startswith(text)
+        ranks.append(one.entry.rank + (2.0 if inside else 0.0))
+    assert len(ranks) > 50
+    assert ranks == sorted(ranks)
+
+
+def test_a_star_with_a_name_of_its_own_is_as_well_known_as_one_four_magnitudes_brighter():
+    named, unnamed = (completion().beginning(text, 1)[0].entry.rank for text in ("vega", "γ Hya"))
+    assert named == pytest.approx(0.03 - 4.0, abs=0.02)
+    assert unnamed == pytest.approx(2.99, abs=0.03)
+
+
+def test_each_stands_where_the_finder_has_it():
+    index, tables = completion(), set()
+    for letter in "abcdefghijklmnopqrstuvwxyz":
+        for one in index.beginning(letter, 100):
+            tables.add(one.entry.table)
+            assert one.vector == pytest.approx(index.found(one).vector, abs=1e-5)
+    assert tables == {"star", "object", "nickname", "constellation"}

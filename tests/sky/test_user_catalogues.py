@@ -113,6 +113,28 @@ def test_areas_of_all_the_sky_are_told_apart(tmp_path, sky):
     assert database.reach().density_deg2 == pytest.approx(30_000 / 41_253, rel=0.2)
 
 
+def test_areas_without_a_star_do_not_count_for_how_deep_a_database_goes(tmp_path):
+    """6,000 stars of magnitude 1.0 on half the sky's 41,253 square degrees, and as many empty areas."""
+    rng = np.random.default_rng(5)
+    dec = np.degrees(np.arcsin(rng.uniform(0.0, 1.0, 6000)))
+    user_files.write_astap(tmp_path, "d05", np.column_stack([rng.uniform(0, 360, 6000), dec, np.full(6000, 1.0)]))
+    reach = open_user_catalogue(Where("ASTAP", "D05", tmp_path)).reach()
+    assert reach.faintest_mag == pytest.approx(1.0)
+    assert reach.density_deg2 == pytest.approx(6000 / (41_253 / 2), rel=0.25)
+    assert reach.sky_share == 1.0
+
+
+def test_a_database_without_a_star_reaches_nothing_and_one_of_few_files_a_part_of_the_sky(tmp_path):
+    user_files.write_astap(tmp_path, "d05", np.zeros((0, 3)))
+    reach = open_user_catalogue(Where("ASTAP", "D05", tmp_path)).reach()
+    assert (reach.faintest_mag, reach.density_deg2, reach.sky_share) == (-2.0, 0.0, 1.0)
+    (few := tmp_path / "few").mkdir()
+    two = [(10.0, 0.5, 7.0), (200.0, -40.0, 9.0)]
+    user_files.write_astap(few, "d05", two, every_area=False)
+    reach = open_user_catalogue(Where("ASTAP", "D05", few)).reach()
+    assert (reach.faintest_mag, reach.sky_share) == (pytest.approx(9.0), pytest.approx(2 / 1476))
+
+
 def test_one_file_for_all_the_sky_tells_how_deep_it_goes(tmp_path, stars):
     """Its density is of the whole sky's 41,253 square degrees."""
     reach = open_user_catalogue(make_wide(tmp_path, stars)).reach()

@@ -15,11 +15,11 @@ from kochab.core.attitude import Attitude, apart_deg, radec_deg
 from kochab.core.camera import PROJECTIONS
 from kochab.core.frame import Detections
 from kochab.core.progress import run
-from kochab.core.solution import Matches, Solution
+from kochab.core.solution import Identification, Matches, Solution
 from kochab.core.wcs import wcs_cards
 from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.sky import open_catalogue
-from kochab.solver.aspect import resized, stretch
+from kochab.solver.aspect import ASPECTS, Stretch, fitted, resized, stretch
 from kochab.solver.pipeline import solve_detections
 from kochab.workflows.polar.solutions import _camera
 from kochab.workflows.solution_json import _solved
@@ -150,3 +150,43 @@ def test_a_stretch_is_sure_when_twice_as_many_stars_agree_with_it(share, told) -
     answer = stretch(detections, matches, fit, catalogue, 2024.0)
     assert answer.share == pytest.approx(share, rel=1e-2)
     assert answer.sure is told
+
+
+@pytest.mark.parametrize(
+    ("linear", "aspect"),
+    [
+        ([[1.05, 0.0], [0.0, 1.0]], 1.05),
+        ([[1.0, 0.0], [0.0, 1.05]], 1.0 / 1.05),
+        ([[1.0032, 0.0], [0.0, 1.0]], 1.0032),  # 0.3 % is the least
+        ([[1.0028, 0.0], [0.0, 1.0]], None),
+        ([[1.05, 0.011], [0.0, 1.0]], 1.05),  # a quarter of 4.9 % along another direction is 1.2 %
+        ([[1.05, 0.014], [0.0, 1.0]], None),
+    ],
+)
+def test_a_stretch_along_rows_or_columns_is_a_ratio(linear, aspect) -> None:
+    told = Stretch(np.array(linear), Matches(*(np.zeros(0),) * 4), True).aspect
+    assert told == (None if aspect is None else pytest.approx(aspect, rel=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("share_fitted", "rms_share", "tried"),
+    [(0.4, 0.00151, True), (0.4, 0.00149, False), (0.24, 0.0004, True), (0.26, 0.0004, False), (0.51, 0.1, False)],
+)
+def test_ratios_are_tried_where_a_fit_has_few_of_the_stars_and_is_poor_or_very_few(
+    share_fitted, rms_share, tried
+) -> None:
+    """Fewer than a quarter of the stars, or than half of them and off by 0.15 % of the larger side."""
+    detections, matches, fit, catalogue = stretched(0.0)
+    inliers = np.arange(len(detections)) < round(share_fitted * len(detections))
+    poor = replace(fit, rms_px=rms_share * 1600, inliers=inliers)
+    looked_at = []
+
+    def grow(seen, found):
+        looked_at.append(seen.width)
+        return matches, poor
+
+    found = Identification(matches, CAMERA, fit.attitude, -30.0, "patterns")
+    fitted(grow, detections, found, catalogue, 2024.0)
+    widths = {max(2, round(1600 / aspect)) for aspect in ASPECTS}
+    assert (len(looked_at) > 1) is tried
+    assert not tried or widths <= set(looked_at)

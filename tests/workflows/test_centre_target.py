@@ -10,6 +10,7 @@ from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.simulate.mechanics.axis import GearErrors
 from kochab.workflows.centre_target import CentringEnd, centre_target
+from kochab.workflows.centring_corrections import Course
 from tests.workflows.mount_nights import SOUTH, bench, good, target_of, worn
 from tests.workflows.rig_mount import SILENT
 
@@ -50,6 +51,14 @@ def test_so_many_corrections_are_made_and_no_more(tries) -> None:
     assert result.end is CentringEnd.NOT_CONVERGING
     assert len(result.corrections) == tries
     assert f"after {tries} corrections" in result.sentence
+
+
+def test_five_corrections_are_made_unless_another_number_is_given(monkeypatch) -> None:
+    monkeypatch.setattr(Course, "no_better", property(lambda self: False))  # the other end of what helps no more
+    b = bench(worn(9))
+    result = centred(b, target_of(b, 25.0, 30.0), tolerance_arcsec=1e-3)
+    assert len(result.corrections) == 5
+    assert "after 5 corrections" in result.sentence
 
 
 def test_every_motion_is_in_the_guards_log() -> None:
