@@ -188,8 +188,7 @@ HEAD = """\
 
 `make resolve` wrote this on {day}: whether all packages that Kochab needs can be had without a compiler, and
 the oldest system for which they can. After **no** stand the packages without a wheel there in any version that Kochab
-accepts. Nothing was installed.
-"""
+accepts. Nothing was installed."""
 
 if __name__ == "__main__":
     text = page()
