@@ -74,7 +74,7 @@ wheels() { # what pyproject.toml asks for, in its lowest versions, and Kochab's 
     "$tools/bin/uv" pip compile -q "$checkout/pyproject.toml" "$root/win/above.txt" $for_windows \
       --resolution lowest-direct --no-annotate --no-header "${@:2}" -o "$root/win/$1"
   }
-  resolved product.txt --extra cameras --extra gamepad
+  resolved product.txt --extra ascom --extra cameras --extra gamepad
   resolved all.txt --extra test -c "$root/win/product.txt"
   # What only tests need stands apart, for it would be frozen into the installed program.
   grep -vxFf "$root/win/product.txt" "$root/win/all.txt" >"$root/win/tests.txt"

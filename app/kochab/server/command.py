@@ -41,7 +41,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         description="A worker keeps what solving needs loaded. While one runs, solve, identify, detect, find, chart and"
         " kochab -f hand their work to it and answer as without it, sooner; --no-worker keeps a command from it."
         " It serves nobody but you, and ends when idle. Linux only. With --nova it serves the API of"
-        " nova.astrometry.net instead, and a page to drop images on; with --api one of its own.",
+        " nova.astrometry.net instead, and a page to drop images on; with --api one of its own; with --ascom it lets"
+        " Alpaca programs, Kochab's mount view first, use a mount's ASCOM driver (Windows).",
     )
     parser.add_argument(
         "--nova", action="store_true", help="serve nova.astrometry.net's API and a page, on this computer"
@@ -53,10 +54,17 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "--mount", metavar="PORT[,DRIVER]", help="with --api: the mount whose position it tells; it moves none"
     )
     parser.add_argument(
+        "--ascom",
+        nargs="*",
+        metavar="DRIVER",
+        help="serve ASCOM telescope drivers on this computer (Windows), as ASCOM.Simulator.Telescope; without a name:"
+        " list them",
+    )
+    parser.add_argument(
         "--lan", action="store_true", help="with --nova or --api: to the local network too, unencrypted"
     )
     parser.add_argument(
-        "--port", type=_port, metavar="N", help=f"of --nova (default: {PORT}) or --api (default: {API_PORT})"
+        "--port", type=_port, metavar="N", help=f"of --nova (default: {PORT}), --api ({API_PORT}) or --ascom (11111)"
     )
     parser.add_argument(
         "--any-key", action="store_true", help="with --nova: take every key, of programs that have one built in"
@@ -88,9 +96,13 @@ def _minutes(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Start, or with ``--stop`` end the worker; 1 when there is none to end."""
+    if sum((args.nova, args.api, args.ascom is not None)) > 1:
+        raise UsageError("Start --nova, --api and --ascom one each.")
+    if args.ascom is not None:
+        if args.lan:
+            raise UsageError("--ascom is for this computer alone, not with --lan.")
+        return _serve_ascom(args.ascom, args.port)
     if args.nova or args.api:
-        if args.nova and args.api:
-            raise UsageError("Start --nova and --api one each.")
         if args.any_key and args.lan:
             raise UsageError("--any-key is for this computer alone, not with --lan.")
         serve = partial(_serve_nova, any_key=args.any_key) if args.nova else partial(_serve_api, mount=args.mount)
@@ -149,6 +161,31 @@ def _serve_api(host: str, port: int | None, new_key: bool, mount: str | None = N
         print(f"Address: {address}\nToken, as Authorization: Bearer TOKEN: {token}")
         print(f"Description for clients: {address}/openapi.json\nCtrl-C ends it.", flush=True)
         _wait()
+    return 0
+
+
+def _serve_ascom(names: list[str], port: int | None) -> int:
+    """The same for ASCOM drivers; without ``names`` those that are installed are listed, 1 where there are none."""
+    if sys.platform != "win32":
+        raise UsageError("ASCOM drivers run on Windows. Here a mount is reached directly, over INDI or Alpaca.")
+    from kochab.server.ascom import PORT as ASCOM_PORT
+    from kochab.server.ascom import AscomBridge, ComDriver, installed
+
+    if not names:
+        for name, title in (found := installed()):
+            print(f"{name}  {title}")
+        if not found:
+            print("No ASCOM telescope driver is installed.", file=sys.stderr)
+        return 0 if found else 1
+    bridge = AscomBridge([ComDriver(name) for name in names])
+    try:
+        with _serving(bridge.answer, LOOPBACK[0], port or ASCOM_PORT) as address:
+            for n, name in enumerate(names):
+                print(f"{name}: as mount choose ASCOM Alpaca server, {address.removeprefix('http://')}/{n}")
+            print("Ctrl-C ends it.", flush=True)
+            _wait()
+    finally:
+        bridge.close()
     return 0
 
 

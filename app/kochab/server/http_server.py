@@ -6,6 +6,7 @@ Nothing is served from files by name: what is asked for goes to one function as 
 """
 
 import re
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -88,6 +89,8 @@ class HttpServer:
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
     request_queue_size = MOST_AT_ONCE
+    # On Windows it would let two programs listen at one port, each with half of what comes.
+    allow_reuse_address = sys.platform != "win32"
 
     def __init__(self, address: tuple[str, int], answer: Answer) -> None:
         super().__init__(address, _Handler)

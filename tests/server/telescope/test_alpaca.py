@@ -48,6 +48,12 @@ def ask(device, method, path, body=None, kind="application/x-www-form-urlencoded
         line.close()
 
 
+def test_a_post_which_a_web_page_elsewhere_may_send_is_refused(device) -> None:
+    status, _ = ask(device, "POST", "/api/v1/telescope/0/connect", b"")
+    assert status == 405
+    assert json.loads(ask(device, "GET", "/api/v1/telescope/0/connected")[1])["Value"] is False
+
+
 def test_it_is_found_and_described(offered, told) -> None:
     served = AlpacaTelescope(offered, "127.0.0.1", 0)
     try:

@@ -7,7 +7,6 @@ error numbers and which parameters a method takes are those of their published t
 """
 
 import json
-import math
 import socket
 import threading
 import time
@@ -22,6 +21,21 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import KochabError
 from kochab.core.mount import Epoch, Pointing
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
+from kochab.server.alpaca_words import (
+    ACTION_NOT_IMPLEMENTED,
+    INVALID_OPERATION,
+    INVALID_VALUE,
+    NOT_CONNECTED,
+    NOT_IMPLEMENTED,
+    VALUE_NOT_SET,
+    BadRequest,
+    Fault,
+    Json,
+    envelope,
+    number,
+    truth,
+    whole,
+)
 from kochab.server.http_server import HttpServer, Request, Response
 from kochab.server.telescope.listening import Ports
 from kochab.sky.horizon import NO_AIR, Horizon, sidereal_deg
@@ -31,10 +45,7 @@ from kochab.workflows.telescope.offered import OfferedTelescope, Seen
 PORT, DISCOVERY_PORT = 11111, 32227
 DISCOVERY = b"alpacadiscovery1"
 WHO = "Alpaca"
-NOT_IMPLEMENTED, INVALID_VALUE, VALUE_NOT_SET, NOT_CONNECTED = 0x400, 0x401, 0x402, 0x407
-INVALID_OPERATION, ACTION_NOT_IMPLEMENTED = 0x40B, 0x40C
 VERDICT_S, SLEW_S = 8.0, 600.0
-Json = dict[str, Any]
 
 CONSTANT: Mapping[str, Any] = {
     "alignmentmode": 1,
@@ -81,18 +92,6 @@ ANYTIME = frozenset({"connect", "connected", "connecting", "disconnect", "descri
 STATE = ("Altitude", "AtHome", "AtPark", "Azimuth", "Declination", "IsPulseGuiding", "RightAscension", "SideOfPier",
          "SiderealTime", "Slewing", "Tracking", "UTCDate")  # fmt: skip
 """The operational properties of a telescope; ``DeviceState`` tells those that there are, under these names."""
-
-
-class Fault(Exception):  # noqa: N818 (an answer of the protocol)
-    """An ASCOM error: its number and its sentence."""
-
-    def __init__(self, number: int, sentence: str) -> None:
-        super().__init__(sentence)
-        self.number = number
-
-
-class BadRequest(Exception):  # noqa: N818 (an answer of the protocol)
-    """What makes no sense at all, which Alpaca answers with HTTP 400."""
 
 
 def listen(ports: Ports, port: int) -> int:
@@ -155,7 +154,9 @@ class AlpacaTelescope:
     # -- HTTP --------------------------------------------------------------------------------------
 
     def answer(self, request: Request) -> Response:
-        """The answer to any request."""
+        """The answer to any request; what a page elsewhere could send without asking (POST) does nothing."""
+        if request.method not in ("GET", "PUT"):
+            return Response(b"GET or PUT.\n", "text/plain", HTTPStatus.METHOD_NOT_ALLOWED, allow="GET, PUT")
         parts = request.path.strip("/").split("/")
         given = request.form if request.method == "PUT" else {name.lower(): v for name, v in request.query.items()}
         try:
@@ -188,7 +189,7 @@ class AlpacaTelescope:
 
     def _device(self, method: str, name: str, given: Mapping[str, str]) -> Response:
         """One member of the interface; a fault of the device is an answer too."""
-        _whole(given, "ClientID" if method == "PUT" else "clientid")
+        whole(given, "ClientID" if method == "PUT" else "clientid")
         try:
             if name not in ANYTIME and not self._connected:
                 raise Fault(NOT_CONNECTED, "Not connected.")
@@ -200,16 +201,7 @@ class AlpacaTelescope:
         return self._json(given, value)
 
     def _json(self, given: Mapping[str, str], value: Any, fault: Fault | None = None) -> Response:
-        name = "ClientTransactionID"
-        body: Json = {
-            name: _whole(given, name if name in given else name.lower()),
-            "ServerTransactionID": next(self._numbers) % 2**32,
-            "ErrorNumber": 0 if fault is None else fault.number,
-            "ErrorMessage": "" if fault is None else str(fault),
-        }
-        if value is not None:
-            body["Value"] = value
-        return Response(json.dumps(body).encode())
+        return envelope(given, next(self._numbers), value, fault)
 
     # -- ITelescopeV4 ------------------------------------------------------------------------------
 
@@ -221,11 +213,11 @@ class AlpacaTelescope:
         if name == "devicestate":
             return self._state()
         if name in ("axisrates", "canmoveaxis"):
-            if _whole(given, "axis", None) not in (0, 1, 2):
+            if whole(given, "axis", None) not in (0, 1, 2):
                 raise Fault(INVALID_VALUE, "Axis is 0, 1 or 2.")
             return [] if name == "axisrates" else False
         if name == "destinationsideofpier":
-            _number(given, "rightascension"), _number(given, "declination")
+            number(given, "rightascension"), number(given, "declination")
         if name in CONSTANT:
             return CONSTANT[name]
         if name in self._gets:
@@ -247,7 +239,7 @@ class AlpacaTelescope:
     def _put(self, name: str, given: Mapping[str, str]) -> Any:
         match name:
             case "connected":
-                return self._connect(_truth(given, "Connected"), given.get("ClientID", "0"))
+                return self._connect(truth(given, "Connected"), given.get("ClientID", "0"))
             case "connect" | "disconnect":
                 return self._connect(name == "connect", given.get("ClientID", "0"))
             case "action":
@@ -255,18 +247,18 @@ class AlpacaTelescope:
             case "abortslew":
                 return self._telescope.stop(WHO)
             case "targetrightascension":
-                return self._aim("targetrightascension", _number(given, "TargetRightAscension"), 0.0, 24.0)
+                return self._aim("targetrightascension", number(given, "TargetRightAscension"), 0.0, 24.0)
             case "targetdeclination":
-                return self._aim("targetdeclination", _number(given, "TargetDeclination"), -90.0, 90.0)
+                return self._aim("targetdeclination", number(given, "TargetDeclination"), -90.0, 90.0)
             case "slewtocoordinates" | "slewtocoordinatesasync" | "synctocoordinates":
-                ra, dec = _number(given, "RightAscension"), _number(given, "Declination")
+                ra, dec = number(given, "RightAscension"), number(given, "Declination")
                 self._aim("targetrightascension", ra, 0.0, 24.0)
                 self._aim("targetdeclination", dec, -90.0, 90.0)
                 return self._order(name)
             case "slewtotarget" | "slewtotargetasync" | "synctotarget":
                 return self._order(name)
             case "trackingrate":
-                if _number(given, "TrackingRate") != 0.0:
+                if number(given, "TrackingRate") != 0.0:
                     raise Fault(INVALID_VALUE, "Sidereal is the one rate.")
                 return None
         if name in ABSENT or name in self._gets:
@@ -327,33 +319,6 @@ class AlpacaTelescope:
     @property
     def _site(self) -> Any:
         return self._telescope.site
-
-
-def _whole(given: Mapping[str, str], name: str, absent: int | None = 0) -> int | None:
-    """A whole number of zero or more; BadRequest for anything else, and where one is missing that must be given."""
-    text = given.get(name)
-    if text is None and absent is not None:
-        return absent
-    if text is None or not text.isdecimal() or int(text[:12]) >= 2**32:
-        raise BadRequest(f"{name} is not a whole number.")
-    return int(text[:12])
-
-
-def _number(given: Mapping[str, str], name: str) -> float:
-    try:
-        value = float(given[name])
-    except (KeyError, ValueError):
-        raise BadRequest(f"{name} is not a number.") from None
-    if not math.isfinite(value):
-        raise BadRequest(f"{name} is not a number.")
-    return value
-
-
-def _truth(given: Mapping[str, str], name: str) -> bool:
-    text = given.get(name, "").lower()
-    if text not in ("true", "false"):
-        raise BadRequest(f"{name} is neither true nor false.")
-    return text == "true"
 
 
 class _Discovery:
