@@ -20,7 +20,9 @@ OF_QT = {"", "Scroll Left", "Scroll Right", "Close", "Float"}
 
 
 def nodes(top, within=None):
-    """All nodes below, and the role of what holds each."""
+    """All nodes below, and the role of what holds each; none of a program that is too busy to answer now."""
+    if top is None:
+        return
     for place in range(top.get_child_count()):
         node = top.get_child_at_index(place)
         if node is not None:
