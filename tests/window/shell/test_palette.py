@@ -48,6 +48,16 @@ def test_one_letter_lists_the_frame_the_sky_and_commands(qtbot, palette):
     assert keys["Alt/Az grid"] == "A"
 
 
+@pytest.mark.parametrize(
+    ("text", "title", "detail"),
+    [("horologium dw", "Horologium Dwarf Galaxy", "PGC 14225"), ("large mag", "Large Magellanic Cloud", "ESO 56-115")],
+)
+def test_what_people_say_comes_before_a_number_that_nobody_does(qtbot, palette, text, title, detail):
+    box, _ = palette
+    qtbot.keyClicks(box.field, text)
+    assert (box.chosen.title, box.chosen.detail.split(" · ")[0]) == (title, detail)
+
+
 def test_enter_runs_a_command_and_the_arrows_choose(qtbot, palette):
     box, commands = palette
     grid = commands.actions["grid"]

@@ -14,6 +14,7 @@ from kochab.sky.completion import Completion
 from kochab.sky.finder import Found, spelled
 from kochab.sky.horizon import Horizon
 from kochab.sky.kinds import kind_in_words
+from kochab.sky.names import UNSAID
 from kochab.sky.solar_system import Body
 from kochab.text.angle_text import angle_text
 from kochab.text.translation import number, tr, tr_noop
@@ -79,6 +80,8 @@ class Surroundings:
         numbered = any(letter.isdigit() for letter in title)
         if common and numbered and found.kind != "position":  # as people say it, its number after it
             title, common = common, title
+        elif also and title.startswith(UNSAID):
+            title, also = also, title
         size = angle_text(max(found.size_arcmin) / 60.0) if found.size_arcmin else ""
         band = tr("mag") if found.band in ("", "?") else found.band
         mag = f"{band} {number(found.magnitude, '.1f')}" if math.isfinite(found.magnitude) else ""
