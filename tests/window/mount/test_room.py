@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QColor
+from PySide6.QtCore import QPoint, QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QImage, QPainter
 from PySide6.QtWidgets import QApplication
 
 from kochab.core.attitude import apart_deg, radec_deg, separation_deg, unit_vectors
@@ -18,7 +18,7 @@ from kochab.gear.mounts.motion_plan import Limits
 from kochab.window.atlas.chart import StarChart
 from kochab.window.devices.mount_status import mount_status_text
 from kochab.window.image.thumbnails import reduced
-from kochab.window.mount.sky_overlay import LocalSky, MountMarks, flat
+from kochab.window.mount.sky_overlay import LocalSky, MountMarks, flat, name_mark
 from kochab.window.themes import theme_colours
 from kochab.workflows.solve_frame import SolvedFrame
 from kochab.workflows.target_tonight import target_tonight, tonight_text
@@ -281,6 +281,24 @@ def test_what_is_below_the_limit_is_under_the_hill_wherever_the_chart_looks(qtbo
                     assert (seen.green() > seen.red() + ground.green() - ground.red() - 6) is bool(altitude < 5.0), (
                         altitude, x, y, seen.getRgb(),
                     )  # fmt: skip
+
+
+def test_a_marks_name_stands_where_no_other_is(qtbot):
+    """ "old sky: 2.8 arcsec off" lay over the name of M 44."""
+    chart = StarChart()
+    qtbot.addWidget(chart)
+    chart.resize(500, 400)
+    picture, mark = QImage(500, 400, QImage.Format.Format_RGB32), QPointF(250.0, 200.0)
+    painter = QPainter(picture)
+    brush, colour = chart.brush(painter), "#ffffff"
+    upper = QRectF(255.0, 175.0, 100.0, 20.0)
+    for taken, side in (([], (1, -1)), ([upper], (1, 1)), ([QRectF(255.0, 150.0, 200.0, 80.0)], (-1, -1))):
+        before = list(taken)
+        name_mark(brush, mark, "sky: 3 off", colour, taken)
+        offset = taken[-1].center() - mark
+        assert (np.sign(offset.x()), np.sign(offset.y() + 4.0)) == side
+        assert not any(taken[-1].intersects(other) for other in before)
+    painter.end()
 
 
 @pytest.mark.parametrize("radec", [(83.82, -5.39), (279.23, 38.78), (10.68, 41.27), (201.3, -11.16)])

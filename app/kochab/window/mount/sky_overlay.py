@@ -24,6 +24,7 @@ from kochab.window.themes import Colours, theme_colours, translucent
 STEP_DEG = 1.0  # of azimuth along the hill, and of altitude along the meridian
 FRESH_S = 20.0  # the sky turns by 5 arcmin meanwhile
 RING_PX, DOT_PX = 13.0, 4.5
+ASIDE_PX, UPPER, LOWER = 21.0, -10.0, 16.0  # of a mark's name from its middle: to its side, and its base line below
 FARTHEST = 300.0  # from the middle of the chart, in focal lengths: the place opposite has none
 WAY_POINTS = 65
 LABEL_LETTERS = 20  # of the longest name of a mark
@@ -160,6 +161,7 @@ class MountMarks:
         """The way, the target, the ring and the dot."""
         colours, brush = theme_colours(), chart.brush(painter)
         ring, dot, goal = (_place(chart, at) for at in (self.mount, self.solved, self.target))
+        taken = [QRectF(*label.box) for label in chart.overlay.labels]
         if self.slewing and self.mount is not None and self.target is not None:
             painter.setPen(QPen(QColor(colours.way), 2.0, Qt.PenStyle.DashLine))
             way = flat(chart, _between(self.mount, self.target))
@@ -168,19 +170,19 @@ class MountMarks:
         if goal is not None and (ring is None or apart.manhattanLength() > 2.0 * RING_PX):  # else the ring says it
             brush.pen(colours.way, 2.0)
             cross(brush, goal.x(), goal.y(), 5.0, 14.0)
-            _write(brush, goal + QPointF(18.0, -8.0), self.target_text, colours.way)
+            name_mark(brush, goal, self.target_text, colours.way, taken)
         if dot is not None:
             painter.setPen(QPen(QColor(colours.halo), 1.0))
             painter.setBrush(translucent(colours.solved, 110 if self.is_old else 255))
             painter.drawEllipse(dot, DOT_PX, DOT_PX)
             text = tr("sky: {offset}", offset=self.offset_text)
             text = tr("old {place}", place=text) if self.is_old else text
-            _write(brush, dot + QPointF(RING_PX + 8.0, -10.0), text, colours.solved)
+            name_mark(brush, dot, text, colours.solved, taken)
         if ring is not None:
             for colour, width in ((colours.halo, 5.0), (colours.mount, 2.6)):
                 brush.pen(colour, width)
                 painter.drawEllipse(ring, RING_PX, RING_PX)
-            _write(brush, ring + QPointF(RING_PX + 8.0, 16.0), tr("mount"), colours.mount)
+            name_mark(brush, ring, tr("mount"), colours.mount, taken, (LOWER, UPPER))
 
 
 def flat(chart: StarChart, vectors: Floats) -> Floats:
@@ -209,6 +211,34 @@ def _between(start: Floats, end: Floats) -> Floats:
     if angle < 1e-6:
         return np.stack([start, end])
     return unit(np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end)
+
+
+def name_mark(
+    brush: Brush, mark: QPointF, text: str, colour: str, taken: list[QRectF], sides: tuple[float, ...] = (UPPER, LOWER)
+) -> None:
+    """Write beside a mark, to its right or left, where no other name is.
+
+    Parameters
+    ----------
+    brush : Brush
+        Of the chart.
+    mark : QPointF
+        The mark's middle.
+    text : str
+        The name.
+    colour : str
+        Of the name.
+    taken : list[QRectF]
+        The boxes of other names, to which this one is added.
+    sides : tuple[float, ...]
+        How far its base line is below the middle, px, the best first.
+    """
+    box, _ = brush.words(text, colour)
+    spots = [QPointF(across, down) for across in (ASIDE_PX, -ASIDE_PX - box.width()) for down in sides]
+    free = (at for at in spots if not any(box.translated(mark + at).intersects(other) for other in taken))
+    at = mark + next(free, spots[0])
+    taken.append(box.translated(at))
+    _write(brush, at, text, colour)
 
 
 def _write(brush: Brush, at: QPointF, text: str, colour: str) -> None:
