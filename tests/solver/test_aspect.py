@@ -190,3 +190,27 @@ def test_ratios_are_tried_where_a_fit_has_few_of_the_stars_and_is_poor_or_very_f
     widths = {max(2, round(1600 / aspect)) for aspect in ASPECTS}
     assert (len(looked_at) > 1) is tried
     assert not tried or widths <= set(looked_at)
+
+
+@pytest.mark.parametrize(
+    ("kept", "count", "rms_share", "taken"),
+    [(20, 17, 0.49, True), (20, 17, 0.51, False), (20, 15, 0.1, False), (10, 20, 3.0, True), (10, 19, 3.0, False)],
+)
+def test_a_ratio_is_taken_that_halves_residuals_and_keeps_four_stars_in_five_or_doubles_the_stars(
+    kept, count, rms_share, taken
+) -> None:
+    detections, matches, fit, catalogue = stretched(0.0)
+
+    def first(k):
+        return Matches(*(part[:k] for part in (matches.detection, matches.star, matches.xy, matches.vectors)))
+
+    poor = replace(fit, rms_px=3.0, inliers=np.arange(120) < 20)
+    other = replace(poor, rms_px=3.0 * rms_share)
+
+    def grow(seen, found):
+        return (first(kept), poor) if seen.width == 1600 else (first(count), other)
+
+    found = Identification(matches, CAMERA, fit.attitude, -30.0, "patterns")
+    answer, chosen, _ = fitted(grow, detections, found, catalogue, 2024.0)
+    assert (len(answer) == count) is taken
+    assert (chosen.camera.aspect != 1.0) is taken
