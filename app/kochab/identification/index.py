@@ -185,7 +185,7 @@ class ReadAhead:
         self._mapped = mapped
         self._row_bytes = row_bytes
         self._advised = np.zeros((len(mapped) >> AHEAD_BITS) + 1, dtype=bool)
-        if sys.platform != "win32":  # its own read-ahead brings the whole volume, 575 MB; a refusal needs 180
+        if sys.platform != "win32":  # its own read-ahead brings the whole volume, 347 MB; a refusal needs 180
             mapped.madvise(mmap.MADV_RANDOM)
 
     def tell(self, rows: Ints) -> None:
@@ -375,7 +375,7 @@ def _is_consistent(volume: Volume) -> bool:
 # ``fine`` serves smaller ones; it is several times as large, so it is made from the shipped
 # catalogue when first needed (:mod:`kochab.identification.index_build`) and kept in the user's cache.
 
-FORMAT = 2
+FORMAT = 3
 SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     # name: levels, nearest stars taken at each (rich, poor sky), cells of code space
     "wide": (range(9, 15), ((6, 6),) * 6, 16),
