@@ -61,7 +61,7 @@ def test_the_page_and_its_numbers(page):
     status, _, body = ask(page, urlsplit(page.url).path + "now.json")
     told = json.loads(body)
     assert told["altitude"] == "▼ lower 5.3′"
-    assert told["azimuth"] == "↻ clockwise 65″"
+    assert told["azimuth"] == "▶ clockwise 65″"
     assert told["words"].startswith("Altitude bolt")
     assert told["total_arcsec"] == pytest.approx(323.3, abs=1.0)
 

@@ -295,8 +295,8 @@ class Cure(NamedTuple):
 CURES = {  # of a negative and of a positive error
     Knob.ALTITUDE: (Cure("raise", "▲", tr_noop("raise the axis")), Cure("lower", "▼", tr_noop("lower the axis"))),
     Knob.AZIMUTH: (
-        Cure("clockwise", "↻", tr_noop("clockwise, seen from above")),
-        Cure("anticlockwise", "↺", tr_noop("anticlockwise, seen from above")),
+        Cure("clockwise", "▶", tr_noop("clockwise, seen from above")),
+        Cure("anticlockwise", "◀", tr_noop("anticlockwise, seen from above")),
     ),
 }
 

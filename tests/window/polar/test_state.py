@@ -119,8 +119,8 @@ def test_an_old_number_is_called_old():
 @pytest.mark.parametrize(
     ("altitude", "azimuth", "cures"),
     [
-        (60.0, 60.0, ("▼ lower the axis", "↺ anticlockwise, seen from above")),
-        (-60.0, -60.0, ("▲ raise the axis", "↻ clockwise, seen from above")),
+        (60.0, 60.0, ("▼ lower the axis", "◀ anticlockwise, seen from above")),
+        (-60.0, -60.0, ("▲ raise the axis", "▶ clockwise, seen from above")),
     ],
 )
 def test_cures_undo_the_error(altitude, azimuth, cures):

@@ -21,7 +21,6 @@ from kochab.workflows.session.alignment_state import AlignmentState
 
 NONE = "–"
 KNOBS = {Knob.ALTITUDE: tr_noop("Altitude"), Knob.AZIMUTH: tr_noop("Azimuth")}
-WAYS = {"raise": "▲", "lower": "▼", "clockwise": "▶", "anticlockwise": "◀"}
 TITLES = {
     (Knob.ALTITUDE, "now"): tr_noop("Altitude, now"),
     (Knob.ALTITUDE, "next"): tr_noop("Altitude, next"),
@@ -113,7 +112,7 @@ class KnobCard(QFrame):
         if standing == "done":
             return f"✓ {size}"
         # As the plot has it: a bolt may have to go anticlockwise for the axis to go clockwise.
-        return f"{WAYS[cure(error, self._knob).word]} {size}" if state.bolt_error is not None else size
+        return f"{cure(error, self._knob).sign} {size}" if state.bolt_error is not None else size
 
     def _words(self, state: AlignmentState, error: PolarError | None, standing: str) -> str:
         if error is None or standing == "done" or not state.tells(self._knob):
