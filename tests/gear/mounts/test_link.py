@@ -5,9 +5,10 @@ import socket
 import stat
 import threading
 from contextlib import nullcontext, suppress
+from itertools import count
 
 import pytest
-from serial import SerialTimeoutException
+from serial import SerialException, SerialTimeoutException
 
 from kochab.core.errors import LineLostError, NoAnswerError, PortError
 from kochab.gear.mounts import open_mount, serial_line
@@ -51,6 +52,33 @@ def test_silence_and_half_an_answer_are_told_apart(ends) -> None:
     with pytest.raises(NoAnswerError, match="never ends its reply"):
         link.read_until(b"#", 16, 1.0)
     link.close()
+
+
+def test_wine_s_time_out_is_silence_not_a_lost_line(ends, monkeypatch) -> None:
+    """Seen under Wine 10 on a COM port that leads to a pseudo-terminal; Windows' own read returns nothing there."""
+    state, port = ends
+    link = SerialLink(port)
+    read, empty = link._serial.read, iter(range(2))
+
+    def wine_s(number):
+        if next(empty, None) is not None:
+            raise SerialException("GetOverlappedResult failed (OSError(22, 'Timeout.', None, 1460))")
+        return read(number)
+
+    monkeypatch.setattr(link._serial, "read", wine_s)
+    os.write(state["master"], b"1")
+    assert link.read_exact(1, 5.0) == b"1"
+    empty = count()
+    with pytest.raises(NoAnswerError, match=r"did not answer within 0\.2 s"):
+        link.read_exact(1, 0.2)
+    monkeypatch.setattr(link._serial, "read", lambda number: pulled())
+    with pytest.raises(LineLostError):
+        link.read_exact(1, 0.2)
+    link.close()
+
+
+def pulled():
+    raise SerialException("GetOverlappedResult failed (OSError(22, 'Access is denied.', None, 5))")
 
 
 def test_stale_bytes_are_thrown_away_until_the_line_is_quiet(ends) -> None:

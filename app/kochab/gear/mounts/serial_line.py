@@ -190,7 +190,7 @@ class SerialLink:
         stale, quiet_since = bytearray(), monotonic()
         end = quiet_since + 2.0
         while self._guarded(lambda: self._serial.in_waiting) or (quiet_s > 0.0 and monotonic() - quiet_since < quiet_s):
-            piece = self._guarded(lambda: self._serial.read(1))
+            piece = self._guarded(self._byte)
             if piece:
                 stale += piece
                 quiet_since = monotonic()
@@ -209,7 +209,7 @@ class SerialLink:
         end = monotonic() + timeout_s
         while not complete(got):
             # One byte at a time: a longer read would sit out its whole time slice for bytes that never come.
-            got += self._guarded(lambda: self._serial.read(1))
+            got += self._guarded(self._byte)
             if monotonic() > end and not complete(got):
                 if got:
                     raise NoAnswerError(
@@ -219,6 +219,17 @@ class SerialLink:
                     "The device on {port} did not answer within {timeout:g} s.", port=self.port, timeout=timeout_s
                 )
         return bytes(got)
+
+    def _byte(self) -> bytes:
+        """The next byte; none within a time slice is no loss."""
+        try:
+            piece: bytes = self._serial.read(1)
+        except OSError as error:
+            # Windows returns nothing there, Wine its ERROR_TIMEOUT, of which pyserial keeps the number in a text.
+            if "1460" not in str(error):
+                raise
+            return b""
+        return piece
 
     def _guarded(self, action: Callable[[], T]) -> T:
         """Run ``action``; `LineLostError` for whatever an open line raises when it breaks."""
