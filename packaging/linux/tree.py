@@ -143,6 +143,28 @@ NEVER_CALLED = {
         *("PySide6/Qt/lib/libQt6OpenGL.so*", "PySide6/Qt/lib/libQt6OpenGLWidgets.so*"),
     ),
     "SciPy's linear programs": ("scipy/optimize/_highspy/_core.*.so", "scipy/optimize/_highspy/_highs_options.*.so"),
+    # On arm64 each module fills pages of 64 kB, so that small ones count.
+    "SciPy's eigenvalues of sparse matrices, hulls, distances, old integrators and other minimizers": (
+        *(f"scipy/sparse/linalg/{name}.*.so" for name in ("_eigen/arpack/_arpacklib", "_propack")),
+        *(f"scipy/linalg/{name}.*.so" for name in ("_decomp_interpolative", "_solve_toeplitz")),
+        *(f"scipy/linalg/_matfuncs_{name}.*.so" for name in ("expm", "schur_sqrtm", "sqrtm_triu")),
+        *(
+            f"scipy/spatial/{name}.*.so"
+            for name in ("_qhull", "_distance_pybind", "_distance_wrap", "_hausdorff", "_voronoi")
+        ),
+        *(
+            f"scipy/optimize/{name}.*.so"
+            for name in ("_slsqplib", "_lbfgsb", "_trlib/_trlib", "_moduleTNC", "_bglu_dense")
+        ),
+        *(f"scipy/optimize/{name}.*.so" for name in ("_pava_pybind", "_group_columns", "_direct")),
+        *(f"scipy/integrate/{name}.*.so" for name in ("_vode", "_odepack", "_lsoda", "_quadpack", "_dop")),
+        *(f"scipy/interpolate/{name}.*.so" for name in ("_interpnd", "_rbfinterp_pythran", "_rgi_cython")),
+    ),
+    "Pillow's colour profiles, morphology and Tk": (
+        "PIL/_imagingcms.*.so",
+        "PIL/_imagingmorph.*.so",
+        "PIL/_imagingtk.*.so",
+    ),
 }
 ABSENT = """
 class _Names(type):

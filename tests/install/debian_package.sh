@@ -18,7 +18,7 @@ failed=0
 # An emulated machine is thirty times slower: what it does is tried, not its speed.
 patience=30 appears=80 drawn=12
 [ "$arch" = "$(dpkg --print-architecture)" ] || patience=900 appears=900 drawn=180
-display=:86
+display=:$((100 + $$ % 400))  # two of these may run side by side
 Xvfb "$display" -screen 0 1280x800x24 >/dev/null 2>&1 &
 screen=$!
 trap 'kill $screen' EXIT
