@@ -78,7 +78,7 @@ def test_a_turn_further_than_the_last_answers_hint_is_not_looked_for_there_for_e
 
 
 def test_a_frame_of_a_field_that_was_solved_before_waits_for_no_index(rig, monkeypatch):
-    """A trailed frame held up the first alignment of an installation for a minute, until small fields could be asked."""
+    """The first after a turn held up the first alignment of an installation for a minute, until small fields were there."""
     source, waited = CameraSightings(SimulatedCamera(rig)), []
 
     def waits(frame, options):
@@ -97,6 +97,7 @@ def test_a_frame_of_a_field_that_was_solved_before_waits_for_no_index(rig, monke
     assert [step.stage for step in told] == ["wait for a frame", "detect"]
     assert waited == [True]
     assert isinstance(source._last, Solution)
+    assert source._near(dark(WHEN)).hint.centre_deg is None, "the axis may have been turned further than that"
     monkeypatch.undo()
     assert isinstance(run(source.sight()), Sighting)
 

@@ -183,9 +183,10 @@ class CameraSightings:
             return None
         moment = self._time_of(frame)
         task = solve_open_frame(frame, self._near(frame))
-        # Of a field that was solved before, a trailed frame has no use for the index of small fields.
+        # Of a field that was solved before, a frame that is trailed or elsewhere has no use for the index of small fields.
         solved = yield from (task if self._last is None else without_preparing(task))
         if solved is None:
+            self._near_last = False  # an axis may have been turned further than that
             self._seen(frame, None)
             return None
         self._seen(frame, None if isinstance(solved.result, NoSolution) else solved.result)
