@@ -183,7 +183,7 @@ class CameraSightings:
             return None
         moment = self._time_of(frame)
         task = solve_open_frame(frame, self._near(frame))
-        # Of a field that was solved before, a frame that is trailed or elsewhere has no use for the index of small fields.
+        # Once its field was solved, a frame that is trailed or elsewhere has no use for the index of small fields.
         solved = yield from (task if self._last is None else without_preparing(task))
         if solved is None:
             self._near_last = False  # an axis may have been turned further than that
