@@ -36,15 +36,41 @@ def runtime(monkeypatch):
     shutil.rmtree(folder)
 
 
-@pytest.fixture
-def worker(runtime):
+@contextlib.contextmanager
+def served(environment=None):
     """A worker's process, started as a person starts it."""
-    process = subprocess.Popen([*KOCHAB, "serve"], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*KOCHAB, "serve"], stdout=subprocess.PIPE, text=True, env=environment)
     assert "ready" in process.stdout.readline()
     yield process
     process.terminate()
     process.wait(20)
     process.stdout.close()
+
+
+@pytest.fixture
+def worker(runtime):
+    """A worker of this test alone."""
+    with served() as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def lasting():
+    """A worker that outlives a test, and its runtime folder: each start costs 0.7 s of processor."""
+    with tempfile.TemporaryDirectory(prefix="kochab-") as folder:
+        others = {name: value for name, value in os.environ.items() if name != "KOCHAB_CONFIG"}
+        with served(others | {"XDG_RUNTIME_DIR": folder}) as process:
+            yield process, folder
+
+
+@pytest.fixture
+def shared_worker(lasting, monkeypatch):
+    """That one, for a test that leaves it as it was."""
+    process, folder = lasting
+    monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+    monkeypatch.delenv("KOCHAB_CONFIG", raising=False)
+    yield process
+    assert process.poll() is None
 
 
 def command(*arguments, **more):
@@ -118,7 +144,7 @@ class Listener:
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("arguments", [["--json"], [], ["--json", "--workers", "2"]])
-def test_real_frames_give_the_same_bytes_and_code(worker, shared_frames, arguments):
+def test_real_frames_give_the_same_bytes_and_code(shared_worker, shared_frames, arguments):
     frames = sorted(path.name for path in shared_frames.iterdir() if path.suffix not in (".json", ".md"))
     asked = ["solve", *frames[:: 11 if arguments == ["--json"] else 33], *arguments]
     with_worker = command(*asked, cwd=shared_frames)
@@ -139,13 +165,13 @@ def test_real_frames_give_the_same_bytes_and_code(worker, shared_frames, argumen
         (["solve", SAMPLES / "orion.png", "--timeout", "0.000001"], 1),
     ],
 )
-def test_other_ends_are_the_same_too(worker, tmp_path, asked, code):
+def test_other_ends_are_the_same_too(shared_worker, tmp_path, asked, code):
     done = command(*asked, cwd=tmp_path)
     assert done[2] == code
     assert done == command(*asked, "--no-worker", cwd=tmp_path)
 
 
-def test_a_command_is_done_by_the_worker_and_as_its_own_process_would(worker, tmp_path, monkeypatch):
+def test_a_command_is_done_by_the_worker_and_as_its_own_process_would(shared_worker, tmp_path, monkeypatch):
     """Its folder, umask, variables and input are the command's, not the worker's."""
     shutil.copy(SAMPLES / "orion.png", tmp_path / "a.png")
     monkeypatch.setenv("COLUMNS", "50")
@@ -160,7 +186,7 @@ def test_a_command_is_done_by_the_worker_and_as_its_own_process_would(worker, tm
     assert max(map(len, wide[0].splitlines())) <= 50
 
 
-def test_the_command_itself_loads_nothing_heavy(worker):
+def test_the_command_itself_loads_nothing_heavy(shared_worker):
     """That is the whole point: the libraries are the worker's."""
     code = (
         "import sys; sys.argv[1:] = sys.argv[1:]\n"
@@ -176,7 +202,7 @@ def test_the_command_itself_loads_nothing_heavy(worker):
     assert "centre" in done.stdout
 
 
-def test_its_place_is_closed_to_others(worker):
+def test_its_place_is_closed_to_others(shared_worker):
     path = Path(hand_over.place().path)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
@@ -240,7 +266,7 @@ def test_the_command_goes_on_when_the_worker_is_killed(worker, tmp_path):
 
 
 @pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", bytes(200), MAGIC + b"\xff\xff\xff\xff", MAGIC])
-def test_garbage_harms_nobody(worker, garbage):
+def test_garbage_harms_nobody(shared_worker, garbage):
     path = hand_over.place().path
     with socket.socket(socket.AF_UNIX) as rude:
         rude.connect(path)
@@ -255,7 +281,7 @@ def test_garbage_harms_nobody(worker, garbage):
         socket.send_fds(rude, [MAGIC + len(body).to_bytes(4, "big") + body], [0, 1, 2, 0])
         rude.settimeout(20)
         assert rude.recv(100) == b""
-    assert worker.poll() is None
+    assert shared_worker.poll() is None
     assert command("solve", SAMPLES / "orion.png")[2] == 0
 
 
