@@ -94,7 +94,7 @@ DROPPED: Mapping[str, tuple[str, ...]] = {
     "lists of the packages' files": ("*.dist-info/RECORD", "*.dist-info/sboms/*"),
     "SDL's sound, fonts and pictures": tuple(f"sdl2dll/dll/*{name}*" for name in ("ttf", "mixer", "image", "gfx")),
     "Qt's software OpenGL": ("*opengl32sw.dll",),
-    "NumPy's tools for Fortran and its tests' SIMD": ("numpy/distutils/*", "numpy/f2py/*", "numpy/_core/_simd.*"),
+    "NumPy's tools for Fortran and its tests' SIMD": ("numpy/distutils/*", "numpy/_core/_simd.*"),
     "SciPy's functions for Cython and zstandard for PyPy": (
         *("scipy/special/cython_special.*", "zstandard/_cffi.*", "zstandard/backend_cffi.*"),
     ),

@@ -33,7 +33,7 @@ base() { # SUITE: Debian, Python and make, and this machine's way to its package
 fresh() { # SUITE CASE: a copy of the base with the checkout; its path
   local root=$folder/$1-$2
   release "$root"
-  rm -rf "$root"
+  rm -rf --one-file-system "$root"  # never into a /dev that is still busy
   cp -a "$folder/$1-base" "$root"
   mkdir -p "$root/home/ann/kochab" "$root/tmp/.X11-unix"
   git -C "$checkout" archive HEAD | tar x -C "$root/home/ann/kochab"
@@ -57,10 +57,10 @@ says() { # CASE WHETHER: one line, and what the case printed where it failed
 
 opens() { # CASE ROOT USER: `make run` opens a window that stays
   log=$folder/${1// /-}.log
-  inside "$2" "$3" "timeout -k 5 400 make run & make=\$!
-    for i in \$(seq 380); do sleep 1; [ -e /tmp/shown ] && break; kill -0 \$make || break; done; kill \$make; [ -e /tmp/shown ]" >"$log" &
-  local running=$! shown=1 second
-  for second in $(seq 390); do
+  inside "$2" "$3" "timeout -k 5 1500 make run & make=\$!
+    for i in \$(seq 1480); do sleep 1; [ -e /tmp/shown ] && break; kill -0 \$make || break; done; kill \$make; [ -e /tmp/shown ]" >"$log" &
+  local running=$! shown=1 begun=$SECONDS second
+  while [ $((second = SECONDS - begun)) -lt 1490 ]; do
     kill -0 $running 2>/dev/null || break
     if DISPLAY=$display xdotool search --onlyvisible --name Kochab >/dev/null 2>&1; then
       sleep 3

@@ -79,6 +79,11 @@ for suite in "$@"; do
   inside ann "kochab solve orion.png pleiades.fits big-dipper.jpg --json --workers 2 --timeout $patience; echo exit \$?" >"$log"
   [ "$(grep -c '"solved": true' "$log")" = 3 ] && grep -q 'exit 0' "$log"
   says "$suite $arch: solves three samples" $? "$log"
+  # What the three do not load: each method and detector, photutils' among them, and the bodies of the Solar System.
+  log=$folder/$suite-$arch-methods.log
+  inside ann "kochab solve --methods && kochab find M31 67P && kochab chart 'M 31' m31.pdf; echo exit \$?" >"$log"
+  grep -q 'exit 0' "$log" && ! grep -q "cannot be loaded" "$log" && grep -q "detector daostarfinder\|needs photutils" "$log"
+  says "$suite $arch: every method and detector loads, finds a comet, prints a chart" $? "$log"
   kib=$(inside ann "cat >most.py && /usr/lib/kochab/bin/python3 most.py kochab solve orion.png" <<'PY' | tail -1
 import resource, subprocess, sys
 subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, check=True)
@@ -113,7 +118,7 @@ PY
     done
     sleep $drawn
     DISPLAY=$display import -window root "$folder/$suite-$arch-window.png"
-    DISPLAY=$display xdotool search --onlyvisible --name "orion" windowquit 2>/dev/null
+    DISPLAY=$display xdotool search --onlyvisible --name "orion" windowkill 2>/dev/null
     wait $!
     says "$suite $arch: opens a frame in its window after $second s" $shown "$folder/$suite-$arch-window.log"
   fi
