@@ -9,6 +9,7 @@ import pytest
 from astropy.coordinates import CIRS, ICRS, AltAz, EarthLocation, SkyCoord
 from astropy.time import Time
 from astropy.units import deg
+from PySide6.QtCore import QRectF
 
 from kochab.core.attitude import angle_between as separation
 from kochab.core.frame import Frame
@@ -237,6 +238,21 @@ def test_before_the_first_frame_the_sky_around_the_pole_is_shown_as_one_sees_it(
     assert abs(tilt_deg) < 0.5
     free = sky.mapTo(view.room, sky.rect().center())
     assert not (view.room.over.geometry() | view.room.first.geometry()).contains(free)
+
+
+def test_no_name_of_the_pole_s_sky_is_cut_by_the_edge_of_the_room(polar, qtbot):
+    """The chart is wider than the room, so that its middle is the pole: "CAMELOPARDALIS" ended in the panel beside it."""
+    commands, view = polar()
+    commands.window.resize(1366, 768)
+    sky = view.room.sky
+    qtbot.waitUntil(lambda: len(sky.overlay.labels) > 8)
+    cut = []
+    for label in sky.overlay.labels:
+        x, y, width, height = label.box
+        box = QRectF(x, y, width, height).translated(sky.pos().toPointF())
+        cut += [] if QRectF(view.room.rect()).contains(box) else [label.text]
+    assert sky.width() > view.room.width()
+    assert cut == []
 
 
 def test_a_frame_takes_the_place_of_the_pole_s_sky(polar, qtbot):

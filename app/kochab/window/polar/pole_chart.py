@@ -74,7 +74,16 @@ class PoleChart(StarChart):
         mark = QRect(middle, middle).adjusted(-aside, -reach, aside, reach + 2 * font.height())
         shown = mark.adjusted(0, 0, 0, -font.height())
         self._marked = room.contains(shown) and not (shown.intersects(cards) or shown.intersects(bar))
-        self.overlay.covered[:] = [box.translated(-self.pos()) for box in (cards, bar, mark)]
+        # Of the chart only the room is seen: a name that reached over its edges would be cut.
+        all_of_it, right, low = self.geometry(), room.topRight() + QPoint(1, 0), room.bottomLeft() + QPoint(0, 1)
+        edges = (
+            QRect(all_of_it.topLeft(), room.bottomLeft() - QPoint(1, 0)),
+            QRect(all_of_it.topLeft(), room.topRight() - QPoint(0, 1)),
+            QRect(right, all_of_it.bottomRight()),
+            QRect(low, all_of_it.bottomRight()),
+        )
+        covered = [cards, bar, mark, *(edge for edge in edges if edge.isValid())]
+        self.overlay.covered[:] = [box.translated(-self.pos()) for box in covered]
 
     @property
     def _name(self) -> str:
