@@ -124,6 +124,15 @@ class Horizon:
         return float(altitude), float(np.degrees(np.arctan2(east, north)) % 360.0)
 
 
+def air_masses(altitude_deg: Floats) -> Floats:
+    """Air masses (N,) at geometric altitudes (N,), degrees; 38 at the horizon and below.
+
+    Kasten and Young (1989), Applied Optics 28, 4735.
+    """
+    h = np.maximum(altitude_deg, 0.0)
+    return np.asarray(1.0 / (np.sin(np.radians(h)) + 0.50572 * (h + 6.07995) ** -1.6364))
+
+
 def observed_at(site: Site, refraction: Refraction, hour_rad: Floats, declination_rad: Floats) -> Floats:
     """Directions (N, 3) in east, north, up, refracted.
 

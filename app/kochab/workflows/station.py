@@ -25,7 +25,7 @@ from kochab.detection.star_fit import FWHM_PER_SIGMA
 from kochab.detection.windows import look
 from kochab.frames import reading
 from kochab.sky import open_catalogue
-from kochab.sky.horizon import Horizon, sun_altitude_deg
+from kochab.sky.horizon import Horizon, air_masses, sun_altitude_deg
 from kochab.solver import SolveOptions
 from kochab.solver.fixed_camera import FixedCamera, StarsOfFrame, azimuth_altitude_deg, calibrated, directions_of
 from kochab.solver.matches import without_companions
@@ -164,7 +164,7 @@ def sightings(camera: FixedCamera, frame: Frame, detections: Detections, horizon
     azimuth, altitude = azimuth_altitude_deg(directions)
     xy = camera.pixels(directions)
     there = np.flatnonzero((altitude > 0.0) & np.isfinite(xy[:, 0]))
-    mag = np.asarray(catalogue.mag(rows), dtype=np.float64) + EXTINCTION_MAG * (_air_masses(altitude) - 1.0)
+    mag = np.asarray(catalogue.mag(rows), dtype=np.float64) + EXTINCTION_MAG * (air_masses(altitude) - 1.0)
     reach = float(np.clip(4.0 * np.hypot(camera.rms_px, camera.model_px), NEAREST_PX, FARTHEST_PX))
     order = there[np.argsort(mag[there], kind="stable")]
     order = order[without_companions(xy[order], 3.0 * reach)]  # beside a brighter one a star is hard to tell
@@ -181,12 +181,6 @@ def sightings(camera: FixedCamera, frame: Frame, detections: Detections, horizon
         _lit(frame, xy, reach, width_px),
         float(_lit(frame, beside, reach, width_px).mean()) if len(xy) else 0.0,
     )
-
-
-def _air_masses(altitude_deg: Floats) -> Floats:
-    """Kasten and Young (1989), Applied Optics 28, 4735."""
-    h = np.maximum(altitude_deg, 0.0)
-    return np.asarray(1.0 / (np.sin(np.radians(h)) + 0.50572 * (h + 6.07995) ** -1.6364))
 
 
 def _lit(frame: Frame, places: Floats, reach_px: float, width_px: float) -> Bools:

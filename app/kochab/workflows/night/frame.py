@@ -48,9 +48,10 @@ class Sky:
 
     @property
     def airmass(self) -> float:
-        """Kasten and Young (1989), from the geometric altitude; 40 at the horizon and below."""
-        h = max(self.altitude_deg, 0.0)
-        return float(1.0 / (np.sin(np.radians(h)) + 0.50572 * (h + 6.07995) ** -1.6364))
+        """Air masses in the direction of the field's middle."""
+        from kochab.sky.horizon import air_masses
+
+        return float(air_masses(np.array(self.altitude_deg)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
