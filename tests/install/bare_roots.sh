@@ -78,7 +78,8 @@ opens() { # CASE ROOT USER: `make run` opens a window that stays
   says "$1: make run opens the window after $second s" $shown
 }
 
-tests() { # CASE ROOT USER
+tests() { # CASE ROOT USER; not with ONLY=run
+  [ "${ONLY:-}" != run ] || return
   log=$folder/${1// /-}-test.log
   inside "$2" "$3" "make test TESTS=tests/core" >"$log"
   local code=$?
