@@ -12,7 +12,7 @@ import numpy as np
 from kochab.core.attitude import attitude_from, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.errors import CatalogueError, FrameError, KochabError, UsageError
-from kochab.core.frame import Frame
+from kochab.core.frame import Frame, Site
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.frames import read_frame
@@ -313,6 +313,33 @@ def _camera_profiles(folder: Path) -> list[bytes]:
     return [save_profile(new_profile("lens", Camera.centred(640, 480, 2000.0)), folder).read_bytes()]
 
 
+def _fixed_cameras(folder: Path) -> list[bytes]:
+    from kochab.core.attitude import Attitude
+    from kochab.core.camera import FisheyeCamera
+    from kochab.solver.fixed_camera import FixedCamera, save_fixed_camera
+
+    camera, site = FisheyeCamera.centred(640, 480, 200.0), Site(50.0, 8.0, 100.0)
+    terms, free = ("rx", "ry", "rz", "log_focal"), np.array([[90.0, 10.0], [270.0, 20.0]])
+    one = FixedCamera(
+        "fuzz", site, camera, Attitude(np.eye(3)), terms, 1e-8 * np.eye(4), 0.3, 0.1, 90, 2, 5.0, 0.9, free
+    )
+    return [save_fixed_camera(one).read_bytes()]
+
+
+def check_fixed_camera(data: bytes, folder: Path) -> None:
+    from kochab.solver.fixed_camera import fixed_camera_names, fixed_camera_path, load_fixed_camera
+
+    path = fixed_camera_path("fuzz")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    with told(KochabError):
+        camera = load_fixed_camera("fuzz")
+        azimuth, altitude, sigma = camera.altaz_deg(camera.middle)
+        require(not np.isinf([*azimuth, *altitude, *sigma]).any(), "numbers that no camera has")
+        require(np.isfinite(camera.free_from_deg(np.array([10.0]))).all(), "a horizon nowhere")
+        require(fixed_camera_names() == [camera.name], "a name that is not listed")
+
+
 def check_camera_profile(data: bytes, folder: Path) -> None:
     from kochab.solver.camera_profile import load_profile, profile_path, save_profile
 
@@ -481,6 +508,7 @@ TARGETS = [
     Target("manifest", _manifest, check_manifest, mutate.tree, 2000, 10),
     Target("equipment profile", _profiles, check_profile, mutate.tree, 8000, 30),
     Target("horizon", lambda folder: [b"# trees\n0 10\n90.5 25\n180,30\n270 5.5\n"], check_horizon, _SMALL, 6000, 30),
+    Target("fixed camera", _fixed_cameras, check_fixed_camera, mutate.tree, 6000, 20),
     Target("camera profile", _camera_profiles, check_camera_profile, mutate.tree, 6000, 20),
     Target("settings", _settings, check_settings, mutate.raw, 4000, 15),
     Target("session", _sessions, check_session, mutate.lines(mutate.tree), 4000, 10),

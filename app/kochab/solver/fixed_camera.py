@@ -275,6 +275,8 @@ def _beyond_noise_px(xy: Floats, residuals: Floats, camera: Camera) -> float:
 
 # -- Kept by name -------------------------------------------------------------------------------
 
+LARGEST = 1e6
+"""No length, px, and no term of a lens is as large."""
 _DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 
 
@@ -344,20 +346,13 @@ def fixed_camera_names() -> list[str]:
 def _read(path: Path) -> FixedCamera:
     try:
         content = read_json(path)
-        camera = PROJECTIONS[content["projection"]](**content["camera"])
-        matrix, covariance = (np.array(content[key], dtype=np.float64) for key in ("enu_to_camera", "covariance"))
         terms = tuple(str(term) for term in content["terms"])
-        if covariance.shape != (len(terms), len(terms)) or not set(terms) <= set(PARAMETERS):
-            raise ValueError("other terms")
-        if matrix.shape != (3, 3) or abs(float(np.linalg.det(matrix)) - 1.0) > 1e-6:
-            raise ValueError("no rotation")
-        if not np.isfinite([*asdict(camera).values(), *covariance.ravel()]).all() or camera.focal_px <= 0.0:
-            raise ValueError("numbers that no camera has")
         limit, seen = (content[key] if content[key] is None else float(content[key]) for key in ("limit_mag", "seen"))
-        return FixedCamera(
+        matrix, covariance = (np.array(content[key], dtype=np.float64) for key in ("enu_to_camera", "covariance"))
+        camera = FixedCamera(
             name=str(content["name"]),
             site=Site(*map(float, content["site"])),
-            camera=camera,
+            camera=PROJECTIONS[content["projection"]](**content["camera"]),
             attitude=Attitude(matrix),
             terms=terms,
             covariance=covariance,
@@ -369,5 +364,31 @@ def _read(path: Path) -> FixedCamera:
             seen=seen,
             horizon_deg=None if content["horizon_deg"] is None else np.array(content["horizon_deg"], dtype=np.float64),
         )
+        if not _is_sound(camera) or fixed_camera_path(camera.name) != path:
+            raise ValueError("numbers that no camera has, or another's name")
+        return camera
     except _DAMAGED as error:
         raise KochabError("{path} is not a calibration; delete it to start anew.", path=path) from error
+
+
+def _is_sound(camera: FixedCamera) -> bool:
+    """Whether a calibration is what :func:`calibrated` leaves, as far as numbers tell."""
+    lens, count = camera.camera, len(camera.terms)
+    np.linalg.cholesky(camera.covariance)  # raises unless it is a covariance
+    horizon = np.zeros((2, 2)) if camera.horizon_deg is None else camera.horizon_deg
+    numbers = [*asdict(lens).values(), camera.rms_px, camera.model_px, camera.limit_mag or 0.0, camera.seen or 0.5]
+    return bool(
+        camera.covariance.shape == (count, count)
+        and set(camera.terms) <= set(PARAMETERS)
+        and np.abs(camera.attitude.matrix @ camera.attitude.matrix.T - np.eye(3)).max() < 1e-6
+        and np.linalg.det(camera.attitude.matrix) > 0.0
+        and (np.abs(numbers) < LARGEST).all()
+        and min(lens.width, lens.height) >= 2
+        and min(lens.focal_px, lens.aspect, camera.model_px + 1.0) > 0.0
+        and abs(camera.site.latitude_deg) <= 90.0
+        and abs(camera.site.longitude_deg) <= 360.0
+        and (camera.seen is None or 0.0 < camera.seen <= 1.0)
+        and horizon.shape[1:] == (2,)
+        and len(horizon) > 0
+        and (np.abs(horizon) <= 360.0).all()
+    )
