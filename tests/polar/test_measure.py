@@ -300,7 +300,7 @@ def test_systematics_have_the_expected_size():
     def sighting(turn, k):
         """The ICRS attitude whose field the horizon's own transform puts where the mount looks."""
         when = mount.see([0])[0].time_utc + timedelta(seconds=60 * k)
-        stars = Rotation.random(400, rng=np.random.default_rng(4)).apply([0, 0, 1.0])
+        stars = Rotation.random(400, np.random.default_rng(4)).apply([0, 0, 1.0])
         seen = Horizon(mount.site, when, VACUUM).observed(stars)
         near = seen @ mount.attitude(turn)[:, 2] > 0.95
         matrix = best_rotation(stars[near], seen[near] @ mount.attitude(turn))
