@@ -135,7 +135,8 @@ class _Smooth:
         self._share, self.follows = share, np.append(False, np.diff(level) == 0.0)
         _, self._of, self._count = np.unique(level[self.follows], return_inverse=True, return_counts=True)
         at = 2.0 * (time_s - time_s.min()) / np.ptp(time_s) - 1.0
-        powers = np.polynomial.legendre.legvander(at, 3 + int(np.ptp(time_s) / 3600.0))[:, 1:]
+        every = np.polynomial.legendre.legvander(at, 3 + int(np.ptp(time_s) / 3600.0))
+        powers = np.asarray(every[:, 1:], dtype=np.float64)
         self._basis, _ = np.linalg.qr(self._news(powers))
         self.freedom = max(len(self._basis) - len(self._count) - powers.shape[1] - 3, 1)
 

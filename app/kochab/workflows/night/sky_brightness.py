@@ -170,7 +170,7 @@ def paired_stars(stars: Sequence[NamedStar], xy: Floats, rows: Ints, reach_px: f
     places = np.array([(star.x, star.y) for star in stars]).reshape(-1, 2)
     apart, nearest = map(np.asarray, cKDTree(xy[rows]).query(places, distance_upper_bound=reach_px))
     found = zip(stars, apart, nearest, strict=True)
-    return [(star, int(rows[k])) for star, off, k in found if math.isfinite(off) and math.isfinite(star.mag)]
+    return [(star, int(rows[int(k)])) for star, off, k in found if math.isfinite(off) and math.isfinite(star.mag)]
 
 
 def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Floats, Floats, Floats, Floats]:
