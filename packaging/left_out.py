@@ -64,6 +64,7 @@ KEPT: Mapping[str, tuple[str, tuple[str, ...]]] = {
             "version.py",
             "_distributor_init.py",
             "_cyutility.*",
+            "_external/*",  # from 1.18 on scipy itself imports it
             *(f"{name}/*" for name in _SCIPY),
         ),
     ),

@@ -160,10 +160,10 @@ def names(requirements: Iterable[str]) -> list[str]:
 
 def licence_of(part: Distribution) -> str:
     """The licence as the package's metadata gives it, in one line."""
-    if expression := part.metadata["License-Expression"]:
+    if expression := part.metadata.get("License-Expression"):
         return str(expression)
     listed = [c.rpartition(" :: ")[2] for c in part.metadata.get_all("Classifier") or [] if c.startswith("License ::")]
-    return listed[0] if listed else (part.metadata["License"] or "see its files").splitlines()[0]
+    return listed[0] if listed else (part.metadata.get("License") or "see its files").splitlines()[0]
 
 
 def checksums(folder: Path) -> None:

@@ -88,7 +88,8 @@ def test_what_is_not_there_is_one_sentence_for_every_kind_of_caller(tmp_path) ->
 
 def test_a_damaged_file_is_told_with_the_place(tmp_path) -> None:
     (path := tmp_path / "a.json").write_text('{"a": 1,\n}')
-    with pytest.raises(TextError, match=r"a\.json is damaged: No JSON in line 2, column 1\.$"):
+    # From 3.13 on Python means the comma, not what comes after it.
+    with pytest.raises(TextError, match=r"a\.json is damaged: No JSON in line (2, column 1|1, column 8)\.$"):
         read_json(path)
 
 

@@ -8,7 +8,7 @@ import sys
 import threading
 import unicodedata
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from types import FrameType
 from typing import Any
 
@@ -58,8 +58,10 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
 
 def say(sentence: str) -> None:
     """One sentence on standard error, if that takes it."""
-    with suppress(OSError):
+    try:
         print(f"kochab: {printable(sentence)}", file=sys.stderr, flush=True)
+    except OSError:
+        give_up()  # from Python 3.13 on, what is left in it would make the exit code 120
 
 
 def show_journal() -> None:
