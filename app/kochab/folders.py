@@ -1,6 +1,7 @@
 """Where data, caches and settings lie."""
 
 import os
+import re
 from pathlib import Path
 
 
@@ -26,6 +27,22 @@ def state_folder() -> Path:
 
     base = os.environ.get("KOCHAB_CONFIG")
     return Path(base, "state") if base else user_state_path("kochab", appauthor=False)
+
+
+def file_stem(name: str, otherwise: str) -> tuple[str, str]:
+    """What a file is called that belongs to a name of a person's choice: readable, and a mark that differs.
+
+    Parameters
+    ----------
+    name : str
+        Any text.
+    otherwise : str
+        The readable part where the name has no letter of ASCII.
+    """
+    import hashlib
+
+    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or otherwise
+    return plain, hashlib.sha256(name.encode("utf-8")).hexdigest()[:8]
 
 
 def config_folder() -> Path:

@@ -15,26 +15,17 @@ from PIL import Image
 from kochab.cli.main import main
 from kochab.simulate.star_images import RenderedStar, Sky, render
 from kochab.sky import open_catalogue
-from kochab.sky.horizon import Horizon
-from tests.solver.test_fixed_camera import HEIGHT, MIDNIGHT, SITE, WIDTH, lens
+from tests.solver.test_fixed_camera import HEIGHT, MIDNIGHT, SITE, WIDTH, lens, stars_at
 
 HOUSE = 60.0, 120.0, 35.0  # azimuths, and how high
 CLOUD = 250.0, 45.0, 25.0  # azimuth, altitude and radius, degrees
 AT = f"{SITE.latitude_deg},{SITE.longitude_deg},{SITE.height_m}"
 
 
-def stars_at(time):
-    """Azimuth, altitude, V of the catalogue's stars to V 6.5, as astropy has them."""
-    catalogue = open_catalogue()
-    zenith = Horizon(SITE, time).catalogue(np.array([[0.0, 0.0, 1.0]]))[0]
-    rows = catalogue.brightest(zenith, np.pi / 2.0, 3500, 2024.4)
-    vectors = catalogue.vectors(rows, 2024.4)
-    ra, dec = np.degrees(np.arctan2(vectors[:, 1], vectors[:, 0])), np.degrees(np.arcsin(vectors[:, 2]))
-    place = EarthLocation.from_geodetic(SITE.longitude_deg * u.deg, SITE.latitude_deg * u.deg, SITE.height_m * u.m)
-    air = {"temperature": 10 * u.deg_C, "relative_humidity": 0.5, "obswl": 0.55 * u.micron, "pressure": 741.0 * u.hPa}
-    seen = SkyCoord(ra * u.deg, dec * u.deg).transform_to(AltAz(obstime=Time(time), location=place, **air))
-    mag = catalogue.mag(rows) + 0.25 / np.sin(np.radians(np.maximum(seen.alt.deg, 3.0)))
-    return seen.az.deg, seen.alt.deg, mag
+def dimmed(time):
+    """Azimuth, altitude, V through the air of the catalogue's stars to V 6.5."""
+    rows, _, _, azimuth, altitude = stars_at(time, 3500)
+    return azimuth, altitude, open_catalogue().mag(rows) + 0.25 / np.sin(np.radians(np.maximum(altitude, 3.0)))
 
 
 def away_deg(azimuth, altitude, place):
@@ -45,7 +36,7 @@ def away_deg(azimuth, altitude, place):
 
 def picture(path, time, cloud=False, clear=True, turn=0.7):
     """Write a frame; without ``clear`` there are only the six brightest stars in it."""
-    azimuth, altitude, mag = stars_at(time)
+    azimuth, altitude, mag = dimmed(time)
     xy = lens(azimuth, altitude, turn)
     shown = (altitude > 3.0) & ~((azimuth > HOUSE[0]) & (azimuth < HOUSE[1]) & (altitude < HOUSE[2]))
     if cloud:
@@ -130,7 +121,7 @@ def test_cloud_is_told_where_it_is(roof, tmp_path, capsys) -> None:
     assert clear["cloud"] < 3.0 * clear["sigma"]
     assert overcast["cloud"] > 0.95
     # The truth by stars, as the renderer dropped them, among those of V 4.5 and brighter that the house leaves.
-    azimuth, altitude, mag = stars_at(time)
+    azimuth, altitude, mag = dimmed(time)
     usual = (mag < 5.0) & (altitude > 15.0) & ~((azimuth > 50.0) & (azimuth < 130.0) & (altitude < 40.0))
     behind = away_deg(azimuth, altitude, CLOUD[:2]) < CLOUD[2]
     assert cloud["cloud"] == pytest.approx(behind[usual].mean(), abs=3.0 * cloud["sigma"])
@@ -150,12 +141,12 @@ def test_a_camera_that_moved_is_not_taken_for_cloud(roof, tmp_path, capsys) -> N
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["altaz", "garden", "1,1"], "No camera “garden” is calibrated; there are: roof."),
+        (["altaz", "garden", "1,1"], "There is no calibration “garden”; there are: roof."),
         (["altaz", "roof", "1"], "1 is not X,Y in pixels."),
         (["pixel", "roof", "a,b"], "a,b is not AZ,ALT in degrees."),
         (["altaz", "roof", "1,1", "--time", "noon"], "noon is not a time; give it as 2026-11-24T21:30."),
         (["mask", "roof", "mask.tif"], "mask.tif: the picture is a .png."),
-        (["remove", "garden"], "No camera “garden” is calibrated."),
+        (["remove", "garden"], "There is no calibration “garden”."),
         (["cloud", "roof", "nowhere.fits"], "nowhere.fits does not exist."),
     ],
 )
@@ -171,7 +162,7 @@ def test_by_day_no_cloud_is_told_and_names_are_kept(roof, tmp_path, capsys) -> N
     assert main(["station", "calibrate", "roof", str(roof / "clear0.fits"), "--site", AT]) == 2
     assert "--overwrite" in capsys.readouterr().err
     assert main(["station", "calibrate", "two", str(tmp_path / "day.fits")]) == 2
-    assert "--site gives it" in capsys.readouterr().err
+    assert "give it with --site" in capsys.readouterr().err
     assert main(["station", "list"]) == 0
     assert main(["station", "remove", "roof"]) == 0
     assert main(["station", "list"]) == 0

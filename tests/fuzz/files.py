@@ -327,7 +327,7 @@ def _fixed_cameras(folder: Path) -> list[bytes]:
 
 
 def check_fixed_camera(data: bytes, folder: Path) -> None:
-    from kochab.solver.fixed_camera import fixed_camera_names, fixed_camera_path, load_fixed_camera
+    from kochab.solver.fixed_camera import fixed_camera_path, fixed_cameras, load_fixed_camera
 
     path = fixed_camera_path("fuzz")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -337,7 +337,7 @@ def check_fixed_camera(data: bytes, folder: Path) -> None:
         azimuth, altitude, sigma = camera.altaz_deg(camera.middle)
         require(not np.isinf([*azimuth, *altitude, *sigma]).any(), "numbers that no camera has")
         require(np.isfinite(camera.free_from_deg(np.array([10.0]))).all(), "a horizon nowhere")
-        require(fixed_camera_names() == [camera.name], "a name that is not listed")
+        require([one.name for one in fixed_cameras()] == [camera.name], "a name that is not listed")
 
 
 def check_camera_profile(data: bytes, folder: Path) -> None:

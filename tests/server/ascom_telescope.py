@@ -20,7 +20,7 @@ DEG_S = 8.0
 
 @contextlib.contextmanager
 def registered(packages):
-    """Windows knows the driver meanwhile; ``packages`` is the folder that pywin32 is in."""
+    """Registers the driver with Windows for the test; ``packages`` is the folder that pywin32 is in."""
     import winreg
 
     # Wine looks for classes among those of the machine alone; on Windows these would need an administrator.

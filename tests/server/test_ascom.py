@@ -29,7 +29,7 @@ ON_WINDOWS = pytest.mark.skipif(
 
 
 class BenchDriver:
-    """The tests' telescope by the names of ITelescopeV3, as COM hands them over: numbers, truths and dates."""
+    """The test telescope's members of ITelescopeV3, with the types that COM passes: numbers, booleans, dates."""
 
     name = "Kochab.Bench.Telescope"
 
@@ -127,7 +127,7 @@ def test_a_web_page_elsewhere_steers_nothing(bench) -> None:
 @pytest.mark.parametrize(
     ("hresult", "details", "number", "text"),
     [
-        (0x80020006 - 2**32, None, 0x400, "does not have it"),
+        (0x80020006 - 2**32, None, 0x400, "does not support it"),
         (0x80020009 - 2**32, ("It is parked", "driver", None, 0, 0x80040408 - 2**32), 0x408, "It is parked"),
         (0x80040407, None, 0x407, "said by COM"),  # of a driver written in C++, without a description
         (0x800706BA - 2**32, None, 0x407, "has ended"),

@@ -65,7 +65,7 @@ def lasting():
 
 @pytest.fixture
 def shared_worker(lasting, monkeypatch):
-    """That one, for a test that leaves it as it was."""
+    """The shared worker, for tests that leave it unchanged."""
     process, folder = lasting
     monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
     monkeypatch.delenv("KOCHAB_CONFIG", raising=False)

@@ -19,8 +19,8 @@ from kochab.solver.fixed_camera import (
     StarsOfFrame,
     calibrated,
     directions_of,
-    fixed_camera_names,
     fixed_camera_path,
+    fixed_cameras,
     load_fixed_camera,
     save_fixed_camera,
 )
@@ -46,17 +46,22 @@ def lens(azimuth_deg, altitude_deg, turn=TURN):
     return np.column_stack([1010.3 + radius * np.sin(way), 792.7 + radius * np.cos(way)])
 
 
-def frame_at(time, turn=TURN, seed=0, site=SITE, lowest_deg=12.0):
-    """A solution as the solver gives it, of stars where astropy has them."""
+def stars_at(time, count):
+    """The brightest stars of the catalogue: rows, RA, Dec, and azimuth and altitude as astropy has them, degrees."""
     catalogue = open_catalogue()
     zenith = Horizon(SITE, time).catalogue(np.array([[0.0, 0.0, 1.0]]))[0]
-    rows = catalogue.brightest(zenith, np.pi / 2.0, 400, 2024.4)
+    rows = catalogue.brightest(zenith, np.pi / 2.0, count, 2024.4)
     vectors = catalogue.vectors(rows, 2024.4)
     ra, dec = np.degrees(np.arctan2(vectors[:, 1], vectors[:, 0])), np.degrees(np.arcsin(vectors[:, 2]))
     place = EarthLocation.from_geodetic(SITE.longitude_deg * u.deg, SITE.latitude_deg * u.deg, SITE.height_m * u.m)
     air = {"temperature": 10 * u.deg_C, "relative_humidity": 0.5, "obswl": 0.55 * u.micron, "pressure": 741.0 * u.hPa}
     seen = SkyCoord(ra * u.deg, dec * u.deg).transform_to(AltAz(obstime=Time(time), location=place, **air))
-    azimuth, altitude = seen.az.deg, seen.alt.deg
+    return rows, ra, dec, seen.az.deg, seen.alt.deg
+
+
+def frame_at(time, turn=TURN, seed=0, site=SITE, lowest_deg=12.0):
+    """Stars of a frame as the solver gives them, placed by astropy."""
+    rows, ra, dec, azimuth, altitude = stars_at(time, 400)
     xy = lens(azimuth, altitude, turn) + np.random.default_rng(seed).normal(0.0, NOISE_PX, (len(rows), 2))
     kept = (altitude > lowest_deg) & (xy > 0.0).all(axis=1) & (xy < (WIDTH - 1.0, HEIGHT - 1.0)).all(axis=1)
     stars = tuple(
@@ -125,7 +130,7 @@ def test_it_is_kept_by_name_and_a_damaged_file_is_told() -> None:
     camera = calibrated("Dach, Süd", SITE, [frame_at(MIDNIGHT)])
     save_fixed_camera(camera)
     again = load_fixed_camera("Dach, Süd")
-    assert fixed_camera_names() == ["Dach, Süd"]
+    assert [one.name for one in fixed_cameras()] == ["Dach, Süd"]
     for before, after in zip(camera.altaz_deg(camera.middle), again.altaz_deg(camera.middle), strict=True):
         np.testing.assert_array_equal(before, after)
     with pytest.raises(UsageError, match="there are: Dach, Süd"):
@@ -134,4 +139,4 @@ def test_it_is_kept_by_name_and_a_damaged_file_is_told() -> None:
     path.write_text(path.read_text(encoding="utf-8").replace('"focal_px": ', '"focal_px": -'), encoding="utf-8")
     with pytest.raises(KochabError, match="is not a calibration"):
         load_fixed_camera("Dach, Süd")
-    assert fixed_camera_names() == []
+    assert fixed_cameras() == []

@@ -5,9 +5,9 @@ import math
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from kochab.cli.options import add_options
+from kochab.cli.options import add_options, time_utc
 from kochab.cli.output import radec, tell
-from kochab.core.errors import UsageError, printable
+from kochab.core.errors import printable
 from kochab.core.progress import run as finish
 from kochab.workflows.answers import found_json
 
@@ -35,13 +35,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Print a line a query; 1 when one is not found."""
-    from kochab.frames.hints import aware_utc
     from kochab.sky.elements import kept_elements
     from kochab.sky.finder import NotFound, find, finder
 
-    at = datetime.now(UTC) if args.time is None else aware_utc(args.time)
-    if at is None:
-        raise UsageError(f"{args.time} is not a time; give it as 2026-11-24T21:30.")
+    at = datetime.now(UTC) if args.time is None else time_utc(args.time)
     more, texts = kept_elements(), args.texts
     # "kochab find Omega Centauri" without quotes is one name in several words.
     if 1 < len(texts) <= LONGEST and finder().still(" ".join(texts), whole=True) is not None:

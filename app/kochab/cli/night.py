@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kochab.cli.batch import outcomes_of, with_file_name
-from kochab.cli.options import SEARCH, add_options, named, options_of
+from kochab.cli.options import SEARCH, add_options, options_of
 from kochab.cli.output import ProgressLine, tell
 from kochab.cli.process import say
-from kochab.cli.solve import frames_in, tables_of
+from kochab.cli.solve import named_frames, tables_of
 from kochab.core.errors import UsageError, printable
 from kochab.core.progress import Progress, Task
 from kochab.workflows.solution_json import Json
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     from kochab.workflows.night.guiding import guiding_of
     from kochab.workflows.night.summary import night_of
 
-    given, files = _frames(args.frames)
+    given, files = named_frames(args.frames)
     outputs = _outputs(args, Path(given[0]).resolve().name or "frames")
     chosen = tuple(chosen_star(text) for text in args.star)
     refuse_overwriting([output.path for output in outputs], files, args.overwrite)
@@ -110,20 +110,8 @@ def run(args: argparse.Namespace) -> int:
     return int(len(night.unsolved) == len(night.frames))
 
 
-def _frames(names: list[str]) -> tuple[list[str], list[str]]:
-    """What was given, and the frames in it; UsageError for a folder without any and for what does not exist."""
-    given = named(names)
-    files = [file for one in given for file in frames_in(one)]
-    for file in files:
-        if Path(file).is_dir():
-            raise UsageError(f"{file} is a folder without frames.")
-        if not Path(file).exists():
-            raise UsageError(f"{file} does not exist.")
-    return given, files
-
-
 def _outputs(args: argparse.Namespace, name: str) -> list[Output]:
-    """The files that are asked for, the page first; UsageError where an option is of no use."""
+    """The files to be written, the page first; UsageError for an option that lacks another."""
     from kochab.workflows.night.ades import Observatory, ades_psv
     from kochab.workflows.night.light_curve import aavso_extended, observer_code
     from kochab.workflows.night.page import night_page

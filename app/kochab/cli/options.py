@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from kochab.core.errors import UsageError
 
 if TYPE_CHECKING:  # what loads numpy is imported when it is used: --help is quick
+    from datetime import datetime
+
     from kochab.core.capture import CaptureSettings
     from kochab.core.frame import Site
     from kochab.core.registry import Registry
@@ -268,6 +270,15 @@ def everything() -> str:
                 what = f"{option.text} [{option.range_text}{absent}]"
                 lines.append(f"    {prefix}{option.name}={option.value_text}   {what}")
     return "\n".join(lines)
+
+
+def time_utc(text: str) -> "datetime":
+    """The time that an argument gives, in UTC; UsageError where it is none."""
+    from kochab.frames.hints import aware_utc
+
+    if (time := aware_utc(text)) is None:
+        raise UsageError(f"{text} is not a time; give it as 2026-11-24T21:30.")
+    return time
 
 
 def capture_settings(args: argparse.Namespace) -> "CaptureSettings":

@@ -251,6 +251,18 @@ def frames_in(given: str) -> list[str]:
         return [given]  # told in its turn, like a file that cannot be read
 
 
+def named_frames(names: list[str]) -> tuple[list[str], list[str]]:
+    """What was given, and the frames in it; UsageError for a folder without any and for what does not exist."""
+    given = named(names)
+    files = [file for one in given for file in frames_in(one)]
+    for file in files:
+        if Path(file).is_dir():
+            raise UsageError(f"{file} is a folder without frames.")
+        if not Path(file).exists():
+            raise UsageError(f"{file} does not exist.")
+    return given, files
+
+
 def _why_no_pictures(folder: str) -> str:
     try:
         os.listdir(folder)

@@ -1,19 +1,20 @@
 """``kochab station``: a camera that stands still, such as an all-sky or meteor camera, calibrated by name."""
 
 import argparse
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kochab.cli.options import SEARCH, add_options, named, number, options_of
+from kochab.cli.options import SEARCH, add_options, number, options_of, time_utc
 from kochab.cli.output import ProgressLine, tell
 from kochab.cli.process import say
-from kochab.cli.solve import frames_in
+from kochab.cli.solve import named_frames
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import run as finish
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
+    from datetime import datetime
+
     from kochab.solver.fixed_camera import FixedCamera
     from kochab.workflows.station import Cloud, SkyCover
 
@@ -24,10 +25,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         "station",
         description="An all-sky or meteor camera is calibrated once, from frames of clear nights, and kept by name."
         " Then each of its pixels has an azimuth and an altitude, and missing stars tell cloud. Exit code: 0 done,"
-        " 1 it cannot be told, 2 usage.",
+        " 1 not possible, 2 usage.",
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    calibrate = actions.add_parser("calibrate", help="from frames of clear nights, and keep it")
+    calibrate = actions.add_parser("calibrate", help="calibrate a camera from frames of clear nights")
     calibrate.add_argument("name", metavar="NAME")
     calibrate.add_argument("frames", nargs="+", metavar="FRAME", help="frames, or folders of them")
     add_options(calibrate, "--site", *SEARCH, "--overwrite")
@@ -37,7 +38,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     pixel = actions.add_parser("pixel", help="pixels of azimuths and altitudes")
     pixel.add_argument("name", metavar="NAME")
     pixel.add_argument("places", nargs="+", metavar="AZ,ALT", help="degrees; azimuth from north through east")
-    cloud = actions.add_parser("cloud", help="how much of frames is cloud: where stars are missing")
+    cloud = actions.add_parser("cloud", help="cloud cover of frames, by missing stars")
     cloud.add_argument("name", metavar="NAME")
     cloud.add_argument("frames", nargs="+", metavar="FRAME", help="frames, or folders of them")
     cloud.add_argument("--annotate", metavar="PNG", help="save the frame with stars seen and missing; for one frame")
@@ -53,7 +54,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     remove = actions.add_parser("remove", help="delete a calibration")
     for action in (show, remove):
         action.add_argument("name", metavar="NAME")
-    about = "when a frame was taken that does not say it, UTC"
+    about = "when the frame was taken, UTC, where its file does not say"
     for action, text in ((calibrate, about), (cloud, about), (altaz, "add RA and Dec at this time, UTC")):
         action.add_argument("--time", metavar="ISO", help=text)
     runs = {
@@ -65,21 +66,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         action.set_defaults(run=run)
 
 
-def _time(text: str | None) -> datetime | None:
-    from kochab.frames.hints import aware_utc
-
-    if text is None:
-        return None
-    if (time := aware_utc(text)) is None:
-        raise UsageError(f"{text} is not a time; give it as 2026-11-24T21:30.")
-    return time
+def _time(args: argparse.Namespace) -> "datetime | None":
+    return None if args.time is None else time_utc(args.time)
 
 
 def _frames(args: argparse.Namespace) -> list[str]:
-    files = [file for one in named(args.frames) for file in frames_in(one)]
-    for file in files:
-        if not Path(file).is_file():
-            raise UsageError(f"{file} " + ("is a folder without frames." if Path(file).is_dir() else "does not exist."))
+    _, files = named_frames(args.frames)
     if args.time is not None and len(files) > 1:
         raise UsageError("--time is for one frame.")
     return files
@@ -97,7 +89,7 @@ def _calibrate(args: argparse.Namespace) -> int:
     from kochab.solver.fixed_camera import fixed_camera_path, save_fixed_camera
     from kochab.workflows.station import calibrate
 
-    files, time = _frames(args), _time(args.time)
+    files, time = _frames(args), _time(args)
     if fixed_camera_path(args.name).exists() and not args.overwrite:
         raise UsageError(f"{args.name} is calibrated already: --overwrite calibrates it anew.")
     line = ProgressLine("station")
@@ -119,7 +111,7 @@ def _altaz(args: argparse.Namespace) -> int:
     from kochab.sky.horizon import Horizon
     from kochab.solver.fixed_camera import load_fixed_camera
 
-    camera, time = load_fixed_camera(args.name), _time(args.time)
+    camera, time = load_fixed_camera(args.name), _time(args)
     pixels = np.array([_pair(text, "X,Y in pixels") for text in args.pixels])
     missing = 0
     for (x, y), azimuth, altitude, sigma in zip(pixels, *camera.altaz_deg(pixels), strict=True):
@@ -163,7 +155,7 @@ def _cloud(args: argparse.Namespace) -> int:
     from kochab.solver.fixed_camera import load_fixed_camera
     from kochab.workflows.station import sky_cover
 
-    camera, files, time = load_fixed_camera(args.name), _frames(args), _time(args.time)
+    camera, files, time = load_fixed_camera(args.name), _frames(args), _time(args)
     if args.annotate:
         _refuse(args, Path(args.annotate), files)
         if len(files) > 1:
@@ -238,13 +230,12 @@ def _mask(args: argparse.Namespace) -> int:
 
 
 def _list(args: argparse.Namespace) -> int:
-    from kochab.solver.fixed_camera import fixed_camera_names, load_fixed_camera
+    from kochab.solver.fixed_camera import fixed_cameras
 
-    names = fixed_camera_names()
-    for name in names:
-        camera = load_fixed_camera(name)
-        tell(camera_json(camera), f"{name}   {camera.frames} frames, {camera.stars} stars", args.json)
-    if not names and not args.json:
+    cameras = fixed_cameras()
+    for camera in cameras:
+        tell(camera_json(camera), f"{camera.name}   {camera.frames} frames, {camera.stars} stars", args.json)
+    if not cameras and not args.json:
         print("No camera is calibrated yet: kochab station calibrate NAME FRAME... does it.")
     return 0
 
@@ -262,14 +253,14 @@ def _remove(args: argparse.Namespace) -> int:
 
     path = fixed_camera_path(args.name)
     if not path.exists():
-        raise UsageError(f"No camera “{args.name}” is calibrated.")
+        raise UsageError(f"There is no calibration “{args.name}”.")
     path.unlink()
     tell({"removed": args.name}, f"removed {args.name}", args.json)
     return 0
 
 
 def camera_json(camera: "FixedCamera") -> Json:
-    """The stable form of a calibration."""
+    """The JSON of a calibration."""
     from dataclasses import astuple
 
     azimuth, altitude, sigma = (float(value[0]) for value in camera.altaz_deg(camera.middle))
@@ -302,7 +293,7 @@ def text_of(camera: "FixedCamera") -> str:
         f"fit      {o['stars']} stars of {o['frames']} frames, RMS {o['rms_px']:.2f} px",
     ]
     if camera.limit_mag is None or camera.horizon_deg is None or camera.seen is None:
-        return "\n  ".join([*lines, "clear    not told: too few stars are seen for sure"])
+        return "\n  ".join([*lines, "clear    unknown: too few stars were seen"])
     low, high = camera.horizon_deg[:, 1].min(), camera.horizon_deg[:, 1].max()
     lines.append(
         f"clear    stars to V {o['limit_mag']:.2f} at the zenith, {100.0 * camera.seen:.0f} % of the bright ones"
@@ -312,7 +303,7 @@ def text_of(camera: "FixedCamera") -> str:
 
 
 def cover_json(cover: "SkyCover") -> Json:
-    """The stable form of a frame's cloud."""
+    """The JSON of a frame's cloud cover."""
 
     def of(cloud: "Cloud") -> Json:
         return {"cloud": cloud.share, "sigma": cloud.sigma, "stars": cloud.stars}
@@ -330,7 +321,7 @@ def cover_text(cover: "SkyCover") -> str:
 
     def of(cloud: "Cloud") -> str:
         if cloud.share is None or cloud.sigma is None:
-            return "not told"
+            return "unknown"
         return f"{100.0 * cloud.share:.0f} +-{100.0 * cloud.sigma:.0f} %"
 
     parts = "  ".join(f"{name} {of(cloud)}" for name, cloud in cover.parts.items())

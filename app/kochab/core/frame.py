@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Table
+from kochab.core.robust import median
 
 # -- What a person or a header believes about a frame. Hints save time; they never decide ------
 
@@ -117,6 +118,11 @@ class Detections(Table):
     blended: NDArray[np.bool_]
     background: float = float("nan")
     noise: float = float("nan")
+
+    def usual_fwhm_px(self, least_px: float) -> float | None:
+        """The median width of the stars, from ``least_px`` to 10; None where none is known."""
+        known = self.fwhm_px[np.isfinite(self.fwhm_px)]
+        return float(np.clip(median(known), least_px, 10.0)) if len(known) else None
 
     @classmethod
     def from_list(cls, xy: Floats, width: int, height: int, flux: Floats | None = None) -> "Detections":

@@ -3,14 +3,13 @@
 The command itself follows: it sends Stop again, and sees whether the mount stands.
 """
 
-import hashlib
 import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from kochab.core.errors import KochabError, UsageError
-from kochab.folders import config_folder
+from kochab.folders import config_folder, file_stem
 
 STOPS = {
     "lx200": (9600, b"#:Q#"),
@@ -151,5 +150,4 @@ def profile_path(name: str) -> Path:
     """The file of the profile of that name; UsageError when the name is empty."""
     if not name.strip():
         raise UsageError("A profile needs a name.")
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or "profile"
-    return profile_folder() / f"{plain}-{hashlib.sha256(name.encode('utf-8')).hexdigest()[:8]}.json"
+    return profile_folder() / f"{'-'.join(file_stem(name, 'profile'))}.json"

@@ -6,6 +6,7 @@ Facts: ASCOM Alpaca API Reference 12.
 import json
 import math
 from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Any
 
 from kochab.server.http_server import Response
@@ -13,6 +14,9 @@ from kochab.server.http_server import Response
 NOT_IMPLEMENTED, INVALID_VALUE, VALUE_NOT_SET, NOT_CONNECTED = 0x400, 0x401, 0x402, 0x407
 INVALID_OPERATION, ACTION_NOT_IMPLEMENTED = 0x40B, 0x40C
 Json = dict[str, Any]
+METHODS = ("GET", "PUT")
+WRONG_METHOD = Response(b"GET or PUT.\n", "text/plain", HTTPStatus.METHOD_NOT_ALLOWED, allow=", ".join(METHODS))
+"""To POST, which a web page elsewhere could send unasked."""
 
 
 class Fault(Exception):  # noqa: N818 (an answer of the protocol)

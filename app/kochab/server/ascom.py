@@ -16,9 +16,11 @@ from typing import Any, Protocol
 from kochab.core import __version__
 from kochab.core.errors import PortError, UsageError
 from kochab.server.alpaca_words import (
+    METHODS,
     NOT_CONNECTED,
     NOT_IMPLEMENTED,
     VALUE_NOT_SET,
+    WRONG_METHOD,
     BadRequest,
     Fault,
     envelope,
@@ -99,9 +101,9 @@ class AscomBridge:
         self._numbers = count(1)
 
     def answer(self, request: Request) -> Response:
-        """The answer to any request; what a page elsewhere could send without asking (POST) does nothing."""
-        if request.method not in ("GET", "PUT"):
-            return Response(b"GET or PUT.\n", "text/plain", HTTPStatus.METHOD_NOT_ALLOWED, allow="GET, PUT")
+        """The answer to any request."""
+        if request.method not in METHODS:
+            return WRONG_METHOD
         parts = request.path.strip("/").split("/")
         given = request.form if request.method == "PUT" else {k.lower(): v for k, v in request.query.items()}
         try:
@@ -209,7 +211,7 @@ class ComDriver:
             ) from None
 
     def get(self, member: str) -> Any:
-        """A property; a collection as a list."""
+        """The value of a property; a collection becomes a list."""
         value = self._invoke(PROPERTY_GET, member)
         if (rates := getattr(value, "_comobj", None)) is not None:
             (number,), (item,) = rates.GetIDsOfNames("Count"), rates.GetIDsOfNames("Item")
@@ -267,7 +269,7 @@ def fault_of(hresult: int, details: Sequence[Any] | None, text: str) -> Fault:
         number = int(details[-1] or 0) & 0xFFFFFFFF
         text = " ".join(str(details[0] or text).split())
     if number in (UNKNOWN_NAME, NO_MEMBER):
-        return Fault(NOT_IMPLEMENTED, "The driver does not have it.")
+        return Fault(NOT_IMPLEMENTED, "The driver does not support it.")
     if number in GONE:
         return Fault(NOT_CONNECTED, "The driver has ended.")
     if 0x80040400 <= number <= 0x80040FFF:

@@ -119,8 +119,7 @@ def _expected(detections: Detections, matches: Matches, fit: Fit, catalogue: Sta
     off_axis_rad = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
     inside = (places > 0.0).all(axis=1) & (places < (camera.width - 1.0, camera.height - 1.0)).all(axis=1)
     inside &= off_axis_rad <= camera.reach_rad
-    widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
-    width_px = float(np.clip(median(widths), 2.0, 10.0)) if len(widths) else 2.0
+    width_px = detections.usual_fwhm_px(2.0) or 2.0
     order = np.flatnonzero(inside)[np.argsort(mag[inside], kind="stable")]
     # what stands beside a brighter star is part of its image, matched or not
     order = order[without_companions(places[order], 1.5 * width_px)]
@@ -218,10 +217,10 @@ def _in_the_light(frame: Frame, detections: Detections, others: Floats, expected
         The stars.
     """
     xy = np.full((len(expected.rows), 2), np.nan)
-    widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
-    if not len(xy) or not len(widths):
+    width_px = detections.usual_fwhm_px(1.5)
+    if not len(xy) or width_px is None:
         return xy
-    image = np.eye(2) * (float(np.clip(median(widths), 1.5, 10.0)) / FWHM_PER_SIGMA) ** 2
+    image = np.eye(2) * (width_px / FWHM_PER_SIGMA) ** 2
     half = int(np.ceil(np.clip(median(expected.reach_px), 4.0, 10.0)))
     seen = look(frame, expected.places, half, image)
     there = seen.found & (seen.snr > LEAST_SNR)

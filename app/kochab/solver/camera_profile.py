@@ -7,9 +7,7 @@ What a frame says is kept as information (the inverse of a covariance), which ad
 in which a frame says nothing, such as the principal point of a narrow field, adds nothing.
 """
 
-import hashlib
 import json
-import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +23,7 @@ from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
-from kochab.folders import config_folder
+from kochab.folders import config_folder, file_stem
 from kochab.frames.atomic_file import write_atomically
 from kochab.identification.predictional_estimate import differential
 from kochab.parsing.text_input import read_json
@@ -209,8 +207,7 @@ def profile_path(name: str, width: int, height: int, folder: Path | None = None)
     folder : Path or None
         Where profiles lie; None: among the person's settings.
     """
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or "camera"
-    mark = hashlib.sha256(name.encode("utf-8")).hexdigest()[:8]
+    plain, mark = file_stem(name, "camera")
     return (folder or profile_folder()) / f"{plain}-{width}x{height}-{mark}.json"
 
 

@@ -5,10 +5,9 @@ one attitude are fitted to all of them together (Borovicka, Spurny and Keclikova
 the terms here are those of :mod:`kochab.core.camera`). The calibration is kept by name, below the user's settings.
 """
 
-import hashlib
 import json
-import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,14 +18,14 @@ from kochab.attitude import wahba
 from kochab.attitude.fit import Fit, refine
 from kochab.attitude.least_squares import PARAMETERS, project_with_jacobian
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, Attitude
+from kochab.core.attitude import ARCSEC, Attitude, unit_vectors
 from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
 from kochab.core.robust import median
 from kochab.core.solution import Matches, Solution
-from kochab.folders import config_folder
+from kochab.folders import config_folder, file_stem
 from kochab.frames.atomic_file import write_atomically
 from kochab.parsing.text_input import read_json
 from kochab.sky.horizon import Horizon
@@ -69,7 +68,7 @@ class StarsOfFrame:
             Where and when it was taken.
         """
         directions = horizon.observed(solution.star_vectors)
-        low = np.degrees(np.arcsin(np.clip(directions[:, 2], -1.0, 1.0))) < BELOW_DEG
+        low = azimuth_altitude_deg(directions)[1] < BELOW_DEG
         if low.mean() > BELOW_SHARE:
             raise UsageError(
                 "{file}: {n} of {all} stars stand below the horizon: its time or the site is wrong.",
@@ -180,8 +179,7 @@ def azimuth_altitude_deg(directions: Floats) -> tuple[Floats, Floats]:
 
 def directions_of(azimuth_deg: Floats, altitude_deg: Floats) -> Floats:
     """Directions (N, 3) in east, north, up of azimuths and altitudes (N,), degrees."""
-    a, h = np.radians(azimuth_deg), np.radians(altitude_deg)
-    return np.stack([np.cos(h) * np.sin(a), np.cos(h) * np.cos(a), np.sin(h)], axis=-1)
+    return unit_vectors(90.0 - np.asarray(azimuth_deg), altitude_deg)  # angles from east through north
 
 
 def calibrated(name: str, site: Site, frames: Sequence[StarsOfFrame]) -> FixedCamera:
@@ -261,7 +259,7 @@ def _refuse_moved(frames: Sequence[StarsOfFrame], fit: Fit) -> None:
 
 
 def _beyond_noise_px(xy: Floats, residuals: Floats, camera: Camera) -> float:
-    """One sigma a coordinate, px, of what residuals (M, 2) have in common where stars (M, 2) stand side by side."""
+    """Systematic part of the residuals (M, 2), px, one sigma a coordinate: what neighbouring stars (M, 2) share."""
     cell = (xy / (camera.width, camera.height) * CELLS).clip(0, CELLS - 1).astype(int) @ (CELLS, 1)
     square, noise, n = 0.0, 0.0, 0
     for k in np.unique(cell):
@@ -287,8 +285,7 @@ def fixed_camera_folder() -> Path:
 
 def fixed_camera_path(name: str) -> Path:
     """The file of the camera of that name."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-").lower()[:40] or "camera"
-    return fixed_camera_folder() / f"{plain}-{hashlib.sha256(name.encode('utf-8')).hexdigest()[:8]}.json"
+    return fixed_camera_folder() / f"{'-'.join(file_stem(name, 'camera'))}.json"
 
 
 def save_fixed_camera(camera: FixedCamera) -> Path:
@@ -325,22 +322,20 @@ def load_fixed_camera(name: str) -> FixedCamera:
     """The calibration of that name; UsageError when there is none, KochabError when its file is damaged."""
     path = fixed_camera_path(name)
     if not path.exists():
-        names = ", ".join(fixed_camera_names())
+        names = ", ".join(camera.name for camera in fixed_cameras())
         if names:
-            raise UsageError("No camera “{name}” is calibrated; there are: {names}.", name=name, names=names)
-        raise UsageError("No camera “{name}” is calibrated yet: kochab station calibrate does it.", name=name)
+            raise UsageError("There is no calibration “{name}”; there are: {names}.", name=name, names=names)
+        raise UsageError("There is no calibration “{name}” yet: kochab station calibrate makes one.", name=name)
     return _read(path)
 
 
-def fixed_camera_names() -> list[str]:
-    """The names of all calibrated cameras that can be read, in order."""
-    names = []
-    for path in sorted(fixed_camera_folder().glob("*.json")):
-        try:
-            names.append(_read(path).name)
-        except KochabError:
-            continue
-    return sorted(names)
+def fixed_cameras() -> list[FixedCamera]:
+    """All calibrated cameras that can be read, by name."""
+    cameras = []
+    for path in fixed_camera_folder().glob("*.json"):
+        with suppress(KochabError):
+            cameras.append(_read(path))
+    return sorted(cameras, key=lambda camera: camera.name)
 
 
 def _read(path: Path) -> FixedCamera:
@@ -372,7 +367,7 @@ def _read(path: Path) -> FixedCamera:
 
 
 def _is_sound(camera: FixedCamera) -> bool:
-    """Whether a calibration is what :func:`calibrated` leaves, as far as numbers tell."""
+    """Whether the numbers of a calibration are possible."""
     lens, count = camera.camera, len(camera.terms)
     np.linalg.cholesky(camera.covariance)  # raises unless it is a covariance
     horizon = np.zeros((2, 2)) if camera.horizon_deg is None else camera.horizon_deg

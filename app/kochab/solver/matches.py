@@ -274,9 +274,7 @@ def _field_stars(
     rows = np.unique(rows, return_index=True)[0]  # without the index NumPy imports numpy.ma, 10 ms of a cold process
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
     seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
-    widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
-    resolution_px = float(np.clip(median(widths), 2.0, 10.0)) if len(widths) else 2.0
-    return rows[without_companions(seen, resolution_px)]
+    return rows[without_companions(seen, detections.usual_fwhm_px(2.0) or 2.0)]
 
 
 def _matched(

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,17 +30,17 @@ from kochab.solver.fixed_camera import FixedCamera, StarsOfFrame, azimuth_altitu
 from kochab.solver.matches import without_companions
 from kochab.solver.pipeline import solve_detections, year_of
 from kochab.text.translation import tr
-from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
+from kochab.workflows.solve_frame import solve_open_frame
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 EXTINCTION_MAG = 0.25
-"""A clear air mass dims V by so much, about, at sea level."""
+"""Extinction of V in an air mass of clear air at sea level, about."""
 STARS = 5000
 NEAREST_PX, FARTHEST_PX, LEAST_SNR = 2.5, 8.0, 7.0
 NUDGE = 0.02
-"""Over the larger side: so far beside their places stars are looked for, to know what is found by chance."""
+"""How far beside each star light is looked for too, over the larger side: what is found there is chance."""
 OPEN_DEG = 30.0
 """Above this trees and houses hide little: there the limit is measured."""
 SURE, STEP_MAG, CLEAR_MAG = 0.9, 0.25, 1.0
@@ -112,11 +111,11 @@ def calibrate(
 
     Raises UsageError where a frame has no time or site, or they do not belong together.
     """
-    taken: list[tuple[SolvedFrame, Horizon]] = []
+    taken: list[tuple[str, Detections, Horizon]] = []  # not the pixels: a night of them would fill the memory
     stars: list[StarsOfFrame] = []
     left: list[str] = []
     for k, file in enumerate(files):
-        yield Progress("solve", k / (len(files) + 1), str(file))
+        yield Progress("solve", 0.7 * k / len(files), file)
         frame = yield from reading(file, options.timeout_s)
         site = site or frame.hint.site
         horizon = _horizon(file, frame, site, time_utc)
@@ -124,22 +123,26 @@ def calibrate(
         if isinstance(solved.result, NoSolution):
             left.append(tr("{file} was left out: {reason}.", file=file, reason=solved.result.reason))
             continue
-        stars.append(StarsOfFrame.of(str(file), solved.result, horizon))
-        taken.append((solved, horizon))
+        stars.append(StarsOfFrame.of(file, solved.result, horizon))
+        taken.append((file, solved.detections, horizon))
     if not stars or site is None:
         raise UsageError("No frame was solved: {left}", left=" ".join(left))
-    yield Progress("fit", len(files) / (len(files) + 1))
+    yield Progress("fit", 0.7)
     camera = calibrated(name, site, stars)
-    seen = [sightings(camera, solved.frame, solved.detections, horizon) for solved, horizon in taken]
+    seen = []
+    for k, (file, detections, horizon) in enumerate(taken):
+        yield Progress("look", 0.7 + 0.3 * k / len(taken), file)
+        frame = yield from reading(file, options.timeout_s)
+        seen.append(sightings(camera, frame, detections, horizon))
     return with_clear_sky(camera, seen), tuple(left)
 
 
-def _horizon(file: str | Path, frame: Frame, site: Site | None, time_utc: datetime | None) -> Horizon:
+def _horizon(file: str, frame: Frame, site: Site | None, time_utc: datetime | None) -> Horizon:
     when = time_utc or frame.hint.taken_utc
     if when is None:
-        raise UsageError("{file} does not say when it was taken: --time gives it, in UTC.", file=file)
+        raise UsageError("{file} does not say when it was taken: give it with --time, in UTC.", file=file)
     if site is None:
-        raise UsageError("{file} does not say where it was taken: --site gives it.", file=file)
+        raise UsageError("{file} does not say where it was taken: give it with --site.", file=file)
     return Horizon(site, when)
 
 
@@ -171,8 +174,7 @@ def sightings(camera: FixedCamera, frame: Frame, detections: Detections, horizon
     xy = xy[order]
     turn = np.arange(len(xy)) * 2.4  # a different way for each star
     beside = xy + NUDGE * max(detections.width, detections.height) * np.column_stack([np.cos(turn), np.sin(turn)])
-    widths = detections.fwhm_px[np.isfinite(detections.fwhm_px)]
-    width_px = float(np.clip(median(widths), 1.5, 10.0)) if len(widths) else 3.0
+    width_px = detections.usual_fwhm_px(1.5) or 3.0
     return Sightings(
         xy,
         azimuth[order],
@@ -272,13 +274,15 @@ def sky_cover(camera: FixedCamera, file: str, time_utc: datetime | None = None) 
     if (frame.pixels.shape[1], frame.pixels.shape[0]) != (camera.camera.width, camera.camera.height):
         raise UsageError("{file} is not as large as the frames that calibrated {name}.", file=file, name=camera.name)
     if (sun := sun_altitude_deg(camera.site, horizon.time_utc)) > DARK_DEG:
-        raise UsageError("{file}: the Sun was at {sun:.0f} deg, too high for stars to tell cloud.", file=file, sun=sun)
+        raise UsageError(
+            "{file}: the Sun was at {sun:.0f} deg: the sky is too bright to tell cloud by stars.", file=file, sun=sun
+        )
     yield Progress("detect", 0.3, file)
     detections = AutoDetector().detect(frame)
     stars = sightings(camera, frame, detections, horizon)
     sure = telling(camera, stars)
     if len(sure.seen) < FEWEST_TO_TELL:
-        raise UsageError("{file}: too few stars would show to tell cloud.", file=file)
+        raise UsageError("{file}: too few stars are expected to tell cloud by them.", file=file)
     if sure.seen.mean() < SUSPECT * camera.seen and (moved := (yield from _moved_px(camera, detections, horizon))):
         raise UsageError(
             "{file}: the camera has moved by {px:.0f} px since it was calibrated: calibrate it again.",

@@ -221,7 +221,7 @@ class SerialLink:
         return bytes(got)
 
     def _byte(self) -> bytes:
-        """The next byte; none within a time slice is no loss."""
+        """One byte, or none where nothing arrived within the time slice."""
         try:
             piece: bytes = self._serial.read(1)
         except OSError as error:

@@ -25,9 +25,11 @@ from kochab.server.alpaca_words import (
     ACTION_NOT_IMPLEMENTED,
     INVALID_OPERATION,
     INVALID_VALUE,
+    METHODS,
     NOT_CONNECTED,
     NOT_IMPLEMENTED,
     VALUE_NOT_SET,
+    WRONG_METHOD,
     BadRequest,
     Fault,
     Json,
@@ -154,9 +156,9 @@ class AlpacaTelescope:
     # -- HTTP --------------------------------------------------------------------------------------
 
     def answer(self, request: Request) -> Response:
-        """The answer to any request; what a page elsewhere could send without asking (POST) does nothing."""
-        if request.method not in ("GET", "PUT"):
-            return Response(b"GET or PUT.\n", "text/plain", HTTPStatus.METHOD_NOT_ALLOWED, allow="GET, PUT")
+        """The answer to any request."""
+        if request.method not in METHODS:
+            return WRONG_METHOD
         parts = request.path.strip("/").split("/")
         given = request.form if request.method == "PUT" else {name.lower(): v for name, v in request.query.items()}
         try:

@@ -79,7 +79,7 @@ class AlignmentButtons:
         return Flow(*first, self.at_bolts, self.sound, self.phone, self.more, self.bar)
 
     def fit(self, width: int) -> None:
-        """Move those wanted least into the menu, until the rest, the bar aside, has room in a line of ``width`` px."""
+        """Move the least used buttons into the menu until the others fit on one line of ``width`` px."""
         places = (self.start, self.done, self.turn_for_me, self.at_bolts)
         line = [*(made for made in places if not made.isHidden()), self.sound, self.phone, self.more]
         for made, action in self._rows.items():
