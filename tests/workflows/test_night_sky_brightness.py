@@ -114,6 +114,21 @@ def test_the_faintest_star_is_one_of_five_times_its_noise(mosaic):
     assert np.median(fluxes(planted) - fluxes(without)) / noise == pytest.approx(5.0, abs=0.6)
 
 
+def test_the_sky_of_a_ring_is_what_astropys_clipping_leaves():
+    from astropy.stats import sigma_clip
+
+    chance = np.random.default_rng(3)
+    rings = np.round(chance.normal(1000.0, 30.0, (40, 600)))
+    rings[:, :25] += chance.exponential(600.0, (40, 25))  # stars, as many as clipping in rounds takes in turn
+    rings[:, 25:150] = np.nan  # outside the ring
+    rings[1:20, 150:450] = np.nan  # rings of other sizes
+    rings[0] = 7.0
+    level, noise = sky._sky(chance.permuted(rings, axis=1))
+    left = sigma_clip(np.ma.masked_invalid(rings), 3.0, maxiters=4, cenfunc="median", stdfunc="std", axis=1)
+    np.testing.assert_allclose(level, left.mean(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(noise, left.std(axis=1), atol=1e-9)
+
+
 @pytest.mark.parametrize("name", ["exo__HATP-32171220013343.FITS", "pleiades.fits"])
 def test_light_and_sky_are_those_of_photutils(name, monkeypatch):
     aperture = pytest.importorskip("photutils.aperture")

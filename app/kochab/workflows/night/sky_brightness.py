@@ -197,7 +197,7 @@ def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Float
     values = patch.reshape(len(xy), side // cell, cell, side // cell, cell).mean(axis=(2, 4))
     middle = steps[::cell] + (cell - 1) / 2.0
     dx, dy = (low[:, k, None] + middle - xy[:, k, None] for k in (0, 1))
-    far = np.hypot(dy[:, :, None], dx[:, None, :]) / cell
+    far = np.sqrt(dy[:, :, None] ** 2 + dx[:, None, :] ** 2) / cell
     wide = fwhm / cell
     ring = (far > INNER * wide) & (far < OUTER * wide)
     level, noise = _sky(np.where(ring, values, np.nan).reshape(len(xy), -1))
@@ -235,12 +235,45 @@ def photometry_at(frame: Frame, place: Floats, stars: StarsOnSky) -> tuple[float
 
 
 def _sky(ring: Floats) -> tuple[Floats, Floats]:
-    """Mean and scatter (N,) of what is left of rings (N, P), NaN outside them, when stars are clipped away."""
-    kept = ring
+    """Mean and scatter (N,) of what is left of rings (N, P), NaN outside them, when stars are clipped away.
+
+    In order of brightness what is left is a stretch, so that sums up to its ends tell all of it.
+    """
+    ordered = np.sort(ring, axis=1)  # NaN last
+    first, last = np.zeros(len(ring), dtype=np.int64), np.isfinite(ring).sum(axis=1)
+    middle = _middles(ordered, first, last)
+    off = np.nan_to_num(ordered - middle[:, None])  # small numbers, whose squares keep their digits
+    sums, squares = (np.pad(np.cumsum(off**power, axis=1), ((0, 0), (1, 0))) for power in (1, 2))
+    mean, scatter = _moments(sums, squares, first, last)
     for _ in range(4):
-        middle, scatter = np.nanmedian(kept, axis=1, keepdims=True), np.nanstd(kept, axis=1, keepdims=True)
-        kept = np.where(np.abs(kept - middle) <= 3.0 * scatter, kept, np.nan)
-    return np.nanmean(kept, axis=1), np.nanstd(kept, axis=1)
+        reach = 3.0 * scatter[:, None]
+        apart = ordered - _middles(ordered, first, last)[:, None]
+        first = np.maximum(first, (apart < -reach).sum(axis=1))
+        last = np.minimum(last, (apart <= reach).sum(axis=1))
+        mean, scatter = _moments(sums, squares, first, last)
+    return middle + mean, scatter
+
+
+def _middles(ordered: Floats, first: Ints, last: Ints) -> Floats:
+    """Medians (N,) of rows (N, P) in order, each from ``first`` up to ``last``."""
+    rows = np.arange(len(ordered))
+    low, high = np.maximum(first + last - 1, 0) // 2, np.minimum((first + last) // 2, ordered.shape[1] - 1)
+    return np.asarray(0.5 * (ordered[rows, low] + ordered[rows, high]))
+
+
+def _moments(sums: Floats, squares: Floats, first: Ints, last: Ints) -> tuple[Floats, Floats]:
+    """Mean and scatter (N,) from ``first`` up to ``last`` of rows whose running sums (N, P + 1) are given.
+
+    Parameters
+    ----------
+    sums, squares : Floats
+        Of the values, and of their squares.
+    first, last : Ints
+        Each (N,).
+    """
+    rows, count = np.arange(len(sums)), np.where(last > first, last - first, np.nan)
+    mean, square = ((one[rows, last] - one[rows, first]) / count for one in (sums, squares))
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
 def _colours(stars: Sequence[NamedStar], solution: Solution) -> Floats:
