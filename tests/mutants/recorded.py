@@ -1,6 +1,7 @@
 """Which tests execute which lines, in a copy of the program; kept between two runs."""
 
 import ast
+import compileall
 import hashlib
 import json
 import multiprocessing
@@ -12,23 +13,25 @@ import signal
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from time import monotonic
+from time import monotonic, process_time
 from typing import Any
 
 import coverage
 import pytest
 
-from tests.house import SOURCE, imports, sources
+from tests.house import SOURCE, imports, sources, tree
 from tests.mutants.changes import Mutant
 from tests.patterns import REPOSITORY
 
 KEPT = REPOSITORY / ".pytest_cache" / "mutants"
 PRELOADED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
-LONGEST_TEST_S, LONGEST_FILE_S = 100.0, 400.0
-"""A test that takes longer judges no change; so much time for the tests of one file, in their order."""
+LONGEST_TEST_S, LONGEST_FILE_S = 6.0, 60.0
+"""A test that takes the processor longer judges no change; so much of it for the tests of one file, in their order."""
+PATIENCE_S = 60.0  # for one test, on the clock of a busy machine
 MOST_FILES = 24  # of one group, the smallest
 FAR = ("window", "lab/bench")  # tests that look at other rooms from far above
 
@@ -36,33 +39,78 @@ FAR = ("window", "lab/bench")  # tests that look at other rooms from far above
 # -- A copy in which a module is changed -------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class Ended:
+    """How tests ended against a copy: pytest's code, None after the limit on the clock; and the processor's time."""
+
+    code: int | None
+    processor_s: float
+
+
 class Copy:
-    """A copy of the program in which one module at a time is changed."""
+    """A copy of the program in which one module at a time is changed.
+
+    It holds the bytecode of all others: compiling them took longer than most tests.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.app = folder / "app"
-        shutil.copytree(SOURCE, self.app / "kochab", ignore=shutil.ignore_patterns("__pycache__"))
+        compileall.compile_dir(SOURCE, quiet=2)
+        shutil.copytree(SOURCE, self.app / "kochab")
         for name in ("catalogs", "resources"):
             (folder / name).symlink_to(REPOSITORY / name)
 
-    def pytest(self, tests: list[str], processor_s: float, limit_s: float, *options: str) -> int | None:
-        """Run tests against the copy; what pytest returns, None when they had not ended after ``limit_s``.
+    @contextmanager
+    def changed(self, module: str, text: str) -> Iterator[None]:
+        """Have a module's text changed; then it is as before, to the time by which its bytecode is known."""
+        file = self.app / path_of(module)
+        before, at = file.read_bytes(), file.stat()
+        file.write_text(text, encoding="utf-8")
+        try:
+            yield
+        finally:
+            file.write_bytes(before)
+            os.utime(file, ns=(at.st_atime_ns, at.st_mtime_ns))
+
+    def pytest(self, tests: list[str], processor_s: float, limit_s: float, *options: str) -> Ended:
+        """Run tests against the copy in their order, in a process forked from this one, which has the libraries.
 
         A change after which they never end is told by the processor's time: a busy machine does not use it up.
         """
         arguments = ["-q", "-n", "0", "-p", "no:cacheprovider", "--hypothesis-seed=0", *PRELOADED, *options, *tests]
-        process = multiprocessing.get_context("fork").Process(target=_pytest, args=(self.app, processor_s, arguments))
+        process = multiprocessing.get_context("fork").Process(
+            target=_pytest, args=(self.app, processor_s, arguments, tests)
+        )
+        before = children_s()
         process.start()
         process.join(limit_s)
-        if process.is_alive() and process.pid is not None:
+        late = process.is_alive()
+        if late and process.pid is not None:
             os.killpg(process.pid, signal.SIGKILL)  # with what the tests have started
             process.join()
-            return None
-        return process.exitcode or 0
+        return Ended(None if late else process.exitcode or 0, children_s() - before)
 
 
-def _pytest(app: Path, processor_s: float, arguments: list[str]) -> None:
-    """In a process of its own, which has the libraries already: they take longer than most tests."""
+def children_s() -> float:
+    """Processor time of all children that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+class InOrder:
+    """A plugin of pytest: the tests in the order in which they were asked for."""
+
+    def __init__(self, tests: list[str]) -> None:
+        self.place = {test: k for k, test in enumerate(tests)}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Iterator[None]:
+        """Sort them once everyone else has."""
+        yield
+        items.sort(key=lambda item: self.place.get(item.nodeid, -1))
+
+
+def _pytest(app: Path, processor_s: float, arguments: list[str], tests: list[str]) -> None:
     os.setsid()
     resource.setrlimit(resource.RLIMIT_CPU, (round(processor_s), round(processor_s) + 5))
     paths = [str(app), str(REPOSITORY)]
@@ -73,7 +121,7 @@ def _pytest(app: Path, processor_s: float, arguments: list[str]) -> None:
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nothing, stream)
-    os._exit(pytest.main(["-o", f"pythonpath={app} {REPOSITORY}", *arguments]))
+    os._exit(pytest.main(["-o", f"pythonpath={app} {REPOSITORY}", *arguments], plugins=[InOrder(tests)]))
 
 
 def path_of(module: str) -> Path:
@@ -85,16 +133,25 @@ def path_of(module: str) -> Path:
 # -- What a run of the tests records -----------------------------------------------------------
 
 
+class TooLong(BaseException):
+    """A test takes longer than a judge may; neither a test nor Hypothesis catches it."""
+
+
 class Recorder:
     """A plugin of pytest: of every test that passes, how long it takes and which lines it executes."""
 
     def __init__(self, app: Path, output: Path) -> None:
-        self.app, self.output, self.end = app, output, monotonic() + LONGEST_FILE_S
+        self.app, self.output = app, output
+        self.end = process_time() + LONGEST_FILE_S
         self.measured = coverage.Coverage(data_file=None, config_file=False, source=[str(app)], messages=False)
-        self.durations_s: dict[str, float] = {}
+        self.durations_s: dict[str, tuple[float, float]] = {}
         self.out: set[str] = set()
         self.failed: set[str] = set()
+        signal.signal(signal.SIGPROF, self._stop)
         self.measured.start()
+
+    def _stop(self, *_: object) -> None:
+        raise TooLong
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -104,31 +161,40 @@ class Recorder:
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         """Measure one test with its fixtures."""
-        start = monotonic()
+        start, used = monotonic(), process_time()
         self.measured.switch_context(item.nodeid)
         result = yield
         self.measured.switch_context("between")
-        self.durations_s[item.nodeid] = monotonic() - start
+        self.durations_s[item.nodeid] = monotonic() - start, process_time() - used
         return result
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         """What a fixture of the module does, it does for all of them."""
-        if monotonic() > self.end:
+        if process_time() > self.end:
             pytest.skip("no time is left")
         self.measured.switch_context("fixtures")
 
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_runtest_call(self, item: pytest.Item) -> None:
-        """The test itself."""
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
+        """The test itself, while it takes no longer than it may."""
         self.measured.switch_context(item.nodeid)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST_TEST_S)
+        try:
+            return (yield)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+    def pytest_exception_interact(self, call: pytest.CallInfo[None], report: object) -> None:
+        """Tell what failed from what was too long."""
+        slow = call.excinfo is not None and call.excinfo.errisinstance(TooLong)
+        if isinstance(report, pytest.TestReport) and not slow:
+            self.failed.add(report.nodeid)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Leave out what fails or is skipped without any change."""
         if not report.passed:
             self.out.add(report.nodeid)
-        if report.failed:
-            self.failed.add(report.nodeid)
 
     def pytest_sessionfinish(self) -> None:
         """Write what was recorded."""
@@ -137,20 +203,25 @@ class Recorder:
         passed = {test: seconds for test, seconds in self.durations_s.items() if test not in self.out}
         lines: dict[str, dict[str, list[int]]] = {test: defaultdict(list) for test in passed}
         for module in sources():
-            executable = _inside_functions(module)
-            for number, contexts in data.contexts_by_lineno(str(self.app / path_of(module))).items():
+            found = data.contexts_by_lineno(str(self.app / path_of(module)))
+            executable = inside_functions(module) if found else frozenset()
+            for number, contexts in found.items():
                 if number in executable:
                     for test in passed if "fixtures" in contexts else set(contexts) & passed.keys():
                         lines[test][module].append(number)
-        tests = {test: {"duration_s": seconds, "lines": lines[test]} for test, seconds in passed.items() if lines[test]}
+        tests = {
+            test: {"duration_s": duration, "processor_s": used, "lines": lines[test]}
+            for test, (duration, used) in passed.items()
+            if lines[test]
+        }
         self.output.write_text(json.dumps({"tests": tests, "failed": sorted(self.failed)}), encoding="utf-8")
 
 
 @cache
-def _inside_functions(module: str) -> frozenset[int]:
+def inside_functions(module: str) -> frozenset[int]:
     """The lines that an import of the module does not execute."""
     found: set[int] = set()
-    for node in ast.walk(ast.parse(sources()[module])):
+    for node in ast.walk(tree(module)):
         if isinstance(node, ast.FunctionDef | ast.Lambda):
             body = node.body if isinstance(node.body, list) else [node.body]
             found |= set(range(body[0].lineno, (node.end_lineno or node.lineno) + 1))
@@ -226,58 +297,55 @@ def tests_of(module: str) -> list[list[Path]]:
     return [group for group in groups if group]
 
 
-@dataclass
-class TestFile:
-    """What is known of the tests of one file: their time, and the lines of modules that each executes."""
+@dataclass(frozen=True)
+class Recorded:
+    """What is known of one test: its time on the clock and of the processor, and the lines of modules it executes."""
 
-    durations_s: dict[str, float] = field(default_factory=dict)
-    lines: dict[str, dict[str, frozenset[int]]] = field(default_factory=dict)
-    failed: list[str] = field(default_factory=list)
+    duration_s: float
+    processor_s: float
+    lines: dict[str, frozenset[int]]
 
 
 class Recordings:
     """What the tests of a file execute, recorded when first asked for.
 
-    It is kept until the file, what it takes from the other tests, or a module that it executes has changed.
+    It is kept until the file, what it takes from the other tests, or the module that is judged has changed.
     """
 
     def __init__(self, copy: Copy, folder: Path, end: float) -> None:
-        self.copy, self.output, self.end = copy, folder / "lines.json", end
-        self._known: dict[Path, TestFile] = {}
+        self.copy, self.output, self.end, self.processor_s = copy, folder / "lines.json", end, 0.0
+        self._known: dict[Path, tuple[dict[str, str], dict[str, Recorded]]] = {}
 
-    def has(self, path: Path) -> bool:
-        """Whether a file of tests is recorded already."""
-        if path not in self._known:
-            kept = KEPT / f"{_mark(path)}.json"
-            found = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else None
-            if found is None or any(_digest(module) != mark for module, mark in found["modules"].items()):
-                return False
-            self._keep(path, found)
-        return True
+    def has(self, path: Path, module: str) -> bool:
+        """Whether what the tests of a file execute of a module is recorded already."""
+        kept = KEPT / f"{_mark(path)}.json"
+        if path not in self._known and kept.exists():
+            self._keep(path, json.loads(kept.read_text(encoding="utf-8")))
+        return path in self._known and self._known[path][0].get(module, _digest(module)) == _digest(module)
 
-    def of(self, path: Path) -> TestFile | None:
+    def of(self, path: Path, module: str) -> dict[str, Recorded] | None:
         """The recording of a file of tests; None when no time is left to make it."""
-        if not self.has(path):
+        if not self.has(path, module):
             if monotonic() > self.end:
                 return None
             self._keep(path, self._record(path, KEPT / f"{_mark(path)}.json"))
-        return self._known[path]
+        return self._known[path][1]
 
     def _keep(self, path: Path, found: dict[str, Any]) -> None:
-        self._known[path] = TestFile(
-            {test: one["duration_s"] for test, one in found["tests"].items()},
-            {t: {m: frozenset(n) for m, n in one["lines"].items()} for t, one in found["tests"].items()},
-            found["failed"],
-        )
+        tests = {
+            test: Recorded(one["duration_s"], one["processor_s"], {m: frozenset(n) for m, n in one["lines"].items()})
+            for test, one in found["tests"].items()
+        }
+        self._known[path] = found["modules"], tests
         for test in found["failed"]:
             print(f"left out, it does not pass without a change: {test}", flush=True)
 
     def _record(self, path: Path, kept: Path) -> dict[str, Any]:
         self.output.unlink(missing_ok=True)
         os.environ["KOCHAB_RECORD_LINES"] = json.dumps([str(self.copy.app), str(self.output)])
-        limit_s = LONGEST_FILE_S + LONGEST_TEST_S + 60.0
-        options = ("-p", "tests.mutants.recorded", "-o", f"timeout={LONGEST_TEST_S:.0f}")
-        self.copy.pytest([str(path.relative_to(REPOSITORY))], limit_s, limit_s, *options)
+        options = ("-p", "tests.mutants.recorded", "-o", f"timeout={PATIENCE_S:.0f}")
+        file = str(path.relative_to(REPOSITORY))
+        self.processor_s += self.copy.pytest([file], 2.0 * LONGEST_FILE_S, 4.0 * PATIENCE_S, *options).processor_s
         del os.environ["KOCHAB_RECORD_LINES"]
         nothing = {"tests": {}, "failed": [f"{path.relative_to(REPOSITORY)} (did not end)"]}
         found: dict[str, Any] = json.loads(self.output.read_text("utf-8")) if self.output.exists() else nothing
@@ -288,10 +356,12 @@ class Recordings:
         return found
 
 
+@cache
 def _digest(module: str) -> str:
     return hashlib.sha256(sources().get(module, "").encode()).hexdigest()[:16]
 
 
+@cache
 def _mark(path: Path) -> str:
     """What changes with a test file and with what it takes from the other tests."""
     files, new = {path}, [path, *(folder / "conftest.py" for folder in path.parents if REPOSITORY in folder.parents)]
