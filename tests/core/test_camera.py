@@ -1,5 +1,7 @@
 """The camera: a direction becomes a pixel and the same direction again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -51,6 +53,20 @@ def test_a_fisheye_lens_sees_what_stands_behind_it(mirrored):
     assert np.allclose(lens.unproject(pixels), sky, rtol=0.0, atol=1e-12)
     assert lens.fov_deg == pytest.approx((np.degrees(4.0), np.degrees(4.0)))
     assert lens.sides_px(lens.focal_px, np.array(lens.fov_deg)) == pytest.approx([2000.0, 2000.0])
+
+
+@pytest.mark.parametrize("kind", [Camera, FisheyeCamera])
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 1.6])
+def test_the_field_of_a_resized_image_is_the_angle_between_its_edges(kind, aspect):
+    """Twice as many pixels along x to the same angle show half the field, whatever the lens."""
+    camera = replace(kind.centred(900, 600, 700.0), aspect=aspect)
+    x, y = camera.cx, camera.cy
+    edges = camera.unproject(np.array([[-0.5, y], [899.5, y], [x, -0.5], [x, 599.5]]))
+    width, height = (np.degrees(np.arccos(edges[k] @ edges[k + 1])) for k in (0, 2))
+    assert camera.fov_deg == pytest.approx((width, height))
+    along_x, along_y = (camera.unproject(np.array([[x + dx, y + dy]]))[0] for dx, dy in ((0.1, 0.0), (0.0, 0.1)))
+    scales = np.degrees([along_x[0] / 0.1, along_y[1] / 0.1]) * 3600.0
+    assert camera.scale_arcsec_px == pytest.approx(np.sqrt(scales[0] * scales[1]), rel=1e-6)
 
 
 def test_nothing_is_drawn_beside_the_circle_of_a_fisheye_lens():

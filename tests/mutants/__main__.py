@@ -24,7 +24,16 @@ from time import monotonic
 
 from tests.house import sources
 from tests.mutants.changes import Mutant, mutant, places
-from tests.mutants.recorded import Copy, Recorded, Recordings, children_s, inside_functions, tests_of, wanted_lines
+from tests.mutants.recorded import (
+    Copy,
+    Recorded,
+    Recordings,
+    children_s,
+    inside_functions,
+    test_texts,
+    tests_of,
+    wanted_lines,
+)
 from tests.patterns import choose_folder
 
 ROOMS = tuple(sorted({f"kochab.{module.split('.')[1]}" for module in sources() if module.count(".") > 1}))
@@ -44,8 +53,8 @@ def judge(bug: Mutant, copy: Copy, recordings: Recordings) -> tuple[str, int]:
     """``killed``, ``survived`` or ``undecided``, and how many tests were asked."""
     groups = tests_of(bug.module)
     files = [path for group in groups for path in group]
-    # What is recorded answers at once; the others are recorded one by one, and only until one answers.
-    known = [path for path in files if recordings.has(path, bug.module)]
+    # What is recorded answers at once, wherever it stands; the others are recorded one by one until one answers.
+    known = [path for path in test_texts() if recordings.has(path, bug.module)]
     left_s, asked, complete = MOST_TESTS_S, 0, True
     for some in (known, *([path] for path in files if path not in known)):
         recorded = {path: recordings.of(path, bug.module) for path in some}

@@ -277,7 +277,7 @@ def tests_of(module: str) -> list[list[Path]]:
     """The test files that judge a module, in the order in which they are asked.
 
     Those that mirror it or name it in its own room; those of its room that name what imports it; those elsewhere that
-    name it, and the mirrors of what imports it. What looks from far above comes last, and only where nothing else is.
+    name it, and the mirrors of what imports it. Mirrors far above come last, and only where nothing else is.
     """
     room = module.split(".")[1:]
     folders = [REPOSITORY.joinpath("tests", *room[:k]) for k in range(len(room), 0, -1)]
@@ -289,7 +289,7 @@ def tests_of(module: str) -> list[list[Path]]:
     inside = inside & set().union(first, *(_named(other) for other in above)) or inside
     elsewhere = set().union(*(_mirror(other) for other in above), named)
     far = {path for path in elsewhere if any(REPOSITORY / "tests" / folder in path.parents for folder in FAR)}
-    far -= inside
+    far -= inside | named
     groups: list[list[Path]] = []
     for group in (first, inside, elsewhere - far, far if not (first or elsewhere - far) else set()):
         before = {path for earlier in groups for path in earlier}

@@ -1,5 +1,7 @@
 """A fixed camera against astropy's own horizon (`AltAz`) and a lens written down here."""
 
+import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import astropy.units as u
@@ -92,6 +94,21 @@ def test_its_pixels_have_the_azimuths_and_altitudes_of_astropy() -> None:
     assert sigma.max() < 0.05
 
 
+@pytest.mark.parametrize(("shared_px", "least", "most"), [(0.0, 0.0, 0.1), (0.6, 0.3, 0.6)])
+def test_what_neighbouring_stars_share_is_the_models_error_and_their_noise_is_not(shared_px, least, most) -> None:
+    """Waves over the frame that no term of a lens has, an RMS of 0.7 of their height, and 0.2 px of noise."""
+    whole = frame_at(MIDNIGHT)
+    waves = shared_px * np.sin(2.0 * np.pi * whole.xy[:, ::-1] / 1000.0)
+    camera = calibrated("roof", SITE, [replace(whole, xy=whole.xy + waves)])
+    assert least <= camera.model_px < most
+    assert camera.rms_px >= NOISE_PX
+
+
+def test_the_middle_of_the_frame_is_between_its_middle_pixels() -> None:
+    camera = calibrated("roof", SITE, [frame_at(MIDNIGHT)])
+    assert camera.middle.tolist() == [[999.5, 799.5]]
+
+
 def test_beside_the_circle_of_its_lens_there_is_no_direction() -> None:
     camera = calibrated("roof", SITE, [frame_at(MIDNIGHT)])
     assert np.isfinite(camera.directions(camera.middle)).all()
@@ -140,3 +157,44 @@ def test_it_is_kept_by_name_and_a_damaged_file_is_told() -> None:
     with pytest.raises(KochabError, match="is not a calibration"):
         load_fixed_camera("Dach, Süd")
     assert fixed_cameras() == []
+
+
+LENS, TURNED = "camera", "enu_to_camera"
+FREE = [[0.0, 5.0], [180.0, 20.0]]
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "sound"),
+    [
+        ("model_px", lambda value: -0.5, False),
+        ("model_px", lambda value: 0.0, True),
+        ("rms_px", lambda value: -0.1, False),
+        ("rms_px", lambda value: 1e6, False),
+        ("site", lambda value: [90.0, *value[1:]], True),
+        ("site", lambda value: [90.5, *value[1:]], False),
+        ("site", lambda value: [value[0], 360.5, value[2]], False),
+        ("seen", lambda value: 1.0, True),
+        ("seen", lambda value: 0.0, False),
+        ("seen", lambda value: 1.01, False),
+        ("limit_mag", lambda value: 6.5, True),
+        ("limit_mag", lambda value: 2e6, False),
+        ("horizon_deg", lambda value: FREE, True),
+        ("horizon_deg", lambda value: [], False),
+        ("horizon_deg", lambda value: [[0.0, 5.0, 1.0]], False),
+        ("horizon_deg", lambda value: [[0.0, 400.0]], False),
+        ("terms", lambda value: ["colour", *value[1:]], False),
+        ("terms", lambda value: value[1:], False),
+        ("covariance", lambda value: (-np.array(value)).tolist(), False),
+        (TURNED, lambda value: (np.diag([1.0, 1.0, -1.0]) @ value).tolist(), False),
+        (TURNED, lambda value: (1.01 * np.array(value)).tolist(), False),
+        (LENS, lambda value: value | {"aspect": 0.0}, False),
+        (LENS, lambda value: value | {"width": 1}, False),
+        (LENS, lambda value: value | {"width": 2}, True),
+        (LENS, lambda value: value | {"k2": 2e6}, False),
+    ],
+)
+def test_a_calibration_with_a_number_that_no_camera_has_is_refused(key, change, sound) -> None:
+    path = save_fixed_camera(calibrated("roof", SITE, [frame_at(MIDNIGHT)]))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(content | {key: change(content[key])}), encoding="utf-8")
+    assert bool(fixed_cameras()) is sound

@@ -379,7 +379,8 @@ def _is_sound(camera: FixedCamera) -> bool:
         and np.linalg.det(camera.attitude.matrix) > 0.0
         and (np.abs(numbers) < LARGEST).all()
         and min(lens.width, lens.height) >= 2
-        and min(lens.focal_px, lens.aspect, camera.model_px + 1.0) > 0.0
+        and min(lens.focal_px, lens.aspect) > 0.0
+        and min(camera.rms_px, camera.model_px) >= 0.0
         and abs(camera.site.latitude_deg) <= 90.0
         and abs(camera.site.longitude_deg) <= 360.0
         and (camera.seen is None or 0.0 < camera.seen <= 1.0)
