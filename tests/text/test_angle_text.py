@@ -1,12 +1,9 @@
-import re
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kochab.core.errors import UsageError
 from kochab.core.solution import NoSolution, Reason
-from kochab.parsing.angles import parse_dec_deg, parse_positive, parse_ra_deg
+from kochab.parsing.angles import parse_dec_deg, parse_ra_deg
 from kochab.text.angle_text import (
     AngleStyle,
     angle_text,
@@ -66,52 +63,6 @@ def test_sizes_choose_their_unit():
     assert arcsec_text(0.0512) == "0.051″"
     assert milliseconds_text(3.14) == "3.1 ms"
     assert milliseconds_text(1530) == "1.5 s"
-
-
-@pytest.mark.parametrize(
-    ("text", "deg"),
-    [
-        ("83.82", 83.82),
-        ("5h35m17.3s", 83.822083),
-        ("5:35:17.3", 83.822083),
-        ("5 35 17,3", 83.822083),
-        ("83d49m", 83.81667),
-        ("24h", 0.0),
-        ("0", 0.0),
-    ],
-)
-def test_right_ascension_as_typed(text, deg):
-    assert parse_ra_deg(text) == pytest.approx(deg, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("text", "deg"), [("-5.39", -5.39), ("−5 23 28", -5.391111), ("+41d16m9s", 41.269167), ("-0 30", -0.5)]
-)
-def test_declination_as_typed(text, deg):
-    assert parse_dec_deg(text) == pytest.approx(deg, abs=1e-5)
-
-
-@pytest.mark.parametrize("text", ["", "north", "-5", "25h", "361", "5:61:00", "1 2 3 4", "5h35x"])
-def test_what_is_no_right_ascension_is_one_sentence(text):
-    with pytest.raises(UsageError) as error:
-        parse_ra_deg(text)
-    assert re.fullmatch(r"[^\n]+\.", str(error.value))
-
-
-@pytest.mark.parametrize("text", ["", "91", "-90.1", "5h", "north"])
-def test_what_is_no_declination_is_refused(text):
-    with pytest.raises(UsageError):
-        parse_dec_deg(text)
-
-
-@pytest.mark.parametrize("text", ["0", "-1", "x", "nan", "inf", "181"])
-def test_what_is_no_size_is_refused(text):
-    with pytest.raises(UsageError):
-        parse_positive(text, "The radius", 180.0)
-
-
-def test_a_decimal_comma_is_understood():
-    assert parse_positive("1,5°", "The field", 180.0) == 1.5
 
 
 def test_the_number_of_stars_is_told_once():

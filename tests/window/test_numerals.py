@@ -8,8 +8,6 @@ import pytest
 from PySide6.QtCore import QLocale, Qt
 from PySide6.QtTest import QTest
 
-from kochab.core.errors import UsageError
-from kochab.parsing.angles import parse_site
 from kochab.window.panels.method_options import MethodGroup
 from kochab.window.widgets import number_field, use_plain_numerals
 
@@ -44,32 +42,6 @@ def test_an_option_of_a_method_takes_a_comma(qtbot):
     assert group.choices()["method_options"] == {"separation_deg": 0.05, "dec_deg": (-10.5, 60.0)}
     fields["dec_deg"].setText("-10,60")
     assert group.choices()["method_options"]["dec_deg"] == (-10.0, 60.0)
-
-
-@pytest.mark.parametrize(
-    ("text", "place"),
-    [
-        ("48.14, 11.58", (48.14, 11.58, 0)),
-        ("48.14,11.58,520", (48.14, 11.58, 520)),
-        ("48.14 11.58 520", (48.14, 11.58, 520)),
-        ("48, 11, 520", (48, 11, 520)),
-        ("48, 11,520", (48, 11, 520)),
-        ("48,14 11,58", (48.14, 11.58, 0)),
-        ("48,14; 11,58", (48.14, 11.58, 0)),
-        ("48,14; 11", (48.14, 11, 0)),
-        ("48,14, 11,58, 520", (48.14, 11.58, 520)),
-        ("−33,9 −18,4 1798", (-33.9, -18.4, 1798)),
-    ],
-)
-def test_a_site_with_points_or_commas(text, place):
-    site = parse_site(text)
-    assert (site.latitude_deg, site.longitude_deg, site.height_m) == place
-
-
-@pytest.mark.parametrize("text", ["48,14,11,58", "48", "north", "1;2;3;4", ";"])
-def test_what_is_no_site_is_said(text):
-    with pytest.raises(UsageError, match="give latitude, longitude"):
-        parse_site(text)
 
 
 def test_the_system_reports_its_errors_in_english_in_every_country(qapp):

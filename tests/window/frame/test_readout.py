@@ -6,9 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from kochab.core.errors import UsageError
 from kochab.core.frame import Hint, Site
-from kochab.parsing.angles import parse_site, site_text
 from kochab.sky.horizon import horizon_of
 from kochab.text.angle_text import AngleStyle
 from kochab.window.frame.readout import readout
@@ -52,29 +50,6 @@ def test_the_frame_s_own_site_comes_first_and_without_a_time_nothing_is_said():
     ours = say(Hint(time_utc=WHEN), MUNICH)
     assert "alt +" in ours
     assert say(Hint(time_utc=WHEN, site=MUNICH), Site(-33.0, 20.0)) == ours
-
-
-@pytest.mark.parametrize(
-    ("text", "site"),
-    [
-        ("48.14, 11.58", Site(48.14, 11.58)),
-        ("-33.9 18.4 1200", Site(-33.9, 18.4, 1200.0)),
-        ("−33.9; 341.6", Site(-33.9, -18.4)),
-    ],
-)
-def test_a_site_as_typed(text, site):
-    found = parse_site(text)
-    assert (found.latitude_deg, found.longitude_deg, found.height_m) == pytest.approx(
-        (site.latitude_deg, site.longitude_deg, site.height_m)
-    )
-    assert parse_site(site_text(found)) == found
-
-
-@pytest.mark.parametrize("text", ["", "48", "91, 0", "x, y", "1,2,3,4", "10, 400", "nan, 1", "5, 5, inf"])
-def test_what_is_no_site_is_one_sentence(text):
-    with pytest.raises(UsageError) as told:
-        parse_site(text)
-    assert str(told.value).count("\n") == 0
 
 
 def test_a_typed_site_is_kept_and_used(qtbot, make_window, engine, a_file):
