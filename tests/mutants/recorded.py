@@ -277,7 +277,8 @@ def tests_of(module: str) -> list[list[Path]]:
     """The test files that judge a module, in the order in which they are asked.
 
     Those that mirror it or name it in its own room; those of its room that name what imports it; those elsewhere that
-    name it, and the mirrors of what imports it. Mirrors far above come last, and only where nothing else is.
+    name it, and the mirrors of what imports it. Mirrors far above come later, and only where nothing
+    else is; last what uses the library as other programs do.
     """
     room = module.split(".")[1:]
     folders = [REPOSITORY.joinpath("tests", *room[:k]) for k in range(len(room), 0, -1)]
@@ -291,7 +292,8 @@ def tests_of(module: str) -> list[list[Path]]:
     far = {path for path in elsewhere if any(REPOSITORY / "tests" / folder in path.parents for folder in FAR)}
     far -= inside | named
     groups: list[list[Path]] = []
-    for group in (first, inside, elsewhere - far, far if not (first or elsewhere - far) else set()):
+    face = {REPOSITORY / "tests" / "test_library.py"}
+    for group in (first, inside, elsewhere - far, far if not (first or elsewhere - far) else set(), face):
         before = {path for earlier in groups for path in earlier}
         groups.append(sorted(group - before, key=lambda path: len(test_texts()[path]))[:MOST_FILES])
     return [group for group in groups if group]

@@ -68,6 +68,14 @@ def test_astropy_agrees_with_our_projection(ra, dec, roll, fov, mirrored, offset
     assert disagreement_px(answer, header_of(answer)) < 0.1
 
 
+@pytest.mark.parametrize("corner_shift", [-0.02, -0.01, -0.005, 0.002, 0.004, 0.008, 0.016, 0.03])
+def test_the_polynomials_are_of_the_lowest_order_that_is_good_to_a_two_hundredth_of_a_pixel(corner_shift):
+    k1 = corner_shift / np.tan(np.radians(20.0)) ** 2
+    header = header_of(answer := solution(83.8, -5.4, 33.0, 40.0, k1=k1))
+    assert 3 <= header["A_ORDER"] < 9
+    assert disagreement_px(answer, header) < 0.005
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_sky_to_pixels_inverts_distortion(mirrored):
     answer = solution(83.8, -5.4, 33.0, 40.0, mirrored, (12.0, -7.0), k1=-0.2, k2=0.05, p1=1e-3)
