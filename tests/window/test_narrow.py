@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from PySide6.QtCore import QPoint, QRect
-from PySide6.QtWidgets import QDialog, QLabel
+from PySide6.QtCore import QPoint, QRect, Qt
+from PySide6.QtWidgets import QAbstractButton, QDialog, QLabel
 
 from kochab.window.devices.mount_status import MountStatus
+from kochab.window.shell.side import HANDLE_PX
 from kochab.window.shell.views import VIEWS
 from kochab.workflows.session.alignment_state import AlignmentState
 from tests.window.polar_cases import error
@@ -26,7 +27,7 @@ def test_a_tool_beside_a_frame_fits_on_1024_by_600(qtbot, opened, name):
     resize(qtbot, window, 1024)
     assert (window.width(), window.height()) == (1024, 600)
     dock = commands.views.docks[name]
-    inside = dock.widget()
+    inside = dock.side.area
     assert inside.widget().minimumSizeHint().width() <= inside.viewport().width(), "cut at the right"
 
 
@@ -46,11 +47,108 @@ def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, op
     resize(qtbot, window, 683, 467)
     assert (window.width(), window.height()) == (683, 467)
     for low in (467, 384):
-        window.resize(683, low)
-        qtbot.wait(30)
-        if window.height() == low:  # the Polar room needs more
-            for action in (commands.views.image, window.actions_by_name["preferences"]):
-                assert whole(window, window.rail.widgetForAction(action)), (low, action.text())
+        resize(qtbot, window, 683, low)
+        assert window.height() == low
+        for action in (commands.views.image, window.actions_by_name["preferences"]):
+            assert whole(window, window.rail.widgetForAction(action)), (low, action.text())
+
+
+SCREENS = sorted({(round(w / s), round(h / s)) for w, h in ((1024, 700), (1366, 768)) for s in (1.0, 1.5, 2.0)})
+
+
+def no_larger_than(qtbot, window, screen):
+    """Whether a window in any mode can be as small as a screen, and its bar shows all of each part."""
+    for _ in range(2):
+        resize(qtbot, window, *screen)
+    least = window.minimumSizeHint()
+    assert (window.width(), window.height()) == screen
+    assert (least.width(), least.height()) <= screen
+    assert least.height() <= screen[1]
+    for made in window.bar.findChildren(QAbstractButton, options=Qt.FindChildOption.FindDirectChildrenOnly):
+        assert made.isHidden() or (whole(window, made) and made.width() >= made.minimumSizeHint().width()), made.text()
+
+
+@pytest.mark.parametrize("letters", ["normal", "huge"])
+@pytest.mark.parametrize("name", ["image", "details", *VIEWS])
+def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, name, letters):
+    """At a scale of two 1024 x 700 is 512 x 350: details, Live, Mount, Polar and Lab needed 635 to 674 px."""
+    window, commands = opened
+    commands.appearance.use_theme(text_size=letters)
+    qtbot.waitUntil(lambda: commands.appearance.settled)
+    for screen in SCREENS:
+        if letters == "huge" and screen[0] < 683:
+            continue
+        resize(qtbot, window, *screen)
+        commands.views.show("image")
+        commands.views.show(name)
+        no_larger_than(qtbot, window, screen)
+    commands.appearance.use_theme(text_size="normal")
+    qtbot.waitUntil(lambda: commands.appearance.settled)
+
+
+@pytest.mark.parametrize("name", ["details", *VIEWS])
+def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtbot, opened, name):
+    window, commands = opened
+    commands.views.show(name)
+    for _ in range(2):
+        resize(qtbot, window, 500, 350)
+    dock = commands.views.docks[name]
+    if name == "last_night":  # as narrow as it is, both have room
+        assert window.pages.isVisible()
+        assert dock.side.area.isVisible()
+        return
+    seen = [dock.side.area.isVisible()]
+    assert window.pages.isVisible() is not seen[0]
+    dock.side.handle.click()
+    seen.append(dock.side.area.isVisible())
+    assert window.pages.isVisible() is not seen[1]
+    assert seen == ([False, True] if name == "polar" else [True, False])
+    if seen[1]:
+        dock.side.handle.click()
+    assert dock.width() == HANDLE_PX
+    resize(qtbot, window, 1200, 800)
+    assert window.pages.isVisible()
+    assert dock.side.area.isVisible()
+    for _ in range(2):
+        resize(qtbot, window, 500, 350)
+    commands.views.show("image")
+    assert window.pages.isVisible()
+
+
+def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, opened):
+    window, commands = opened
+    commands.views.show("polar")
+    for _ in range(2):
+        resize(qtbot, window, 500, 350)
+    view, side = commands.views.docks["polar"].view, commands.views.docks["polar"].side
+    assert not view.setup.isVisible()
+    view.buttons.set_up.trigger()
+    assert view.setup.isVisible()
+    side.handle.click()
+    assert view.room.isVisible()
+
+
+def test_the_number_stays_whole_in_a_room_of_a_few_lines_and_the_cards_scroll(qtbot, opened):
+    window, commands = opened
+    commands.views.show("polar")
+    for _ in range(2):
+        resize(qtbot, window, 512, 350)
+    view = commands.views.docks["polar"].view
+    view.alignment.state = AlignmentState("done", "12″", error=error(10.0, 5.0))
+    view._show()
+    room = view.room
+    qtbot.waitUntil(lambda: whole(window, room.number))
+    assert not room.cards.geometry().intersects(room.bar.geometry())
+    room.cards.ensureWidgetVisible(room.strip)
+    qtbot.waitUntil(lambda: whole(window, room.strip) or not room.strip.isVisible())
+
+
+def test_a_window_fits_a_screen_that_is_smaller_than_what_it_shows(qtbot, opened):
+    window, commands = opened
+    commands.views.show("mount")
+    window.keep_within(QRect(0, 0, 512, 350))
+    assert (window.frameGeometry().width(), window.frameGeometry().height()) <= (512, 350)
+    assert window.height() <= 350
 
 
 def test_the_rail_is_whole_on_1024_by_700_at_a_scale_of_two(qtbot, opened):

@@ -68,7 +68,7 @@ from tests.translations import collect, markers, release
 from tests.window.fakes import FakeEngine, assert_no_threads_left, fake_solution
 from tests.window.mount_bench import connected
 from tests.window.polar.test_view import Nights, drive
-from tests.window.test_narrow import resize, whole
+from tests.window.test_narrow import SCREENS, no_larger_than, resize, whole
 
 MARKERS = {"tr", *markers()}
 
@@ -607,8 +607,18 @@ def test_a_longer_language_is_whole_on_1024_by_700(qtbot, solved_abroad, mode):
     left = cut(window)
     assert not left, "\n".join(left)
     if mode in VIEWS:
-        inside = commands.views.docks[mode].widget()
+        inside = commands.views.docks[mode].side.area
         assert inside.widget().minimumSizeHint().width() <= inside.viewport().width(), "cut at the right"
+
+
+@pytest.mark.parametrize("mode", ["image", "details", *VIEWS])
+def test_a_longer_language_needs_no_more_than_a_small_screen_at_any_scale(qtbot, solved_abroad, mode):
+    window, commands = solved_abroad
+    for screen in SCREENS:
+        resize(qtbot, window, *screen)
+        commands.views.show("image")
+        commands.views.show(mode)
+        no_larger_than(qtbot, window, screen)
 
 
 def test_what_is_cut_is_found(qtbot):

@@ -19,8 +19,17 @@ class View(Page):
     """
 
     frame_wanted = Signal(bool)
-    folded = Signal(bool)  # whether it leaves its width to the room
+    side_wanted = Signal()  # the view itself, should it be folded away
     room: QWidget | None = None
+    room_first = False  # whether the room is seen first where a small window has no place for both
+    pages_scroll = False  # within the view: it may be as low as can be
+
+    def heightForWidth(self, width: int) -> int:
+        """What its dock gives it at least."""
+        if not self.pages_scroll:
+            return super().heightForWidth(width)
+        layout = self.layout()
+        return -1 if layout is None else layout.minimumHeightForWidth(width)
 
     def aim(self, action: str, target: str) -> None:
         """Carry out ``action``, "goto" or "centre" of :mod:`kochab.gear.actions`, at a target as a person types it."""

@@ -251,6 +251,14 @@ def scrolled(inside: QWidget) -> QScrollArea:
     return area
 
 
+def see_through(inside: QWidget) -> QScrollArea:
+    """The same, with what lies behind the area seen between its parts."""
+    area = scrolled(inside)
+    for each in (area, area.viewport(), inside):
+        each.setObjectName("see_through")
+    return area
+
+
 def tab_pages(name: str, *pages: tuple[str, QWidget]) -> QTabWidget:
     """Pages under tabs with these titles."""
     made = named(QTabWidget(documentMode=True), name)

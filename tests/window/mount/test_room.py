@@ -19,6 +19,7 @@ from kochab.window.atlas.chart import StarChart
 from kochab.window.devices.mount_status import mount_status_text
 from kochab.window.image.thumbnails import reduced
 from kochab.window.mount.sky_overlay import LocalSky, MountMarks, flat, name_mark
+from kochab.window.shell.side import HANDLE_PX
 from kochab.window.themes import theme_colours
 from kochab.workflows.solve_frame import SolvedFrame
 from kochab.workflows.target_tonight import target_tonight, tonight_text
@@ -410,12 +411,12 @@ def test_the_side_folds_away_on_a_small_window_and_comes_back(qtbot, opened):
         QApplication.processEvents()
         view, dock = mount.view, commands.views.docks["mount"]
         wide = view.room.width()
-        view.fold.click()
-        qtbot.waitUntil(lambda: dock.width() <= 64 and view.room.width() > wide + 150, timeout=5_000)
+        dock.side.handle.click()
+        qtbot.waitUntil(lambda: dock.width() <= HANDLE_PX and view.room.width() > wide + 150, timeout=5_000)
         assert view.stop.isVisible()
         assert view.pointing.isVisible()
         assert view.go.centre.isVisible()
         assert (window.width(), window.height()) == (1024, 700)
-        view.unfold.click()
+        dock.side.handle.click()
         qtbot.waitUntil(lambda: dock.width() > 200, timeout=5_000)
         assert view.pad.isVisible()

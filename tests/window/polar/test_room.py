@@ -107,7 +107,7 @@ def test_the_number_never_moves_and_nothing_covers_anything(qtbot, polar, size):
         room = view.room
         assert room.isVisible()
         places.append(room.number.total.mapTo(room, room.number.total.rect().topLeft()))
-        assert not room.over.geometry().intersects(room.bar.geometry())
+        assert not room.cards.geometry().intersects(room.bar.geometry())
         assert room.rect().contains(room.bar.geometry())
         assert room.number.total.sizeHint().width() <= room.number.total.width(), "in one line, whole"
     assert len({(at.x(), at.y()) for at in places}) == 1
@@ -180,7 +180,7 @@ def test_before_the_first_frame_the_room_says_how_it_goes_and_leads_to_the_set_u
     assert [step.text() for step in first.steps] == list(STEPS)
     assert room.rect().contains(first.geometry())
     assert not first.geometry().intersects(room.bar.geometry())
-    assert not first.geometry().intersects(room.strip.geometry().translated(room.over.pos()))
+    assert not first.geometry().intersects(room.strip.geometry().translated(room.cards.pos()))
     first.set_up.click()
     assert view.tabs.currentWidget().widget() is view.setup
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.NOBODY)
@@ -237,7 +237,7 @@ def test_before_the_first_frame_the_sky_around_the_pole_is_shown_as_one_sees_it(
     assert off_deg < 0.05, "refracted, it is an arcminute higher"
     assert abs(tilt_deg) < 0.5
     free = sky.mapTo(view.room, sky.rect().center())
-    assert not (view.room.over.geometry() | view.room.first.geometry()).contains(free)
+    assert not (view.room.cards.geometry() | view.room.first.geometry()).contains(free)
 
 
 def test_no_name_of_the_pole_s_sky_is_cut_by_the_edge_of_the_room(polar, qtbot):

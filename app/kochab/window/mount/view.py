@@ -4,7 +4,6 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QPushButton, QWidget
 
@@ -64,6 +63,7 @@ class MountView(View):
     """The side; its ``room`` is the chart with the pointing and the commands over it. STOP is in the bar above."""
 
     room: MountRoom
+    pages_scroll = True
 
     def __init__(self, services: Services) -> None:
         super().__init__()
@@ -100,20 +100,15 @@ class MountView(View):
         self.flip = button(tr("Flip and go"), self._flip_and_go, "", tr("Flip the mount on its way there"))
         self.leave = button(tr("Disconnect"), control.disconnect_mount, "", tr("Stop the mount and close the port"))
         self.cancel_find = button(tr("Cancel"), self.connect_box.cancel_search)
-        self.fold = button("›", partial(self._fold, True), "small", tr("Fold this side away"))
-        self.unfold = button("‹", partial(self._fold, False), "small", tr("Show the side again"))
-        for made in (self.fold, self.unfold):
-            made.setAccessibleName(made.toolTip())  # a screen reader cannot read an arrow
         self.name = label("", "heading", wrap=True)
         self.message, self.why = label("", "muted", wrap=True), label("", "muted", wrap=True)
         self.bar = ProgressBar(tr("Progress of the mount"))
 
     def _lay_out(self) -> None:
-        for hidden in (self.unfold, self.bar, self.cancel_find, self.message, self.why, self.flip):
+        for hidden in (self.bar, self.cancel_find, self.message, self.why, self.flip):
             hidden.setVisible(False)
         self.area, self.picture = scrolled(self._side()), PictureAge(self._services.session)
-        whole = column(self.unfold, (self.area, 1), self.picture, on=self, margins=(6, 8, 6, 8))
-        whole.setAlignment(self.unfold, Qt.AlignmentFlag.AlignTop)
+        column((self.area, 1), self.picture, on=self, margins=(6, 8, 6, 8))
         strip, progress = styled_frame("card"), row((self.bar, 1), self.cancel_find)
         self.go.lay_out(self.buttons.sync)
         notes = row((self.message, 1), self.flip)
@@ -136,8 +131,8 @@ class MountView(View):
         frame_after = row(self.after, label(tr("Centred within")), self.go.tolerance, None)
         set_once = (self.line, self.camera.box, frame_after, meridian, styled_frame("rule"), self.limits)
         self.settings = Fold(tr("Connection, limits, camera"), *set_once)
-        inside, top = page(), row((self.name, 1), self.fold)
-        parts = (top, self.connection, self.conflict, self.compared, self.moving, self.settings, None)
+        inside = page()
+        parts = (self.name, self.connection, self.conflict, self.compared, self.moving, self.settings, None)
         column(*parts, on=inside, spacing=12, margins=(2, 4, 2, 4))
         return inside
 
@@ -220,13 +215,6 @@ class MountView(View):
         self.go.target.setText(target)
         # Through the button, which checks what the mount can do now.
         self.buttons.by_action[action].click()
-
-    def _fold(self, on: bool) -> None:
-        """Leave the side's width to the chart, or take it back; pointing, commands and STOP stay."""
-        self.area.setHidden(on)
-        self.unfold.setVisible(on)
-        self.folded.emit(on)
-        (self.unfold if on else self.fold).setFocus()
 
     def _show_large(self, on: bool) -> None:
         """The open frame takes the chart's place, or gives it back."""

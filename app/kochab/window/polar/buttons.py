@@ -58,6 +58,7 @@ class AlignmentButtons:
         self.more.setMenu(self.menu)
         self.bar = ProgressBar(tr("Progress of the alignment"))
         self.bar.setFixedWidth(BAR_PX)
+        self._running = False
         self.menu.aboutToShow.connect(self._name_rows)
         for action in self._rows.values():
             action.setVisible(False)
@@ -79,7 +80,10 @@ class AlignmentButtons:
         return Flow(*first, self.at_bolts, self.sound, self.phone, self.more, self.bar)
 
     def fit(self, width: int) -> None:
-        """Move the least used buttons into the menu until the others fit on one line of ``width`` px."""
+        """Move the least used buttons into the menu until the others fit on one line of ``width`` px.
+
+        The progress is seen where there is room left for it.
+        """
         places = (self.start, self.done, self.turn_for_me, self.at_bolts)
         line = [*(made for made in places if not made.isHidden()), self.sound, self.phone, self.more]
         for made, action in self._rows.items():
@@ -89,12 +93,15 @@ class AlignmentButtons:
             if made.isHidden() is not (made not in line):
                 made.setVisible(made in line)
             action.setVisible(made not in line)
+        left = width - sum(each.sizeHint().width() + SPACING_PX for each in line)
+        if self.bar.isHidden() is (self._running and left >= BAR_PX):
+            self.bar.setVisible(self.bar.isHidden())
 
     def enable(self, running: bool, drifts: bool) -> None:
         """What can be used while one runs, and while none does; nobody turns the axis where it ``drifts``."""
         for made in (self.use_frames, self.cancel):
             made.setVisible(running)
-        self.bar.setVisible(running)
+        self._running = running
         self.second.setVisible(running and not drifts)
         self.again.setVisible(False)
         self.back.setVisible(False)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QBoxLayout, QFrame, QLabel, QSizePolicy, QWidget
 
 from kochab.polar.error import Knob, PolarError, angle_in_words, cure
 from kochab.text.translation import tr, tr_noop
@@ -16,7 +16,18 @@ from kochab.window.polar.live_frame import LiveFrame
 from kochab.window.polar.messages import Message
 from kochab.window.polar.pole_chart import PoleChart
 from kochab.window.services import Services
-from kochab.window.widgets import Page, column, label, row, set_property, set_role, show_text, styled_frame, value_label
+from kochab.window.widgets import (
+    Page,
+    column,
+    label,
+    row,
+    see_through,
+    set_property,
+    set_role,
+    show_text,
+    styled_frame,
+    value_label,
+)
 from kochab.workflows.session.alignment_state import AlignmentState
 
 NONE = "–"
@@ -31,7 +42,10 @@ TITLES = {
 }
 MARGIN_PX, OVER_PX, GAP_PX = 16, 600, 10  # around what lies over the frame, its width at most, and between its parts
 BAR_MARGINS_PX = 8, 6, 8, 6  # around the buttons, within an edge of one pixel
-LEAST_PX = 320, 390  # the width of the cards, and the height of the room, in a small window
+LEAST_PX = 320, 240  # the width of the cards, and the height of the room, in a small window
+LOW_ROOM_PX, LOW_MARGIN_PX, LOW_GAP_PX = 390, 8, 6  # a room lower than this has a smaller number, and less around it
+NUMBER_MARGINS_PX, LOW_NUMBER_MARGINS_PX = (18, 6, 18, 10), (14, 4, 14, 5)
+KNOB_MARGINS_PX, LOW_KNOB_MARGINS_PX = (14, 8, 14, 10), (12, 4, 12, 5)
 DONE_SHARE = 0.5  # of the goal, within which a knob that nobody is asked to turn is done
 
 
@@ -49,7 +63,17 @@ class NumberCard(QFrame):
         number = row(self.total, (self.sigma, 1), spacing=14)
         number.setAlignment(self.sigma, Qt.AlignmentFlag.AlignBottom)
         age = row(self.age, self.spinner, None, spacing=6)
-        column(number, age, on=self, spacing=0, margins=(18, 6, 18, 10))
+        self._parts = column(number, age, spacing=0)
+        self._column = column(self._parts, on=self, spacing=0, margins=NUMBER_MARGINS_PX)
+
+    def shrink(self, on: bool) -> None:
+        """Take less of a low room."""
+        self._column.setContentsMargins(*(LOW_NUMBER_MARGINS_PX if on else NUMBER_MARGINS_PX))
+        way = QBoxLayout.Direction
+        self._parts.setDirection(way.LeftToRight if on else way.TopToBottom)  # the age beside the number
+        self._parts.setSpacing(14 if on else 0)
+        for each in (self, self.total, self.sigma):
+            set_property(each, "low", on)
 
     def show_state(self, state: AlignmentState, now_s: float) -> None:
         """Show a state."""
@@ -87,7 +111,11 @@ class KnobCard(QFrame):
         self.way.setAlignment(Qt.AlignmentFlag.AlignTop)
         self.standing = ""
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
-        column(self.title, self.value, (self.way, 1), on=self, spacing=2, margins=(14, 8, 14, 10))
+        self._column = column(self.title, self.value, (self.way, 1), on=self, spacing=2, margins=KNOB_MARGINS_PX)
+
+    def shrink(self, on: bool) -> None:
+        """Take less of a low room."""
+        self._column.setContentsMargins(*(LOW_KNOB_MARGINS_PX if on else KNOB_MARGINS_PX))
 
     def show_state(self, state: AlignmentState, goal_arcsec: float) -> None:
         """Show a state."""
@@ -169,7 +197,10 @@ class PolarRoom(Page):
         self.number = NumberCard()
         self.knobs = {knob: KnobCard(knob) for knob in Knob}
         self.strip = MessageStrip()
-        self.over = QWidget(self)
+        self.over = QWidget()
+        self.cards = see_through(self.over)  # they scroll where a room is too low for them
+        self.cards.setParent(self)
+        self._low = False
         self._knob_row = row(*((card, 1) for card in self.knobs.values()), spacing=GAP_PX)
         parts = (self.number, self._knob_row, self.strip, None)
         self._column = column(*parts, on=self.over, spacing=GAP_PX, margins=(0, 0, 0, 0))
@@ -184,9 +215,10 @@ class PolarRoom(Page):
         self.sky = PoleChart(services)
         self.sky.setParent(self)
         self.frame.pictured.connect(self._place)
-        for over in (self.first, self.over, self.bar):
+        for over in (self.first, self.cards, self.bar):
             over.raise_()
-            over.installEventFilter(self)
+        for watched in (self.first, self.over, self.bar):
+            watched.installEventFilter(self)
         self.sky.stackUnder(self.first)
 
     @property
@@ -206,7 +238,7 @@ class PolarRoom(Page):
         self._place()
 
     def minimumSizeHint(self) -> QSize:
-        """Wide enough for the cards, and high enough for them and the buttons."""
+        """Wide enough for the cards, and high enough for the number and the buttons."""
         return QSize(LEAST_PX[0] + 2 * MARGIN_PX, LEAST_PX[1])
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
@@ -229,7 +261,15 @@ class PolarRoom(Page):
 
     def _place(self) -> None:
         """The cards at the upper left, the buttons at the lower left."""
-        inside = self.rect().adjusted(MARGIN_PX, MARGIN_PX, -MARGIN_PX, -MARGIN_PX)
+        if (low := self.height() < LOW_ROOM_PX) is not self._low:
+            self._low = low
+            cards: tuple[NumberCard | KnobCard, ...] = (self.number, *self.knobs.values())
+            for card in cards:
+                card.shrink(low)
+            for layout in (self._column, self._knob_row):
+                layout.setSpacing(LOW_GAP_PX if low else GAP_PX)
+        margin = LOW_MARGIN_PX if low else MARGIN_PX
+        inside = self.rect().adjusted(margin, margin, -margin, -margin)
         self._buttons.fit(inside.width() - BAR_MARGINS_PX[0] - BAR_MARGINS_PX[2] - 2)
         long = min(self.bar.sizeHint().width(), inside.width())
         bar = QRect(inside.topLeft(), QSize(long, self.bar.heightForWidth(long)))
@@ -237,12 +277,12 @@ class PolarRoom(Page):
         self.bar.setGeometry(bar)
         wide = min(OVER_PX, inside.width())
         high = min(self._column.heightForWidth(wide), bar.top() - GAP_PX - inside.top())
-        self.over.setGeometry(QRect(inside.topLeft(), QSize(wide, high)))
+        self.cards.setGeometry(QRect(inside.topLeft(), QSize(wide, high)))
         self._place_first(inside)
 
     def _place_first(self, inside: QRect) -> None:
         """Before the first frame the sky around the pole, and an alignment's way below the cards or beside them."""
-        over = self.over.geometry()
+        over = self.cards.geometry()
         below = QRect(inside.left(), over.top() + self._column.minimumHeightForWidth(over.width()), over.width(), 0)
         below.translate(0, GAP_PX)
         below.setBottom(self.bar.y() - GAP_PX)

@@ -48,6 +48,8 @@ class PolarView(View):
     """Passes buttons to the alignment under way and shows its state in the room, at the bolts and to the ear."""
 
     room: PolarRoom
+    room_first = True  # an alignment begins there
+    pages_scroll = True
 
     def __init__(self, services: Services) -> None:
         super().__init__()
@@ -69,8 +71,8 @@ class PolarView(View):
             "sounds": self.switch_sounds,
             "phone": self.show_phone,
             "stop": self.alignment.stop,
-            "set_up": lambda: self.tabs.setCurrentIndex(SET_UP),
-            "tonight": lambda: self.tabs.setCurrentIndex(TONIGHT),
+            "set_up": lambda: self.show_page(SET_UP),
+            "tonight": lambda: self.show_page(TONIGHT),
         }
         self.buttons = AlignmentButtons(self.press, calls, self.cues.description)
         self.room = PolarRoom(services, self.buttons, calls["set_up"])
@@ -133,11 +135,6 @@ class PolarView(View):
         self._key = StopKey(alignment.stop, self)  # the mount's Esc does not stop motors at the bolts
         self._clock = QTimer(self, interval=REFRESH_MS)
         self._clock.timeout.connect(self._show)
-
-    def heightForWidth(self, width: int) -> int:
-        """As low as can be: the pages scroll."""
-        layout = self.layout()
-        return -1 if layout is None else layout.minimumHeightForWidth(width)
 
     def begin(self) -> None:
         """Start what was set up."""
@@ -239,7 +236,12 @@ class PolarView(View):
     def show_phone(self) -> None:
         """Switch the phone's page on, if it is off, and show its address."""
         self.phone.switch.setChecked(self.phone.switch.isEnabled())
-        self.tabs.setCurrentIndex(PHONE)
+        self.show_page(PHONE)
+
+    def show_page(self, index: int) -> None:
+        """Show a page beside the room."""
+        self.tabs.setCurrentIndex(index)
+        self.side_wanted.emit()
 
     def show_bolts(self) -> None:
         """Open the full-screen view."""
@@ -323,7 +325,7 @@ class PolarView(View):
 
     def _take_files(self, paths: list[Path]) -> None:
         self.setup.frames.take_files(paths)
-        self.tabs.setCurrentIndex(SET_UP)
+        self.show_page(SET_UP)
 
     def measure(self, paths: list[Path]) -> None:
         """Measure these frames alone, unless an alignment is under way."""

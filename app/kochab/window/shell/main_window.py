@@ -16,6 +16,7 @@ from kochab.window.shell.status import Status, TopBar
 from kochab.window.shell.welcome import Sample, Welcome
 
 SAY_MS = 8000
+GIVES_PX = 40  # so much narrower than its page needs a window may be made, and then shows the page or what is beside it
 
 
 class MainWindow(QMainWindow):
@@ -64,7 +65,10 @@ class MainWindow(QMainWindow):
             return
         frame, inside = self.frameGeometry(), self.geometry()
         rim = frame.size() - inside.size()
-        self.resize(inside.size().boundedTo(room.size() - rim))
+        for _ in range(2):  # a window that becomes narrow shows less at a time, and then may be narrower still
+            self.resize(inside.size().boundedTo(room.size() - rim))
+            if (layout := self.layout()) is not None:
+                layout.activate()
         frame = self.frameGeometry()
         x = min(max(frame.left(), room.left()), room.right() + 1 - frame.width())
         y = min(max(frame.top(), room.top()), room.bottom() + 1 - frame.height())
@@ -149,12 +153,20 @@ class MainWindow(QMainWindow):
 
 
 class _Pages(QStackedWidget):
-    """Needs no more room than the page that is seen."""
+    """Needs no more room than the page that is seen, and a little less beside a view, which then ``gives_way``."""
 
     def __init__(self) -> None:
         super().__init__()
+        self.gives_way = False
         self.currentChanged.connect(self.updateGeometry)
+
+    @property
+    def page_px(self) -> int:
+        """The width that the page which is seen needs."""
+        page = self.currentWidget()
+        return 0 if page is None else page.minimumSizeHint().width()
 
     def minimumSizeHint(self) -> QSize:
         page = self.currentWidget()
-        return super().minimumSizeHint() if page is None else page.minimumSizeHint()
+        least = super().minimumSizeHint() if page is None else page.minimumSizeHint()
+        return least - QSize(GIVES_PX, 0) if self.gives_way else least

@@ -1,6 +1,7 @@
 """The bar above the image: menus, the file and what is done with it. The bar below: what is under the cursor."""
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QMenuBar, QSizePolicy, QStatusBar, QToolButton, QWidget
 
 from kochab.core.progress import Progress
@@ -43,15 +44,40 @@ class TopBar(QFrame):
             self.menus, 10, self.name, (self.doing, 1), self.progress, self.cancel, self.equipment, on=self, spacing=8
         )
         self._row.setContentsMargins(6, 3, 8, 3)
+        self._first = self._search = QWidget(self)  # until they are added
         self.show_idle(tr("Ready"))
 
     def add_first(self, widget: QWidget) -> None:
-        """Put a widget beside the menus."""
+        """Put a widget beside the menus, which is left out where there is no room: the menus have it too."""
+        self._first = widget
         self._row.insertWidget(2, widget)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self._fit()
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.LayoutRequest:
+            self._fit()
+        return super().event(event)
+
+    def _fit(self) -> None:
+        """Leave out and shorten what a narrow bar has no room for; nothing is cut, least of all Stop."""
+        spacing = self._row.spacing()
+        least = self._row.minimumSize().width()
+        if self._first.isHidden():
+            least += self._first.sizeHint().width() + spacing
+        if self._search.isHidden():
+            least += self._search.sizeHint().width() + spacing
+        for made in (self._first, self._search):
+            if made.isHidden() is not (least > self.width()):
+                made.setHidden(least > self.width())
+            least -= made.sizeHint().width() + spacing
 
     def add_search(self, widget: QWidget) -> None:
         """Put a widget that looks like a field, and opens the search, between the file's state and the progress."""
         widget.setObjectName("search")
+        self._search = widget
         self._row.insertWidget(self._row.indexOf(self.progress), widget)
 
     def add(self, widget: QWidget) -> None:

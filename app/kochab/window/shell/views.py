@@ -15,9 +15,9 @@ from kochab.window.services import Services
 from kochab.window.shell.actions import colour_icons
 from kochab.window.shell.appearance import Appearance
 from kochab.window.shell.main_window import MainWindow
+from kochab.window.shell.side import HANDLE_PX, Side
 from kochab.window.themes import theme_colours
 from kochab.window.view import View
-from kochab.window.widgets import scrolled
 
 
 class Mode(NamedTuple):
@@ -42,12 +42,15 @@ VIEWS: dict[str, Mode] = {
 }
 SHARE, MOST_PX = 0.34, 640  # of the window's width for what stands beside the image, and the most it takes
 BESIDE_ROOM, BESIDE_ROOM_PX = 0.2, 400  # the same beside a view's own room
-FOLDED_PX, ANY_PX = 64, 16_777_215  # of a dock that is folded; Qt's own number for no limit
+ANY_PX = 16_777_215  # Qt's own number for no limit
+EDGES_PX = 4  # between the image and what stands beside it
 LEAST_SHARE = 0.5  # of the image, in a window that was made smaller
 
 
 class ViewDock(QDockWidget):
     """The dock of one view, which ``make`` makes when first shown."""
+
+    held = Signal(object)  # itself, once it has its view
 
     def __init__(
         self, name: str, title: str, make: Callable[[str], QWidget], appearance: Appearance, window: MainWindow
@@ -55,12 +58,16 @@ class ViewDock(QDockWidget):
         super().__init__(title, window)
         self.setObjectName(f"view_{name}")  # by which its place is kept across starts
         self.view: QWidget | None = None
+        self.side: Side | None = None
+        self._bare = QWidget()  # no title over a folded side
         self._name, self._make, self._appearance = name, make, appearance
 
     def hold(self, view: QWidget) -> None:
         """Hold a view that is made already."""
         self.view = view
-        self.setWidget(view)
+        self.side = Side(view)
+        self.setWidget(self.side)
+        self.held.emit(self)
 
     def make(self) -> QWidget:
         """The view, made now if it was not."""
@@ -71,13 +78,25 @@ class ViewDock(QDockWidget):
     def dress(self) -> None:
         """Hold the view, in the window's style."""
         view = self.make()
-        if self.widget() is None:
-            self.setWidget(holder := scrolled(view))  # a view may be taller than a small screen
+        if self.side is None:
+            self.hold(view)
             self._appearance.redden_carets(view)
             if isinstance(view, View) and view.room is not None:
                 self._appearance.redden_carets(view.room)
             # Styled here, while `toggle` shows it in the next turn of the event loop.
-            holder.ensurePolished()
+            assert self.side is not None
+            self.side.ensurePolished()
+
+    def show_folded(self) -> None:
+        """Be as narrow as the handle while the view is folded away."""
+        if self.side is None:
+            return
+        self.side.handle.setHidden(self.isFloating())
+        folded = self.side.folded and not self.isFloating()
+        self.setMaximumWidth(HANDLE_PX if folded else ANY_PX)
+        if (self.titleBarWidget() is self._bare) is not folded:
+            # None gives it Qt's own again.
+            self.setTitleBarWidget(self._bare if folded else None)  # type: ignore[arg-type]
 
     def showEvent(self, event: QShowEvent) -> None:
         self.dress()
@@ -98,6 +117,7 @@ class Views(QObject):
         self._made: dict[str, View] = {}
         self.docks: dict[str, ViewDock] = {}
         self._room: QWidget | None = None  # of the view that is shown
+        self._hides = False  # whether the image gave its place to what stands beside it
         self._coming = ""  # the view that is being made, styled and shown, each in a turn of the event loop
         self.image = self._action("image", tr("Ima&ge"), "F8")
         self.image.triggered.connect(lambda _=False: self.show("image"))
@@ -111,6 +131,10 @@ class Views(QObject):
         for name in self.actions:
             self._add(name)
         self.docks["details"].hold(services.panes.tabs)
+        for dock in self.docks.values():
+            dock.held.connect(self._hold)
+            dock.topLevelChanged.connect(lambda _, of=dock: None if of.side is None else of.side.fold(False))
+        self._hold(self.docks["details"])
         window.resized.connect(self._keep_share)
         self._look()
 
@@ -131,9 +155,17 @@ class Views(QObject):
         module, _, kind = mode.made_by.partition(":")
         view: View = getattr(import_module(module), kind)(self._services)
         self._made[name] = view
-        view.folded.connect(lambda on: self._fold(self.docks[name], on))
-        view.frame_wanted.connect(lambda on: self._window.show_room(None if on else view.room))
+        view.side_wanted.connect(lambda: self._unfold(name, True))
+        view.frame_wanted.connect(lambda on: self._show_frame(name, view, on))
         return view
+
+    def _unfold(self, name: str, on: bool) -> None:
+        if (side := self.docks[name].side) is not None and (on or side.alone):
+            side.fold(not on)
+
+    def _show_frame(self, name: str, view: View, on: bool) -> None:
+        self._window.show_room(None if on else view.room)
+        self._unfold(name, False)  # where it stands in the picture's place
 
     def _add(self, name: str) -> None:
         title = self.actions[name].text().replace("&", "")
@@ -158,21 +190,46 @@ class Views(QObject):
         self.image.setChecked(not set(self.docked) - {"details"})
         if not self.docked:
             self.emptied.emit()
+            self._part(self._window.width())
         shown = [view for name, view in self._made.items() if not self.docks[name].isHidden()]
         room = next((view.room for view in shown if view.room is not None), None)
         if room is not self._room:  # and not again, when the open frame was asked for in its place
             self._room = room
             self._window.show_room(room)
 
+    def _hold(self, dock: ViewDock) -> None:
+        """Listen to the handle of a dock that holds its view now."""
+        assert dock.side is not None
+        dock.side.handled.connect(lambda: self._give_width(dock))
+
     def _keep_share(self) -> None:
         """Leave the image half of a window that was made smaller: what stands beside it keeps its width by itself."""
+        self._part(self._window.width())
         for dock in map(self.docks.__getitem__, self.docked):
-            if dock.width() > LEAST_SHARE * self._window.width():
+            if dock.width() > LEAST_SHARE * self._window.width() and not self._window.pages.isHidden():
                 self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
 
-    def _fold(self, dock: ViewDock, on: bool) -> None:
-        """Leave a strip of a dock, or give it its width back."""
-        dock.setMaximumWidth(FOLDED_PX if on else ANY_PX)
+    def _part(self, width: int) -> None:
+        """Where a window of this width has no room for the image and what stands beside it, show one of them."""
+        window, pages = self._window, self._window.pages
+        sides = [dock.side for dock in map(self.docks.__getitem__, self.docked) if dock.side is not None]
+        pages.gives_way = bool(sides)
+        room = width - window.rail.sizeHint().width() - EDGES_PX
+        alone = any(pages.page_px + side.whole_px > room for side in sides)
+        for side in sides:
+            if side.alone is not alone:
+                side.alone = alone
+                side.show_folded()
+        for dock in self.docks.values():
+            dock.show_folded()
+        hidden = alone and not all(side.folded for side in sides)
+        if hidden is not self._hides or hidden:
+            self._hides = hidden
+            pages.setVisible(not hidden and not window.actions_by_name["fill"].isChecked())
+
+    def _give_width(self, dock: ViewDock) -> None:
+        """Leave the handle of a dock, or give it its width back."""
+        self._part(self._window.width())
         if not dock.isFloating():
             self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
 
@@ -216,7 +273,7 @@ class Views(QObject):
 
     def _go_on(self) -> None:
         """Style, and in the next turn show, the view that was asked for last."""
-        if self._coming and self.docks[self._coming].widget() is None:
+        if self._coming and self.docks[self._coming].side is None:
             self.docks[self._coming].dress()
             QTimer.singleShot(0, self, self._go_on)
         elif self._coming:
@@ -239,6 +296,7 @@ class Views(QObject):
         if dock is None and self._window.pages.currentWidget() is self._window.workspace:
             self._window.workspace.view.setFocus()
         self._look()
+        self._part(size.width())
         if self._window.size() != size:  # it grew for two views and a room at once, perhaps past the screen
             if (layout := self._window.layout()) is not None:
                 layout.activate()
