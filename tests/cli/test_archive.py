@@ -21,7 +21,11 @@ from fsspec.implementations.memory import MemoryFileSystem
 
 from kochab.cli import archive as command
 from kochab.cli.main import main
+from kochab.solver import SolveOptions
 from kochab.workflows.archive.dataset import Dataset
+from kochab.workflows.archive.inputs import SCHEMA as INPUTS
+from kochab.workflows.archive.row import Recipe
+from kochab.workflows.archive.run import Run
 from tests.cli.archive_inputs import CENTRES, SIZE, archive, rows_of, stars_of, write_lists
 from tests.cli.test_night import CENTRE, DRIFT, MINUTES, planted
 
@@ -459,6 +463,30 @@ def test_ctrl_c_leaves_what_is_done_and_the_next_run_goes_on(frames, tmp_path, c
 
 
 # -- How far it is -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [2, 16])
+def test_workers_end_together(tmp_path, workers) -> None:
+    """Chunks go to the worker that has least before it, each with two in hand, as Dask gives them out."""
+    urls = [f"{k:05d}" for k in range(1250 * workers)]
+    one = {"url": "", "stamp": "1", "size_bytes": 9, "table_row": -1, "width": 0, "height": 0}
+    left = pa.Table.from_pylist([one | {"url": url} for url in urls], INPUTS).append_column(
+        "known", pa.nulls(len(urls))
+    )
+    index = pa.table({"url": pa.array([], pa.string()), "content": pa.array([], pa.string())})
+    run = Run(Dataset.at(str(tmp_path)), Recipe(SolveOptions()), len(left), left, index, hands=workers, _mean_s=0.007)
+    chunks, lanes, given = run.chunks(), [[] for _ in range(workers)], []
+    ends = [0.0] * workers
+    while any(lanes) or not given:
+        while len(given) < len(left) and min(map(len, lanes)) < 2:
+            chunk = next(chunks)
+            given += [item.url for item in chunk.items]
+            min(lanes, key=len).append(0.007 * len(chunk.items))
+        busy = [k for k in range(workers) if lanes[k]]
+        first = min(busy, key=lambda k: ends[k] + lanes[k][0])
+        ends[first] += lanes[first].pop(0)
+    assert given == urls
+    assert sum(ends) / (workers * max(ends)) > 0.98
 
 
 def test_the_status_counts_rows_and_names_what_is_quarantined(frames, tmp_path, capsys) -> None:

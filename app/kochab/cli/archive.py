@@ -173,6 +173,7 @@ def _outcomes(args: argparse.Namespace, this: "Run") -> "Iterator[Generator[Outc
         cluster(args.dask, workers) as client,
         closing(on_cluster(client, this.chunks(), chunk_rows, lost_rows)) as got,
     ):
+        this.hands = max(client.threads, 1)
         yield got
 
 

@@ -29,6 +29,7 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": 1,  # of a chunk; before an input is told it has three times as many
     # Dask has workers give memory back at once: the pages of every array are asked for anew, 60 % more processor time.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
+    "distributed.worker.profile.enabled": False,  # it would look at the stack of the work every 10 ms
 }
 HERE = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50, "memory_limit": 0}
 STARTS, POLL_S, LOOK_S, RESTART_S, LOST_S = 5, 0.02, 1.0, 10.0, 300.0

@@ -190,8 +190,10 @@ def _watched(
 
 
 def _memory_mb(processes: Sequence[Any]) -> float:
-    """What processes hold alone (USS): mapped files that they share are counted for none."""
-    return float(sum(process.memory_full_info().uss for process in processes)) / 1e6
+    """What processes have written (private dirty pages); a catalogue that is mapped the system may drop at will."""
+    if not sys.platform.startswith("linux"):
+        return float(sum(process.memory_full_info().uss for process in processes)) / 1e6
+    return float(sum(one.private_dirty for process in processes for one in process.memory_maps())) / 1e6
 
 
 @contextmanager

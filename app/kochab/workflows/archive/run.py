@@ -27,6 +27,8 @@ from kochab.workflows.solution_json import Json
 PART_ROWS, PART_S, STATE_S, PAGE_S = 10_000, 60.0, 5.0, 30.0
 CHUNK_S, MOST_ITEMS = 5.0, 500
 """A chunk takes so long: what a worker that is lost has to do again."""
+SHARE = 4
+"""Of what is left a worker is given so small a part at a time, so that all end together (two chunks wait for each)."""
 SESSIONS = 1000
 """Folders whose last frame is remembered."""
 
@@ -59,7 +61,7 @@ class Outcome:
 class Run:
     """What of ``total`` inputs is left to do, ``left`` as `dataset.left_to_do` gives it, and what came of it.
 
-    ``index`` are the rows that are there; ``workers`` is told in the state.
+    ``index`` are the rows that are there; ``workers`` is told in the state, ``hands`` how many work at once.
     """
 
     dataset: Dataset
@@ -69,6 +71,7 @@ class Run:
     index: pa.Table
     workers: str = "1"
     most_items: int = MOST_ITEMS
+    hands: int = 1
     done: int = 0
     solved: int = 0
     failed: int = 0
@@ -94,17 +97,21 @@ class Run:
     def chunks(self) -> Iterator[Chunk]:
         """What is left, folder by folder; each chunk is made when it is asked for, with what is known by then."""
         waiting: list[tuple[Item, str]] = []
+        given = 0
         known = (value or "" for batch in self.left.to_batches(50_000) for value in batch["known"].to_pylist())
         for pair in zip(items_of(self.left), known, strict=True):
-            if waiting and (waiting[0][0].folder != pair[0].folder or len(waiting) >= self._chunk_items()):
+            if waiting and (waiting[0][0].folder != pair[0].folder or len(waiting) >= self._chunk_items(given)):
                 yield self._chunk(waiting)
+                given += len(waiting)
                 waiting = []
             waiting.append(pair)
         if waiting:
             yield self._chunk(waiting)
 
-    def _chunk_items(self) -> int:
-        return int(np.clip(CHUNK_S / max(self._mean_s, 1e-4), 1, self.most_items))
+    def _chunk_items(self, given: int) -> int:
+        """How many inputs the next chunk has at most, after so many were given out (guided self-scheduling)."""
+        share = -(-(len(self.left) - given) // (SHARE * self.hands))
+        return int(np.clip(CHUNK_S / max(self._mean_s, 1e-4), 1, min(self.most_items, share)))
 
     def _chunk(self, pairs: list[tuple[Item, str]]) -> Chunk:
         items, known = zip(*pairs, strict=True)
