@@ -79,6 +79,7 @@ def _is_float(node: ast.AST) -> TypeGuard[ast.Constant]:
 
 def _measured(node: ast.AST) -> bool:
     """Whether a term is a measured number, by its unit, its constant or its literal."""
+    node = node.operand if isinstance(node, ast.UnaryOp) else node
     name = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
     inside = any(_is_float(n) or (isinstance(n, ast.Name) and n.id in _float_constants()) for n in ast.walk(node))
     divided = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div)

@@ -4,6 +4,8 @@ NODES = "two nodes fewer of a spline that misses a planet by 3e-8 au"
 DRAWN = "two points fewer of a trail that is drawn finely"
 FAINT = "0.004 mag of Jupiter at its largest phase angle"
 LONG = "no star has a number of ten digits; int() alone must not be given thousands of them"
+ROUND = "a circle, begun at its other side"
+WORK = "how much is done at once, or at most: no result of a real frame depends on it"
 NEVER_EQUAL = "an angle and a magnitude as measured, which are never quite at the limit"
 
 EQUIVALENT: dict[tuple[str, str], str] = {
@@ -12,6 +14,13 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("kochab.sky.solar_system", "0.00037  ->  0.00074"): FAINT,
     ("kochab.sky.satellites", "TRAIL + 1  ->  TRAIL - 1"): DRAWN,
     ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
+    ("kochab.sky.frame_bodies", "2000  ->  4000"): WORK,
+    ("kochab.sky.frame_bodies", "100  ->  200"): WORK,
+    (
+        "kochab.sky.frame_bodies",
+        "xy + radius * np.column_stack([np.cos(turn), np.sin(turn)])  ->  "
+        "xy - radius * np.column_stack([np.cos(turn), np.sin(turn)])",
+    ): ROUND,
     (
         "kochab.sky.frame_bodies",
         "directions @ catalogue.vectors(rows, year).T >= np.cos(near)[:, None]  ->  "

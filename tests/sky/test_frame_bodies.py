@@ -164,9 +164,11 @@ def test_the_zero_point_is_the_magnitude_of_a_flux_of_one(field, catalogue):
     assert np.isnan(found((two, brighter, None), catalogue).zero_point).all()
 
 
-def test_no_zero_point_no_unknown(field, catalogue):
+def test_nothing_is_unknown_without_ten_stars_that_tell_the_zero_point(field, catalogue):
     solution, detections, _ = field
-    assert found((replace(solution, stars=solution.stars[:5]), detections, None), catalogue).unknown == ()
+    nine, ten = (replace(solution, stars=solution.stars[:count]) for count in (9, 10))
+    assert found((nine, detections, None), catalogue).unknown == ()
+    assert found((ten, detections, None), catalogue).unknown
 
 
 @pytest.mark.parametrize("exposure_s", [None, 30.0])
