@@ -7,7 +7,7 @@ import pytest
 
 from kochab.core.frame import Frame
 from kochab.detection.auto import AutoDetector
-from kochab.detection.streaks import find_streaks
+from kochab.detection.streaks import _spread, find_streaks
 from kochab.frames import read_frame
 from kochab.simulate.star_images import RenderedStar, Sensor, Sky, add_stars, expose, render
 from tests.workflows.night_sky import scattered
@@ -128,3 +128,14 @@ def test_a_saturated_flare_is_a_streak_and_no_spike(repository):
         pytest.skip("no real frames here")
     ends = [one.ends[np.argsort(one.ends[:, 0])] for one in streaks_of(read_frame(path))]
     assert min(np.abs(one - [[400, 430], [665, 375]]).max() for one in ends) < 25
+
+
+@pytest.mark.parametrize("shape", [(6, 8), (64, 96)])
+def test_a_slope_over_blocks_is_a_slope_over_their_pixels(shape) -> None:
+    """Each block's value is that of its middle; from the middles of the outermost on it stays as it is."""
+    blocks = (2, 4)
+    y, x = (np.arange(side) for side in shape)
+    middles = [(np.arange(count) + 0.5) * side / count - 0.5 for side, count in zip(shape, blocks, strict=True)]
+    grid = 3.0 * middles[0][:, None] + 5.0 * middles[1]
+    held = [np.clip(place, middle[0], middle[-1]) for place, middle in zip((y, x), middles, strict=True)]
+    np.testing.assert_allclose(_spread(grid, shape), 3.0 * held[0][:, None] + 5.0 * held[1], atol=1e-9)

@@ -10,7 +10,7 @@ from kochab.cli.main import main
 from kochab.cli.solve import frames_in
 from kochab.core.errors import FrameError
 from kochab.frames import FORMATS, file_pattern, format_names, frames_of, named_as_frame, read_frame, suffixes
-from kochab.frames.readers import kind_of, named_as_fits
+from kochab.frames.readers import _plain, kind_of, named_as_fits
 from kochab.window.frame.batch import images_in
 from kochab.workflows.fresh_frame import image_files
 from kochab.workflows.night import folder
@@ -208,3 +208,11 @@ def test_a_path_that_is_no_path():
 )
 def test_a_name_of_fits_may_be_that_of_a_packed_file(name, fits, unpacked):
     assert (named_as_fits(name), named_as_fits(name, packed=False)) == (fits, unpacked)
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"), [(OSError(28, "No space left"), "No space left"), (KeyError(), "KeyError")]
+)
+def test_a_librarys_own_words_are_one_short_line(raised, said):
+    assert _plain(raised) == said
+    assert _plain(ValueError("page of\n\ttext. " * 100)) == ("page of text. " * 100)[:200].rstrip(".")

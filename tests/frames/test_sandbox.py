@@ -481,6 +481,13 @@ def test_a_decoder_may_read_and_nothing_else(odd):
     assert not any(Path(f"/tmp/kochab-{name}").exists() for name in ("written", "made", "link"))
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux's kernel confines a process")
+def test_what_is_said_to_hold_is_what_the_kernel_has():
+    """Without Landlock no file is denied, and nobody may believe so."""
+    assert ("files" in confined()) is (landlock_version() > 0)
+    assert "privileges" in confined()
+
+
 def confined():
     """What holds for a process of this kernel."""
     code = "from kochab.frames.confinement import confine; print(*confine())"

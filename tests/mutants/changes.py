@@ -37,7 +37,7 @@ class Mutant:
     """A module's whole text with one change; ``line`` and ``change`` say which.
 
     ``lines`` are those of its statement; ``name`` is the constant, field or cached function whose value changes
-    when it is no statement of an ordinary function, else empty.
+    when it is no statement of an ordinary function, else empty; several are separated by ``|``.
     """
 
     module: str
@@ -237,5 +237,7 @@ def _statement(tree: ast.Module, wanted: ast.AST) -> tuple[frozenset[int], str]:
         kept = [f.name for f in functions if any("cache" in ast.unparse(d) for d in f.decorator_list)]
         return lines, kept[0] if kept else ""
     if isinstance(last, ast.Assign | ast.AnnAssign):
-        return lines, ast.unparse(last.targets[0] if isinstance(last, ast.Assign) else last.target)
+        name = ast.unparse(last.targets[0] if isinstance(last, ast.Assign) else last.target)
+        # a field's default is taken wherever the class is made without it
+        return lines, "|".join([name, *(node.name for node in statements if isinstance(node, ast.ClassDef))])
     return lines, getattr(last, "name", "import")

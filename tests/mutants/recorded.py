@@ -385,7 +385,8 @@ def wanted_lines(bug: Mutant) -> dict[str, frozenset[int]]:
     """The lines that have to be executed for a change to be noticed."""
     if not bug.name:
         return {bug.module: bug.lines}
-    word, found = re.compile(rf"\b{re.escape(bug.name)}\b"), {bug.module: bug.lines}
+    names = "|".join(map(re.escape, bug.name.split("|")))
+    word, found = re.compile(rf"\b({names})\b"), {bug.module: bug.lines}
     for module, text in sources().items():
         numbers = frozenset(n for n, line in enumerate(text.splitlines(), start=1) if word.search(line))
         if numbers and (module == bug.module or bug.module in imports(module)):

@@ -50,7 +50,15 @@ def test_what_is_copied_can_be_typed_back(ra, dec):
 
 @pytest.mark.parametrize(
     ("log10", "text"),
-    [(-14.2, "1 in 10¹⁴"), (-3.0, "1 in 1,000"), (-0.2, "more than 1 in 10"), (float("nan"), "not known")],
+    [
+        (-14.2, "1 in 10¹⁴"),
+        (-7.2, "1 in 10⁷"),
+        (-6.9, "1 in 1,000,000"),
+        (-3.0, "1 in 1,000"),
+        (-0.2, "more than 1 in 10"),
+        (float("nan"), "not known"),
+        (float("-inf"), "none to speak of"),
+    ],
 )
 def test_false_alarm_in_words(log10, text):
     assert false_alarm_text(log10) == text
