@@ -122,7 +122,15 @@ def test_a_wrong_way_is_turned_back():
     told = tutor.advise(error_at(2500.0, 0.0))
     assert told.turns < 0
     assert "anticlockwise" in told.words
+    assert "The number grew" in told.why
     assert tutor.moves == 2
+    assert tutor.advise(error_at(2000.0, 0.0)).why == ""
+
+
+def test_a_test_that_went_the_right_way_needs_no_word():
+    tutor = BoltTutor()
+    assert tutor.advise(error_at(2000.0, 0.0)).why == ""
+    assert tutor.advise(error_at(1500.0, 0.0)).why == ""
 
 
 def knowing_both(**changed):

@@ -96,6 +96,7 @@ STRAYED = {
     Knob.ALTITUDE: tr_noop("That moved azimuth, not altitude ({moved}). Turn it back, or take it from here."),
     Knob.AZIMUTH: tr_noop("That moved altitude, not azimuth ({moved}). Turn it back, or take it from here."),
 }
+TESTED = tr_noop("The number grew: the test turn shows which way this bolt moves the axis. Now the other way.")
 CROSSED = tr_noop("Each bolt moves the other axis. Check the clock and time zone, and which bolt is which.")
 
 TWIST_DEG, TWIST_SIGMAS, TWIST_ARCSEC = 12.0, 4.0, 120.0
@@ -120,7 +121,8 @@ class Instruction:
     """One thing to do: ``turns`` of ``knob``'s bolt, clockwise positive, or of what has none; ``words`` say it.
 
     ``text`` is the same with places for the error's amounts, which change while the bolt turns; ``stray`` tells that
-    the turn before moved the other axis, and ``note`` is the sentence of ``words`` that says so.
+    the turn before moved the other axis, and ``note`` is the sentence of ``words`` that says so. ``why`` says what a
+    test was for that took the axis farther from the pole.
     """
 
     step: TutorStep
@@ -131,6 +133,7 @@ class Instruction:
     stray: bool = False
     text: str = ""
     note: str = ""
+    why: str = ""
 
     def with_amounts(self, error: PolarError) -> str:
         """The words with the amounts of this error: those that stand on the screen beside them."""
@@ -213,6 +216,8 @@ class BoltTutor:
         instruction = self._next(error)
         if self._note and instruction.knob is not None:
             instruction = replace(instruction, words=f"{self._note} {instruction.words}", stray=True, note=self._note)
+        if self._tested_away(instruction, error):
+            instruction = replace(instruction, why=tr(TESTED))
         instruction = replace(instruction, text=instruction.words, words=instruction.with_amounts(error))
         self._pending, self._before = instruction, error
         if instruction.knob is not None:
@@ -221,6 +226,14 @@ class BoltTutor:
             self._reversals[instruction.knob] += instruction.knob is self._last[0] and not goes_on
             self._last = (instruction.knob, float(np.sign(instruction.turns)))
         return instruction
+
+    def _tested_away(self, instruction: Instruction, error: PolarError) -> bool:
+        """Whether the test before took the axis away from the pole, and the same bolt is turned back now."""
+        test, before, knob = self._pending, self._before, instruction.knob
+        if test is None or before is None or knob is None or test.step is not TutorStep.TEST:
+            return False
+        farther = abs(error.knob_arcsec(knob)) > abs(before.knob_arcsec(knob))
+        return knob is test.knob and instruction.turns * test.turns < 0.0 and farther
 
     def forget(self, knob: Knob) -> None:
         """Nothing is known of this bolt any more."""

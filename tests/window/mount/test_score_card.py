@@ -3,15 +3,14 @@
 from types import SimpleNamespace
 
 import pytest
-from PySide6.QtWidgets import QLabel, QWidget
+from PySide6.QtWidgets import QLabel
 
 from kochab.window.mount.score_card import ScoreCard
 
 
 def texts(qtbot, **score):
-    parent = QWidget()
-    qtbot.addWidget(parent)
-    card = ScoreCard(parent, SimpleNamespace(elapsed_s=1200.0, points=63, **score))
+    card = ScoreCard(SimpleNamespace(elapsed_s=1200.0, points=63, **score))
+    qtbot.addWidget(card)
     return [shown.text() for shown in card.findChildren(QLabel)]
 
 
@@ -35,5 +34,11 @@ def test_it_is_shown_when_a_practice_ends(qtbot, opened):
     score = SimpleNamespace(elapsed_s=60.0, points=10, axis_arcsec=300.0, pointing_arcsec=1.0, off_arcsec=1.0)
     commands.services.mount.connection.closed.emit("", "", score)
     (card,) = [card for card in window.findChildren(ScoreCard) if card.isVisible()]
+    room = commands.views.docks["mount"].view.room
+    assert card.parent() is room
+    assert room.rect().contains(card.geometry())
+    assert not card.isWindow()
     card.close_button.click()
-    qtbot.waitUntil(lambda: not window.findChildren(ScoreCard))
+    assert card.isHidden()
+    commands.services.mount.connection.closed.emit("", "", score)
+    assert [shown.isHidden() for shown in room.findChildren(ScoreCard) if shown is not card] == [False]

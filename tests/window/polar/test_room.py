@@ -52,6 +52,9 @@ def test_one_message_the_most_urgent_and_all_of_it_in_tonight():
     ]
     assert [most_urgent(state, told).text for state, told, _ in order] == [words for _, _, words in order]
     assert "Both axes locked?" in most_urgent(with_(), Message()).text
+    tested = replace(stray, note="", why="The number grew.")
+    assert most_urgent(with_(instruction=tested), Message()).text == "The number grew."
+    assert most_urgent(with_(SLIPPED, instruction=tested), Message()).text == "RA moved by 29°. Lock it."
     assert all(words in all_known(with_(SLIPPED, SPOILT)) for words in ("Something slipped.", "RA moved by 29°."))
 
 

@@ -88,7 +88,9 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
     view.setup.frames.exposure.setValue(1.0)
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
     stages, words, obeyed, answers, pictures, clicks = [], [], [], [], [], []
+    view.buttons.start.setFocus()
     view.begin()
+    assert view.window().focusWidget() is view.room.frame, "Space opened the big digits"
 
     def person():
         state = view.alignment.state
@@ -106,6 +108,7 @@ def test_a_whole_alignment_by_hand_on_the_practice_telescope(qtbot, polar):
 
     drive(view, person)
     assert view.alignment.state.stage == "done", view.message.text()
+    assert "within your 30″" in view.message.text()
     assert set(answers) == {("Turned; taking a frame (1 s).", False)}, "heard at once, and not to be pressed again yet"
     assert any(picture is not None for picture in pictures), "the live frame is the room"
     assert view.room.frame.picture is None, "and gone with the practice"

@@ -62,6 +62,7 @@ class MountRoom(Page):
         self.follow = button(tr("Follow the mount"), self.follow_mount, tip=tr("Turn the chart with the mount (0)"))
         self._follows, self._turning, self._dressed = True, False, False
         self._typed: Target | None = None  # where a goto would go
+        self._score: QWidget | None = None  # of the practice that is over
         self._field_before: float | None = None  # of the chart, before it was widened for a slew
         column((self.chart, 1), on=self, spacing=0, margins=(0, 0, 0, 0))
         for over in (card, strip, self.follow):
@@ -88,6 +89,17 @@ class MountRoom(Page):
     def hideEvent(self, event: QHideEvent) -> None:
         super().hideEvent(event)
         self.seen.emit(False)
+
+    def show_score(self, card: QWidget) -> None:
+        """Lay how a practice went over the middle of the chart, in place of an older one."""
+        if self._score is not None:
+            self._score.hide()
+            self._score.deleteLater()
+        self._score = card
+        card.setParent(self)
+        self._place()
+        card.show()
+        card.setFocus()
 
     # -- what is known of the mount --------------------------------------------------------------
 
@@ -237,6 +249,11 @@ class MountRoom(Page):
         for over, where in places.items():
             if over.geometry() != where:
                 over.setGeometry(where)
+        if self._score is not None:
+            score = QRect(QPoint(), self._score.sizeHint().boundedTo(inside.size()))
+            score.moveCenter(inside.center())
+            self._score.setGeometry(score)
+            self._score.raise_()
         covered = [places[self.card], places[self.strip]]
         if self._follows and self.marks.mount is not None:
             covered.append(self.marks.room_px(self.chart))

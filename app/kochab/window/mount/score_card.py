@@ -1,7 +1,6 @@
 """How a practice went: two numbers, a word for each, and what to do next."""
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from kochab.gear.session import PracticeScore
 from kochab.text.angle_text import angle_text
@@ -37,13 +36,13 @@ def axis_advice(score: PracticeScore) -> str:
     return tr("Polar alignment (F4) brings it below 30″.")
 
 
-class ScoreCard(QDialog):
-    """Shown when a practice is over; nothing waits for it."""
+class ScoreCard(QFrame):
+    """Lies over the room when a practice is over; nothing waits for it."""
 
-    def __init__(self, parent: QWidget, score: PracticeScore) -> None:
-        super().__init__(parent)
-        self.setWindowTitle(tr("Practice"))
-        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    def __init__(self, score: PracticeScore) -> None:
+        super().__init__()
+        self.setObjectName("card")
+        self.setAccessibleName(tr("Practice"))
         minutes = max(1, round(score.elapsed_s / 60.0))
         head = label(tr("{points} of 100", points=score.points), "title")
         under = label(tr("after {minutes} min under a simulated sky", minutes=minutes), "muted")
@@ -56,11 +55,10 @@ class ScoreCard(QDialog):
             stretch=(0, 0, 1),
         )
         advice = [label(text, wrap=True) for text in [axis_advice(score)] if text]
-        self.close_button = button(tr("Close"), self.accept, "main")
+        self.close_button = button(tr("Close"), self.hide, "main")
         parts: list[Part] = [head, under, styled_frame("rule"), rows, *advice, row(None, self.close_button)]
+        self.setFocusProxy(self.close_button)
         column(*parts, on=self, spacing=10, margins=(22, 18, 22, 16))
-        self.setMinimumWidth(400)
-        self.close_button.setFocus()
 
     @staticmethod
     def _row(title: str, error_arcsec: float, word: str) -> tuple[QWidget, ...]:

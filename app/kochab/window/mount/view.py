@@ -147,7 +147,7 @@ class MountView(View):
         control.changed.connect(self._show)
         control.progressed.connect(self._show_progress)
         orders.offered.connect(self._offer)
-        control.scored.connect(lambda score: ScoreCard(self.window(), score).show())
+        control.scored.connect(lambda score: self.room.show_score(ScoreCard(score)))
         orders.flip_asked.connect(self._ask_flip)
         box.progressed.connect(self._show_progress)
         box.connect_wanted.connect(self._connect_mount)

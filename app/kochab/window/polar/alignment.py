@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject, Signal
 from kochab.core.errors import KochabError
 from kochab.core.progress import Progress
 from kochab.gear.session import Practice
+from kochab.polar.error import angle_in_words
 from kochab.polar.report import History
 from kochab.text.translation import tr
 from kochab.window.devices.mount_task import MountTask
@@ -147,8 +148,16 @@ class RunningAlignment(QObject):
         # There are none where a drift tells one knob alone.
         if history.entries:
             self.kept.emit(history)
-            done = tr("Done. The report is in Tonight (…)."), "good"
-            self.message.emit(*((tr("Not to be trusted: see why above."), "wrong") if self.state.spoilt else done))
+            spoilt = tr("Not to be trusted: see why above."), "wrong"
+            self.message.emit(*(spoilt if self.state.spoilt else (self._done_words(), "good")))
+
+    def _done_words(self) -> str:
+        """That it is done, and within the goal if it is."""
+        error, request = self.state.known_error, self.request
+        if error is None or request is None or error.total_arcsec > request.goal_arcsec:
+            return tr("Done. The report is in Tonight (…).")
+        sizes = {"total": angle_in_words(error.total_arcsec), "goal": angle_in_words(request.goal_arcsec)}
+        return tr("Done: {total}, within your {goal}. The report is in Tonight (…).", **sizes)
 
     def _cancelled(self) -> None:
         some = self.state.error is not None

@@ -42,7 +42,8 @@ def most_urgent(state: AlignmentState, message: Message) -> Message:
         return Message(state.words, "good")
     if loud:
         return Message(loud[0], "wrong")
-    return Message(tr(LOCKED), "muted")
+    why = "" if state.instruction is None else state.instruction.why
+    return Message(why or tr(LOCKED), "muted")
 
 
 def all_known(state: AlignmentState) -> str:

@@ -284,7 +284,7 @@ class PolarView(View):
         self.room.setAcceptDrops(not running)
         self.setFocusProxy(self.buttons.done if running else self.buttons.start)
         if had_focus:
-            self.setFocus()
+            (self.room.frame if running else self).setFocus()  # Space is for no button until a turn is asked for
 
     def _show(self, _: object = None) -> None:
         state, now_s = self.alignment.state, time.monotonic()
