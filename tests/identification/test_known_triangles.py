@@ -144,3 +144,5 @@ def test_the_triple_product_tells_the_sense() -> None:
     x, y, z = np.eye(3).tolist()
     assert triple_product(x, y, z) == 1.0
     assert triple_product(y, x, z) == -1.0
+    for some in np.random.default_rng(4).normal(size=(20, 3, 3)):
+        assert triple_product(*some.tolist()) == pytest.approx(np.linalg.det(some))

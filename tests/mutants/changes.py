@@ -164,6 +164,8 @@ def _idle_arguments(call: ast.Call) -> list[ast.AST | None]:
 
 
 def _guards(node: ast.AST) -> bool:
+    if isinstance(node, ast.Call) and ast.unparse(node.func) == "np.float32":
+        node = node.args[0]
     return _is_float(node) and 0.0 < float(str(node.value)) <= GUARD
 
 

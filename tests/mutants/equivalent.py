@@ -14,6 +14,11 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("kochab.sky.solar_system", "0.00037  ->  0.00074"): FAINT,
     ("kochab.sky.satellites", "TRAIL + 1  ->  TRAIL - 1"): DRAWN,
     ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
+    ("kochab.pointing.disagreement", "terms[4] * side  ->  terms[4] / side"): "a side is 1 or -1",
+    (
+        "kochab.pointing.disagreement",
+        "4  ->  8",
+    ): "a cone, which the prior holds far below the farthest place of an axis",
     ("kochab.frames.stretch", "16384  ->  32768"): "a finer table than the 256 greys of a screen need",
     ("kochab.sky.frame_bodies", "2000  ->  4000"): WORK,
     ("kochab.sky.frame_bodies", "100  ->  200"): WORK,

@@ -1,5 +1,6 @@
 """A pointing model made from some places, tried at others, on mounts made from axes and rotations with ERFA."""
 
+import re
 from dataclasses import replace
 from datetime import timedelta
 
@@ -8,7 +9,7 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
-from kochab.pointing.pointing_model import FEWEST, fit_model
+from kochab.pointing.pointing_model import FEWEST, fit_model, reported_at
 from tests.pointing.faulty_mounts import _tilt, make, sightings
 
 NEW = 6  # places that the model has not seen
@@ -92,6 +93,35 @@ def test_three_sightings_no_site_and_a_far_shift_are_refused() -> None:
     with pytest.raises(RefusedError, match="shift this goto by 6"):
         far.aim(seen[0].expected_deg, seen[0].time_utc)
     assert apart_deg(model.aim(seen[0].expected_deg, seen[0].time_utc), seen[0].expected_deg) < 5.0
+
+
+@pytest.mark.parametrize("alt_azimuth", [False, True])
+def test_where_right_ascension_begins_means_nothing(alt_azimuth) -> None:
+    """A place an hour east of the meridian, or west, is sent to the same in the mount whatever the sidereal time."""
+    mount, rng = bad_mount(4, alt_azimuth)
+    model = fit_model(sightings(mount, 8, rng, sides=True))
+    for hour_deg in (-170.0, -40.0, -1.0, 1.0, 40.0, 170.0):
+        shifts = []
+        for sidereal in (0.0, 5.0, 90.0, 175.0, 185.0, 355.0):
+            ra, dec = reported_at(model, ((sidereal - hour_deg) % 360.0, 25.0), sidereal)
+            shifts.append(((ra - sidereal + hour_deg + 180.0) % 360.0 - 180.0, dec - 25.0))
+        np.testing.assert_allclose(shifts, shifts[:1] * 6, atol=1e-9)
+
+
+def test_what_a_model_is_worth_is_told_in_arcminutes_as_root_mean_squares() -> None:
+    mount, rng = bad_mount(6)
+    seen = sightings(mount, 8, rng, sides=True)
+    model = fit_model(seen)
+    off = [apart_deg(one.expected_deg, (one.reported.ra_deg, one.reported.dec_deg)) for one in seen]
+    assert model.before_arcsec == pytest.approx(3600.0 * np.sqrt(np.mean(np.square(off))))
+    assert 5.0 < model.after_arcsec < model.foretold_arcsec < 300.0  # 0.5 arcmin of noise
+    *terms, worth = model.lines()
+    south = np.array([1.0, 1.0, *[-1.0 if mount.site.latitude_deg < 0.0 else 1.0] * 2, 1.0])
+    shown = np.array([[float(word) for word in re.findall(r"([+-]?[\d.]+)′", line)] for line in terms])
+    expected = np.stack([60.0 * south * model.terms_deg, 60.0 * np.array(model.sigmas_deg)], axis=1)
+    np.testing.assert_allclose(shown, expected, atol=0.0051)
+    before, after = model.before_arcsec / 60.0, model.after_arcsec / 60.0
+    assert worth.startswith(f"8 sightings are off by {before:.1f}′, with the model by {after:.1f}′;")
 
 
 def test_a_healthy_mount_gains_nothing_and_loses_nothing() -> None:

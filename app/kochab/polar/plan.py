@@ -242,8 +242,7 @@ def plan_second(
 
 def from_start_deg(measurement: Measurement) -> float:
     """How far RA stands from where its last sweep began."""
-    turns = measurement.fit.turns_rad
-    return float(np.degrees(abs(turns[-1] - turns[0])))
+    return float(np.degrees(abs(measurement.fit.turns_rad[-1])))
 
 
 def creep_to_show_arcsec(measurement: Measurement) -> float:
