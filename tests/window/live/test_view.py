@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QInputDialog, QLabel
 from kochab.core.capture import CameraDevice, CaptureLimits
 from kochab.core.errors import LineLostError, PortError
 from kochab.core.frame import Frame, Hint
+from kochab.core.solution import NoSolution, Reason
 from kochab.frames.fits_write import write_fits
 from kochab.gear.session import CameraSelection
 from kochab.solver.camera_profile import new_profile
@@ -138,6 +139,27 @@ def test_every_frame_carries_its_own_marks(qtbot, live):
             assert result is ready.update.result
     assert sum(ready.update is not None for ready, _, _ in seen) >= 4
     assert view.display.latency_ms > 0
+
+
+def test_names_stay_until_the_next_frame_is_solved(qtbot, live):
+    """They went out with every frame that took longer to solve than to show."""
+    view, commands = live
+    run(view, Stars(0.03))
+    qtbot.waitUntil(lambda: view.display.shown is not None and view.display.shown.result is not None)
+    shown, session = view.display.shown, commands.session
+    view.end()
+    wait_idle(qtbot, view)
+    overlay = commands.window.workspace.view.marks.__self__
+    session.begin_stream("a camera")
+    assert overlay.solution is None
+    seen = []
+    failed = NoSolution(Reason.TOO_FEW_STARS, "Expose longer.")
+    for result in (None, shown.result, None, failed, None):
+        session.stream(shown.frame, shown.picture, result)
+        seen.append(overlay.solution)
+    assert seen == [None, shown.result, shown.result, None, None]
+    session.begin_stream("another")
+    assert overlay.solution is None
 
 
 def test_a_fast_camera_is_drawn_thirty_times_a_second_and_not_more(qtbot, live):

@@ -95,7 +95,8 @@ class Presenter(QObject):
         same = before is not None and (before.width, before.height) == (picture.width, picture.height)
         # A person's zoom stays from frame to frame.
         self.panes.view.show_picture(picture, keep_view=same)
-        self._show_marks(self.session.known.solution)
+        if self.session.known.result is not None or not same:  # until it is solved the names of the frame before stay
+            self._show_marks(self.session.known.solution)
 
     def _solving(self) -> None:
         self._clear_marks()
