@@ -5,6 +5,7 @@ Each test starts a cluster of real processes, which takes two seconds: there are
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -18,37 +19,75 @@ from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
 from kochab.workflows.archive.run import Chunk
-from tests.cli.archive_inputs import CENTRES, archive, write_lists
+from tests.cli.archive_inputs import CENTRES, archive, rows_of, write_lists
 from tests.cli.poisoned import ends_for_poison, told_as_lost
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 KOCHAB = [sys.executable, "-m", "kochab", "archive"]
-KILLS = 6
 
 
-def started(out: Path, *arguments, env=None) -> subprocess.Popen:
-    """The command in a session of its own, once the first rows are there."""
-    process = subprocess.Popen(
-        [*KOCHAB, *map(str, arguments), "--out", out, "--json"],
+def begun(folder: Path, *arguments) -> subprocess.Popen:
+    """The command in a session of its own, as a terminal gives it one."""
+    return subprocess.Popen(
+        [*KOCHAB, *map(str, arguments), "--out", folder],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        env={**os.environ, **(env or {})},
     )
-    state = out / "_kochab" / "run-all.json"
-    until = time.monotonic() + 100
-    while process.poll() is None and time.monotonic() < until:
-        if state.exists() and json.loads(state.read_text() or "{}").get("done"):
-            break
-        time.sleep(0.02)
-    return process
 
 
 def workers_of(process) -> list[psutil.Process]:
     """The processes that Dask has made for it."""
-    below = psutil.Process(process.pid).children(recursive=True)
-    return [child for child in below if "spawn_main" in " ".join(child.cmdline())]
+    try:
+        below = psutil.Process(process.pid).children(recursive=True)
+        return [child for child in below if "spawn_main" in " ".join(child.cmdline())]
+    except psutil.Error:  # one ended this moment
+        return []
+
+
+def has_rows(out: Path) -> bool:
+    """Whether a run has told of some."""
+    state = out / "_kochab" / "run-all.json"
+    try:
+        return bool(json.loads(state.read_text())["done"])
+    except (OSError, ValueError):
+        return False
+
+
+@pytest.mark.parametrize("while_it", ["starts", "works"])
+def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list_once(
+    tmp_path, capsys, while_it
+) -> None:
+    """A terminal sends it to the workers too; people press it twice."""
+    lists, out = tmp_path / "lists.parquet", tmp_path / "out"
+    count = 60 * len(CENTRES)
+    write_lists(lists, CENTRES * 60)
+    process = begun(out, lists, "--workers", "2")
+    seen: set[psutil.Process] = set()
+    until = time.monotonic() + 100
+    try:
+        while process.poll() is None and time.monotonic() < until:
+            seen |= set(workers_of(process))
+            if seen if while_it == "starts" else has_rows(out):
+                break
+            time.sleep(0.01)
+        for _ in range(2):
+            os.killpg(process.pid, signal.SIGINT)
+            time.sleep(0.1)
+        told, errors = process.communicate(timeout=100)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert "the same command goes on from here" in told
+    assert "Traceback" not in errors
+    _, left = psutil.wait_procs(list(seen), timeout=30)
+    assert left == []
+    assert list(out.glob("_kochab/*.draft")) == []
+    done = len(rows_of(out)) if while_it == "works" else 0
+    went_on = archive(capsys, lists, "--out", out, "--workers", "1")
+    assert (went_on["before"], went_on["done"]) == (done, count - done)
+    assert len(rows_of(out)) == count
 
 
 def test_what_kills_every_worker_is_told_and_costs_no_other_its_row() -> None:

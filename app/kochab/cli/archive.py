@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import signal
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from kochab.cli.batch import attempt
 from kochab.cli.options import SEARCH, add_options, options_of, whole
 from kochab.cli.output import ProgressLine, tell, with_progress
-from kochab.cli.process import say
+from kochab.cli.process import say, signals_handled, signals_kept
 from kochab.core.errors import UsageError, printable
 from kochab.core.progress import Progress
 from kochab.core.progress import run as finished
@@ -94,9 +95,9 @@ def run(args: argparse.Namespace) -> int:
     try:
         _work(args, this)
     except KeyboardInterrupt:
-        _end(this, "stopped")
-        _told(args, this, 130)
-        return 130
+        with signals_handled([signal.SIGINT], signal.SIG_IGN):  # pressed twice it ends all the same
+            _end(this, "stopped")
+            return _told(args, this, 130)
     except BaseException:
         _end(this, "stopped")  # what is solved stays, whatever went wrong
         raise
@@ -151,10 +152,12 @@ def _work(args: argparse.Namespace, this: "Run") -> None:
         with _outcomes(args, this) as outcomes:
             try:
                 for outcome in outcomes:
-                    this.take(outcome)
+                    with signals_kept():  # a part is written, and its rows forgotten
+                        this.take(outcome)
                     line(this.progress)
             finally:
-                this.flush()  # before workers are waited for
+                with signals_kept():
+                    this.flush()  # before workers are waited for
     finally:
         line.clear()
 

@@ -7,11 +7,13 @@ takes it is found here: its chunk is parted, and the one input that kills a work
 import signal
 import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
+from kochab.cli.process import signals_kept
 from kochab.core import __version__
 from kochab.core.errors import UsageError
 from kochab.workflows.archive.run import Chunk, Outcome
@@ -82,7 +84,10 @@ def cluster(address: str | None, workers: int) -> "Iterator[Workers]":
 
     with dask.config.set(SETTINGS):
         if address is None:
-            with _started(partial(LocalCluster, workers, threads_per_worker=1, **HERE)) as here, Client(here) as client:
+            with _closed_in_peace(ExitStack()) as opened:
+                with _out_of_reach():
+                    here = opened.enter_context(_started(partial(LocalCluster, workers, threads_per_worker=1, **HERE)))
+                    client = opened.enter_context(Client(here))
                 yield Workers(client, here, workers)
             return
         where = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
@@ -93,6 +98,34 @@ def cluster(address: str | None, workers: int) -> "Iterator[Workers]":
         with client:
             _check_versions(client)
             yield Workers(client)
+
+
+@contextmanager
+def _closed_in_peace(opened: ExitStack) -> Iterator[ExitStack]:
+    """Close what was opened at the end, however often Ctrl-C is pressed meanwhile."""
+    try:
+        yield opened
+    finally:
+        with _out_of_reach():
+            opened.close()
+
+
+@contextmanager
+def _out_of_reach() -> Iterator[None]:
+    """Keep Ctrl-C until this is done, and from processes that are started here until :func:`dask_setup` is called.
+
+    Dask leaves a trace of a cluster that is half made, and so does a worker that is half started.
+    """
+    block = getattr(signal, "pthread_sigmask", None)  # Windows has none
+    with signals_kept():
+        if block:
+            resource_tracker.ensure_running()  # it would let Ctrl-C through again when it starts
+        before = block(signal.SIG_BLOCK, [signal.SIGINT]) if block else None
+        try:
+            yield
+        finally:
+            if block:
+                block(signal.SIG_SETMASK, before)
 
 
 def dask_setup(worker: object) -> None:

@@ -136,5 +136,16 @@ def signals_handled(numbers: Iterable[int], handler: Any) -> Iterator[None]:
             signal.signal(number, old)
 
 
+@contextmanager
+def signals_kept() -> Iterator[None]:
+    """Keep signals that end a program while something is done that must not be left half done; at its end they do."""
+    kept: list[int] = []
+    numbers = [signal.SIGINT, *(getattr(signal, name) for name in POLITE if hasattr(signal, name))]
+    with signals_handled([n for n in numbers if callable(signal.getsignal(n))], lambda number, _: kept.append(number)):
+        yield
+    if kept:
+        raise KeyboardInterrupt
+
+
 def _end(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
