@@ -61,6 +61,13 @@ def test_constellations_are_astropys_but_for_places_on_a_boundary():
         (10.7, 41.3, 40.0, "M 31 in Andromeda"),
         (37.0, 89.3, 2.0, "Ursa Minor"),
         (206.0, 54.0, 30.0, "Ursa Major"),
+        (130.0, 20.0, 40.0, "Cancer"),  # M 44, a twentieth of the frame
+        (130.0, 20.0, 20.0, "M 44 in Cancer"),
+        (12.0, 61.0, 20.0, "Cassiopeia"),  # the Pacman Nebula, half a degree
+        (305.0, 40.0, 45.0, "Cygnus"),  # the North America Nebula, three degrees
+        (99.0, 7.5, 9.0, "Monoceros"),  # IC 447, which has a number alone, between the Rosette and the Cone
+        (54.6, -35.4, 2.0, "NGC 1399 in Fornax"),
+        (271.0, -23.7, 4.0, "M 8 in Sagittarius"),  # beside M 20, half as large
     ],
 )
 def test_what_a_field_is_called(ra_deg, dec_deg, wide_deg, name):

@@ -14,6 +14,8 @@ from kochab.sky.catalogue import shipped_folder
 from kochab.text.translation import tr
 
 LEAST_SHARE = 0.04  # of the frame's shorter side: a smaller object does not name a frame
+WIDE_DEG, WIDE_SHARE = (10.0, 20.0), 0.1  # between such widths it grows to so much: a wide frame is of a constellation
+BARE_DEG, BARE_SHARE = (3.0, 8.0), 0.15  # the same of objects that have a number alone
 AREA_MAG = 1.0  # by which an object that fills the frame counts as brighter than one a tenth as long
 MARGIN = 0.1  # of the frame's sides, where an object is not what the frame is of
 TO_EDGE_MAG = 5.0  # by which an object at the edge must be brighter than one at the centre
@@ -102,7 +104,7 @@ def landmarks() -> Landmarks:
         name, kind, ra, dec, mag, size, messier, common = (row.split("\t") + [""] * 7)[:8]
         v = float(mag or UNKNOWN_MAG + FAINTEST_MAG * (not (messier or common)))
         arcmin, nebula = float(size or UNKNOWN_ARCMIN), kind in NEBULAE
-        if nebula and common and arcmin < WIDEST_NEBULA_ARCMIN:
+        if nebula and common and not messier and arcmin < WIDEST_NEBULA_ARCMIN:
             v = min(v, NEBULA_MAG)
         if kind not in STARS and (messier or common or (v < FAINTEST_MAG and not name.startswith(MINOR))):
             names.append(f"M {messier[1:].lstrip('0')}" if messier else common.partition(",")[0] or name)
@@ -125,7 +127,12 @@ def name_of_field(solution: Solution) -> str:
     around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
     whole = away + known.size_deg[near] / narrow <= LOOP_SHARE
     away = np.where(around, 0.0, away)
-    seen = (known.size_deg[near] >= LEAST_SHARE * narrow) & (away < 1.0 - 2.0 * MARGIN)
+    least = np.where(
+        known.fame_mag[near] > 0.0,
+        np.interp(wide, WIDE_DEG, (LEAST_SHARE, WIDE_SHARE)),
+        np.interp(wide, BARE_DEG, (LEAST_SHARE, BARE_SHARE)),
+    )
+    seen = (known.size_deg[near] >= least * narrow) & (away < 1.0 - 2.0 * MARGIN)
     seen &= (wide <= WIDEST_NAMED_DEG) & (whole | ~known.loop[near])
     seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
     constellation = constellation_at(solution.centre_vector)
