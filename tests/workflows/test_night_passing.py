@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from astropy.time import Time
 
 from kochab.core.attitude import unit_vectors
 from kochab.workflows.night.crossings import Crossing, CrossingKind, _fades, _flashes, not_repeated
@@ -94,6 +95,53 @@ def test_what_returns_at_a_place_of_the_sensor_or_of_the_sky_is_no_crossing():
     satellite = streak(((0.0, 700.0), (1000.0, 30.0)), ra=80.0)
     kept = not_repeated([(wire[0], galaxy[0]), (wire[1], galaxy[1], satellite), (wire[2], galaxy[2])], 1000)
     assert kept == [(), (satellite,), ()]
+
+
+def over_ground(hour_deg, dec_deg, minutes, width=4.0):
+    """What stands at hour angles and declinations, (2,) each, cut where a tracked field of so many degrees ends.
+
+    By astropy's sidereal time; the field follows RA 80, Dec 5.
+    """
+    time = START + timedelta(minutes=minutes)
+    lst = Time(time).sidereal_time("apparent", longitude=0.0).deg
+    part = np.linspace(0.0, 1.0, 2001)
+    ra = lst - (hour_deg[0] + part * (hour_deg[1] - hour_deg[0]))
+    dec = dec_deg[0] + part * (dec_deg[1] - dec_deg[0])
+    x, y = 125.0 * width + 250.0 * np.stack([-((ra - 80.0 + 180.0) % 360.0 - 180.0), 5.0 - dec])
+    seen = np.flatnonzero((np.abs(x - 500.0) < 500.0) & (np.abs(y - 500.0) < 500.0))
+    if len(seen) < 20:
+        return ()
+    ends = [seen[0], seen[-1]]
+    px = tuple((float(x[k]), float(y[k])) for k in ends)
+    length = float(np.hypot(*np.subtract(*px))) / 250.0
+    sky = tuple((float(ra[k] % 360.0), float(dec[k])) for k in ends)
+    whole = bool(seen[0] == 0 and seen[-1] == 2000)
+    return (Crossing(CrossingKind.UNLISTED, "", sky, px, length, 0.5, 30.0, whole),)
+
+
+def test_a_mast_and_a_cable_that_the_field_turns_past_are_no_crossings_and_what_flies_is():
+    lst = Time(START).sidereal_time("apparent", longitude=0.0).deg
+    mast, cable = ((lst - 80.5, lst - 80.3), (1.0, 9.0)), ((lst - 90.0, lst - 70.0), (4.0, 5.2))
+    minutes = [0.0, 2.0, 4.0, 6.0]
+    times = [START + timedelta(minutes=m) for m in minutes]
+    frames = [over_ground(*mast, m) + over_ground(*cable, m) for m in minutes]
+    assert [len(one) for one in frames] == [2, 2, 2, 2]
+    satellites = [streak(((0.0, 700.0 - 90.0 * k), (1000.0, 30.0 + 200.0 * k)), ra=79.5) for k in range(4)]
+    both = [(*one, satellite) for one, satellite in zip(frames, satellites, strict=True)]
+    assert not_repeated(both, 1000, times, [60.0] * 4) == [(one,) for one in satellites]
+    assert not_repeated(frames, 1000) == frames, "without times nobody knows"
+
+
+def test_what_stands_over_the_equator_and_what_is_named_stays():
+    lst = Time(START).sidereal_time("apparent", longitude=0.0).deg
+    minutes = [0.0, 2.0, 4.0]
+    times = [START + timedelta(minutes=m) for m in minutes]
+    fixed = [over_ground((lst - 80.0, lst - 79.75), (4.0, 4.0), m) for m in minutes]
+    assert [one[0].whole for one in fixed] == [True] * 3
+    assert not_repeated(fixed, 1000, times, [60.0] * 3) == fixed
+    assert not_repeated(fixed, 1000, times, [2.0] * 3) == [()] * 3, "too long a trail for it"
+    train = [(streak(((0.0, 10.0), (900.0, 400.0)), kind=CrossingKind.SATELLITE, name="STARLINK-1"),)] * 3
+    assert not_repeated(train, 1000) == train
 
 
 def test_strobes_come_evenly_and_stars_on_a_streak_do_not():

@@ -13,9 +13,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.frame import Detections, Frame, Site
+from kochab.core.mount import SIDEREAL_DEG_S, SIDEREAL_RAD_S
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.detection.streaks import Streak, find_streaks
@@ -32,6 +33,11 @@ FLASHES, FLASH, EVEN = 3, 2.5, 0.2
 """Flashes that make a strobe, how many times brighter than the rest they are, and how far their spacing may scatter."""
 FADED = 0.5
 """Of its brightest, at both ends of a meteor."""
+BESIDE_WIDTH = 0.005
+"""How far beside a line what lies on it may be, of the frame's width."""
+FAR_WIDTHS = 1000.0
+GEOSTATIONARY_DEG = 20.0
+"""From the equator: their orbits are tilted by up to 15 degrees, and seen from 8 beside at most."""
 
 
 class CrossingKind(StrEnum):
@@ -202,10 +208,17 @@ def _fades(light: Floats) -> bool:
     return ends < FADED * float(np.percentile(smooth, 95))
 
 
-def not_repeated(frames: Sequence[tuple[Crossing, ...]], width: float) -> list[tuple[Crossing, ...]]:
-    """The crossings of frames without what is in several of them at one place of the sensor or of the sky.
+def not_repeated(
+    frames: Sequence[tuple[Crossing, ...]],
+    width: float,
+    times: Sequence[datetime | None] = (),
+    exposures_s: Sequence[float | None] = (),
+) -> list[tuple[Crossing, ...]]:
+    """The crossings of frames without what lies on one line in several: of the sensor, of the sky or over the ground.
 
-    A flaw of the sensor, a wire, a galaxy on its edge; satellites are in one frame, or go on in the next elsewhere.
+    A flaw of the sensor and what is in front of a camera that stands; a galaxy on its edge; a mast, a cable or a roof
+    that a tracking camera turns past. Satellites are in one frame, or go on in the next elsewhere; what the elements
+    name stays, and so does what stands over the equator, a star's trail in each frame.
 
     Parameters
     ----------
@@ -213,22 +226,74 @@ def not_repeated(frames: Sequence[tuple[Crossing, ...]], width: float) -> list[t
         Of each frame its crossings.
     width : float
         Of a frame, px.
+    times : sequence of datetime or None
+        Mid-exposure of each frame; without them nothing is compared over the ground.
+    exposures_s : sequence of float or None
+        Of each frame.
     """
-    near_px, near_deg = 0.01 * width, 0.01
+    times, exposures_s = times or [None] * len(frames), exposures_s or [None] * len(frames)
+    whose = [(k, one) for k, crossings in enumerate(frames) for one in crossings]
+    first = next((time for time in times if time), None)
+    again = np.zeros(len(whose), dtype=np.bool_)
+    if len(whose) < 2:
+        return list(frames)
+    of_frame = np.array([k for k, _ in whose])
+    on_sensor = np.array([_as_directions(one.ends_px, width) for _, one in whose])
+    on_sky = np.array([[unit_vectors(*end) for end in one.ends_deg] for _, one in whose])
+    seconds = [(time - first).total_seconds() if time and first else math.nan for time in times]
+    turned_rad = SIDEREAL_RAD_S * np.array(seconds)[of_frame]
+    turned_rad[[_stands_over_equator(one, exposures_s[k]) for k, one in whose]] = math.nan
+    over_ground = _turned(on_sky, turned_rad)
+    lengths_px = np.array([np.hypot(*np.subtract(*one.ends_px)) for _, one in whose])
+    lengths_rad = np.radians([one.length_deg for _, one in whose])
+    beside_rad = BESIDE_WIDTH * width * lengths_rad / np.maximum(lengths_px, 1.0)
+    for ends, beside in (
+        (on_sensor, np.full(len(whose), BESIDE_WIDTH / FAR_WIDTHS)),
+        (on_sky, beside_rad),
+        (over_ground, beside_rad),
+    ):
+        again |= (_on_one_line(ends, beside) & (of_frame[:, None] != of_frame)).any(axis=1)
+    return [
+        tuple(one for (of, one), twice in zip(whose, again, strict=True) if of == k and (one.name or not twice))
+        for k in range(len(frames))
+    ]
 
-    def same(one: Crossing, other: Crossing) -> bool:
-        px = np.abs(np.subtract(one.ends_px, other.ends_px)).max()
-        sky = np.array([unit_vectors(*place) for pair in (one.ends_deg, other.ends_deg) for place in pair])
-        # the ends may be given the other way round
-        turned_px = np.abs(np.subtract(one.ends_px, other.ends_px[::-1])).max()
-        apart = min(
-            max(np.linalg.norm(sky[0] - sky[2]), np.linalg.norm(sky[1] - sky[3])),
-            max(np.linalg.norm(sky[0] - sky[3]), np.linalg.norm(sky[1] - sky[2])),
-        )
-        return bool(min(px, turned_px) < near_px or np.degrees(apart) < near_deg)
 
-    kept = []
-    for k, crossings in enumerate(frames):
-        others = [other for j, more in enumerate(frames) if j != k for other in more]
-        kept.append(tuple(one for one in crossings if not any(same(one, other) for other in others)))
-    return kept
+def _as_directions(ends_px: tuple[tuple[float, float], tuple[float, float]], width: float) -> Floats:
+    """Ends (2, 2) px as unit vectors (2, 3) from so far that the sensor's lines are great circles of equal measure."""
+    vectors = np.concatenate([np.asarray(ends_px) / (FAR_WIDTHS * width), np.ones((2, 1))], axis=1)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def _stands_over_equator(one: Crossing, exposure_s: float | None) -> bool:
+    """Whether a streak is what a light that turns with the Earth leaves beside stars that are followed."""
+    (ra, dec), (other_ra, other_dec) = one.ends_deg
+    if not exposure_s or not one.whole or abs(dec) > GEOSTATIONARY_DEG:
+        return False
+    along = abs((other_ra - ra + 180.0) % 360.0 - 180.0) * math.cos(math.radians(dec))
+    return abs(along / (SIDEREAL_DEG_S * exposure_s) - 1.0) < 0.2 and abs(other_dec - dec) < 0.1 * along
+
+
+def _turned(vectors: Floats, angle_rad: Floats) -> Floats:
+    """Vectors (N, 2, 3) turned about the pole, westwards, by angles (N,)."""
+    sine, cosine = np.sin(angle_rad)[:, None], np.cos(angle_rad)[:, None]
+    x, y, z = np.moveaxis(vectors, 2, 0)
+    return np.stack([x * cosine + y * sine, y * cosine - x * sine, z + 0.0 * sine], axis=2)
+
+
+def _on_one_line(ends: Floats, beside_rad: Floats) -> Bools:
+    """Which (N, N) of great circles' stretches lie upon another: within ``beside_rad`` (N,), half the shorter over it.
+
+    ``ends`` (N, 2, 3) are unit vectors; NaN lies on nothing.
+    """
+    begin, end = ends[:, 0], ends[:, 1]
+    pole = np.cross(begin, end)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pole = pole / np.linalg.norm(pole, axis=1, keepdims=True)
+    off = np.maximum(np.abs(pole @ begin.T), np.abs(pole @ end.T))  # row: whose circle; column: whose ends
+    along = np.cross(pole, begin)
+    length = np.arctan2((along * end).sum(axis=1), (begin * end).sum(axis=1))
+    places = [np.arctan2(along @ other.T, begin @ other.T) for other in (begin, end)]
+    low, high = np.minimum(*places), np.maximum(*places)
+    over = np.minimum(high, length[:, None]) - np.maximum(low, 0.0)
+    return np.asarray((off < beside_rad[:, None]) & (over > 0.5 * np.minimum(length[:, None], high - low)))

@@ -205,7 +205,12 @@ def _hour_rad(ra_deg: float, dec_deg: float, site: Site, time_utc: datetime) -> 
 def _crossings(frames: Sequence[NightFrame]) -> Iterator[tuple[int, Crossing]]:
     """Streaks that are not in several frames at one place; of few frames, in which a mast is like them, named ones."""
     alone = sum(frame.solved for frame in frames) < TELLING
-    kept = not_repeated([frame.crossings for frame in frames], max((f.size[0] for f in frames), default=0))
+    kept = not_repeated(
+        [f.crossings for f in frames],
+        max((f.size[0] for f in frames), default=0),
+        [f.time_utc for f in frames],
+        [f.exposure_s for f in frames],
+    )
     return ((k, one) for k, found in enumerate(kept) for one in found if one.name or not alone)
 
 
