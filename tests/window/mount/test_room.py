@@ -1,6 +1,7 @@
 """The room of the Mount mode: the chart, what the mount adds to it, and what is done on it."""
 
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -132,6 +133,20 @@ def test_it_is_stopping_until_the_mount_is_seen_to_stand(qtbot, opened):
         qtbot.waitUntil(lambda: "Mount stopped." in mount.said, timeout=15_000)
         assert mount.said.index("Stopping…") < mount.said.index("Mount stopped.")
         qtbot.waitUntil(lambda: "stopping" not in mount_status_text(mount.control.known), timeout=5_000)
+
+
+def test_a_mount_that_does_not_report_tracking_says_so_in_words(qtbot, opened, monkeypatch):
+    """All there was of it was "Tracking: ?"."""
+    _, commands = opened
+    with connected(qtbot, commands) as mount:
+        view, known = mount.view, mount.control.known
+        for tracking in (True, None):
+            state = replace(known.report.state, tracking=tracking)
+            monkeypatch.setattr(mount.control, "known", replace(known, report=replace(known.report, state=state)))
+            view._show()
+            assert ("This mount does not report tracking." in view.cannot.text()) is (tracking is None)
+        assert view.cannot.isVisible()
+        monkeypatch.undo()
 
 
 def double_click(qtbot, chart, vector):

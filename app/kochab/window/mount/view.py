@@ -315,7 +315,12 @@ class MountView(View):
         self.name.setText(self._title())
         show_text(self.line, "" if off else tr("Connected on {port}", port=known.port))
         lacks = "" if known.connected is None else known.connected.lacks.get(Ability.PARK, "")
-        show_text(self.cannot, tr("Park: {reason}", reason=tr(lacks)) if lacks else "")
+        mute = known.report is not None and known.report.state.tracking is None
+        limits = (
+            tr("This mount does not report tracking.") if mute else "",
+            tr("Park: {reason}", reason=tr(lacks)) if lacks else "",
+        )
+        show_text(self.cannot, "\n".join(filter(None, limits)))
         self.pointing.show_known(known, self._services.settings.angle_style)
         self.camera_picture.show_motion(known.moved_since, known.slewing or known.left_deg is not None)
         self.room.show_known(known, self._site, self.control.kept.limits)
