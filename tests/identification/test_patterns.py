@@ -10,6 +10,7 @@ from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.identification import IDENTIFIERS
 from kochab.identification.patterns import Patterns, SearchStage
+from kochab.identification.quads import image_quads
 from kochab.identification.verification import ACCEPT_LOG10
 
 STAGES = (
@@ -157,3 +158,13 @@ def test_the_registered_method_knows_the_sky():
         answer = run(IDENTIFIERS.make("patterns").identify(truth.detections))
         assert isinstance(answer, Identification)
         assert np.degrees(np.linalg.norm(answer.attitude.boresight - truth.attitude.boresight)) < 0.05
+
+
+def test_quads_are_of_near_neighbours_but_for_those_whose_distance_would_be_noise() -> None:
+    """Five detections, the second 3 px from the first, whose three neighbours it is one of, or is not."""
+    xy = np.array([[0.0, 0.0], [3.0, 0.0], [100.0, 10.0], [-20.0, 150.0], [90.0, 160.0]])
+    for smallest_px, passed_over in ((2.0, False), (2.9, False), (3.1, True)):
+        quads = set(map(tuple, image_quads(xy, 3, smallest_px).tolist()))
+        assert ((0, 2, 3, 4) in quads) is passed_over
+        assert all(len(set(quad)) == 4 for quad in quads)
+    assert image_quads(xy[:3], 4, 1.0).shape == (0, 4)

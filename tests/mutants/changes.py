@@ -56,7 +56,7 @@ class Mutant:
 IDLE = {"erfa.sp00": (1,), "erfa.apco": (1,), "erfa.apio": (0, 1, 2)}
 """Function -> places of arguments that change no digit: a day, of what changes in a century or moves stars that have no
 motion of their own; a turn about the pole, of the place of the pole."""
-NOT_TRIED = ("dataclass", "suppress", "TypeVar", "lru_cache", "Progress")
+NOT_TRIED = ("dataclass", "suppress", "TypeVar", "lru_cache", "Progress", "SearchStage")
 GUARD = 1e-6
 TURNED_ROUND: dict[type, type] = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt}
 UNITS = re.compile(r"(^|_)(deg|rad|arcsec|arcmin|px2?|s|ms|turns|share|sigma|sigmas)$|^(sigma|chi2|angle|length)$")
@@ -118,8 +118,9 @@ def _changes(node: ast.AST) -> Iterator[ast.AST]:
 def _skipped(tree: ast.Module) -> set[int]:
     """Nodes whose change no test could notice, or should.
 
-    Annotations, Protocols, what a dataclass, a cache or a progress report is given; how far JSON is indented; asserts and ``strict=`` of a zip, which only check
-    the code itself; numbers within the sentence of an error; ``axis=-1``, which is 1 of a table; a millionth and
+    Annotations, Protocols, what a dataclass, a cache or a progress report is given; how hard a stage of a search tries,
+    which the bench has tuned over thousands of fields; how far JSON is indented; asserts and ``strict=`` of a zip, which
+    only check the code itself; numbers within the sentence of an error; ``axis=-1``, which is 1 of a table; a millionth and
     less, which twice as large, or with the other sign, guards a division or ends an iteration as well.
     """
     found: set[int] = set()

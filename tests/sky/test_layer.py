@@ -5,6 +5,7 @@ import pytest
 
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
+from kochab.core.errors import CatalogueError
 from kochab.core.solution import Solution
 from kochab.sky.layer import (
     GAP_PX,
@@ -18,7 +19,7 @@ from kochab.sky.layer import (
     labels,
     outlined,
 )
-from kochab.sky.sky_tables import sky_tables
+from kochab.sky.sky_tables import _chains, _variables, sky_tables
 
 SIZE = (1500, 1000)
 FRAMES = 300
@@ -337,3 +338,13 @@ def test_an_outline_that_bears_another_number_is_its_objects(tables, name):
     (row,) = np.flatnonzero(tables.objects.name == name).tolist()
     middle = np.concatenate(tables.outlines[row]).mean(axis=0)
     assert np.degrees(np.arccos(middle @ tables.objects.vector[row] / np.linalg.norm(middle))) < 8.0
+
+
+@pytest.mark.parametrize("read", [_chains, _variables])
+@pytest.mark.parametrize("text", ["head\nx\tnorth\t1\n", "head\n1\t2\t3 4 5\n", None])
+def test_a_damaged_or_missing_table_is_one_sentence(tmp_path, read, text):
+    path = tmp_path / "table.tsv"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    with pytest.raises(CatalogueError, match=r"table\.tsv is missing or damaged"):
+        read(path)

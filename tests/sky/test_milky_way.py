@@ -57,3 +57,31 @@ def test_between_cells_it_is_interpolated_all_the_way_round():
     )
     assert at(glow, 359.5, 1.0) == pytest.approx(0.5, abs=1e-4)
     assert glow.brightness(np.full((1, 3), np.nan)) == [0.0]
+
+
+class Band:
+    """Faint stars, at random on the sphere, and in the galactic plane so many times as close."""
+
+    def __init__(self, times, rng):
+        z = rng.uniform(-1.0, 1.0, 600_000)
+        turn = rng.uniform(0.0, 2.0 * np.pi, len(z))
+        kept = (np.abs(z) < 0.25) | (rng.random(len(z)) < 1.0 / times)
+        z, turn = z[kept], turn[kept]
+        across = np.sqrt(1.0 - z**2)
+        self.stars = np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1) @ to_galactic()
+
+    def __len__(self):
+        return len(self.stars)
+
+    def mag(self, rows):
+        return np.full(len(rows), 9.0)
+
+    def vectors(self, rows):
+        return self.stars[rows]
+
+
+@pytest.mark.parametrize(("times", "light"), [(2.0, 0.0), (4.45, 0.5), (8.0, 1.0)])
+def test_it_is_dark_at_2_4_times_the_density_of_the_poles_and_brightest_at_6_5_times(times, light):
+    shown = run(milky_way(Band(times, np.random.default_rng(3)))).light
+    assert np.mean(shown[85:95]) == pytest.approx(light, abs=0.05)
+    assert not shown[[*range(60), *range(120, 180)]].any()

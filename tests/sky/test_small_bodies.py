@@ -12,6 +12,7 @@ from kochab.core.attitude import ARCSEC, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import run
+from kochab.sky import elements
 from kochab.sky.elements import bodies_of, julian_date, read_elements, short_name
 from kochab.sky.ephemeris import GM, shipped_ephemeris
 from kochab.sky.landmarks import constellation_at
@@ -400,3 +401,27 @@ def test_a_day_of_elements_is_the_julian_date_of_erfa(year, month, day):
 def test_what_is_no_day_of_elements_is_refused(year, month, day):
     with pytest.raises(ValueError):  # noqa: PT011 - read_elements says which line it is
         julian_date(year, month, day)
+
+
+@pytest.mark.parametrize(
+    ("change", "orbit"),
+    [
+        ({}, True),
+        ({"e": 0.0}, True),
+        ({"e": 1.2}, True),
+        ({"name": ""}, False),
+        ({"q": 5e-5}, False),
+        ({"q": 2001.0}, False),
+        ({"e": -0.01}, False),
+        ({"e": 10.0}, False),
+        *[({key: float("nan")}, False) for key in ("epoch", "q", "e", "i", "node", "peri", "tp", "mag")],
+    ],
+)
+def test_a_row_is_an_orbit_or_refused(change, orbit):
+    angles = {"i": 10.6, "node": 80.3, "peri": 73.6}
+    row = {"name": "Ceres", "epoch": 2460600.5, "q": 2.55, "e": 0.08, **angles, "tp": 2459920.0, "mag": 3.3} | change
+    if orbit:
+        assert elements._row(**row) == row
+    else:
+        with pytest.raises(ValueError, match=r"^$"):
+            elements._row(**row)

@@ -297,3 +297,9 @@ def test_astap_solves_with_the_files_that_our_writer_wrote(tmp_path, catalogue, 
     assert facts["PLTSOLVD"] == "T"
     assert float(facts["CRVAL1"]) == pytest.approx(83.0, abs=1e-4)
     assert float(facts["CRVAL2"]) == pytest.approx(22.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("radius_deg", "square_degrees"), [(1.0, 3.1414), (90.0, 20626.48), (180.0, 41252.96)])
+def test_the_area_of_a_cone_is_that_of_its_cap(radius_deg, square_degrees) -> None:
+    cone = Cone(1.0, -0.4, np.radians(radius_deg))
+    assert np.degrees(np.degrees(cone.area_sr)) == pytest.approx(square_degrees, rel=1e-4)

@@ -1,13 +1,14 @@
 """How the matches grow from star to star: which stars are asked for, how far and how near, with which weights."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from kochab.attitude.fit import refine
 from kochab.core.attitude import attitude_from
-from kochab.core.camera import Camera
+from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections
 from kochab.core.solution import Identification, Matches
 from kochab.solver import matches as growth
@@ -245,3 +246,37 @@ def test_no_more_than_half_the_sky_is_asked_for() -> None:
         Detections.from_list(xy, 1600, 1000), Identification(matches, wide, ATTITUDE, -12.0, "known"), catalogue, 2024.0
     )
     assert catalogue.asked[0][1] == pytest.approx(np.pi / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("stars", "rms_px", "fisheye"),
+    [
+        (100, 0.5, True),  # much closer, and as many
+        (98, 0.5, True),
+        (95, 0.5, False),  # closer, of fewer stars
+        (100, 0.8, False),  # hardly closer
+        (104, 0.9, True),  # more stars, a little closer
+        (104, 1.02, True),  # and hardly worse
+        (104, 1.05, False),
+        (102, 0.9, False),  # hardly more
+        (40, 0.1, False),  # a few stars that fit well by themselves
+    ],
+)
+def test_a_wide_frame_is_a_fisheyes_where_that_holds_more_stars_or_holds_them_closer(
+    monkeypatch, stars, rms_px, fisheye
+) -> None:
+    """Beside 100 stars at 1 px of a lens without distortion, on a frame of 120 deg."""
+    plain = Camera.centred(1000, 1000, 500.0 / np.tan(np.radians(60.0)))
+    empty = Matches(np.arange(8), np.arange(8), np.zeros((8, 2)), np.zeros((8, 3)))
+    found = Identification(empty, plain, attitude_from(0.0, 0.0, 0.0), -30.0, "test")
+
+    def grow(found):
+        is_fisheye = isinstance(found.camera, FisheyeCamera)
+        return range(stars if is_fisheye else 100), SimpleNamespace(
+            camera=found.camera, rms_px=rms_px if is_fisheye else 1.0
+        )
+
+    monkeypatch.setattr(growth, "fitted_anew", lambda matches, camera: SimpleNamespace(camera=camera, attitude=None))
+    matches, fit = growth.behind_its_lens(grow, found)
+    assert isinstance(fit.camera, FisheyeCamera) is fisheye
+    assert len(matches) == (stars if fisheye else 100)

@@ -49,6 +49,25 @@ def test_no_window_of_a_frame_is_asked_twice_and_the_middle_ones_have_four_sizes
     assert sorted(sizes) == [400, 560, 800, 1120]
 
 
+@pytest.mark.parametrize(("lit", "sides"), [((0.6, 1.0), {"top", "right"}), ((1.0, 0.6), {"top", "bottom"})])
+def test_the_windows_beside_roofs_and_opposite_lights_begin_at_the_frames_edges(lit, sides) -> None:
+    """Most lights are at the left, or above: the sky is then at the right, or below."""
+    xy = np.random.default_rng(3).uniform(0.0, [1600.0, 1000.0], (400, 2))
+    xy[:300] *= lit
+    windows = list(window_ladder._windows(Detections.from_list(xy, 1600, 1000)))
+    for window in windows:
+        half = np.array([window.detections.width, window.detections.height]) / 2.0
+        assert (window.middle - half >= -0.5).all()
+        assert (window.middle + half <= [1599.5, 999.5]).all()
+    shares = {
+        "top": (799.5, 299.5, 1600, 600),
+        "bottom": (799.5, 699.5, 1600, 600),
+        "right": (1119.5, 499.5, 960, 1000),
+    }
+    asked = {(*w.middle.tolist(), w.detections.width, w.detections.height) for w in windows}
+    assert {name for name, window in shares.items() if window in asked} == sides
+
+
 @pytest.mark.parametrize("name", sorted(REACHED))
 def test_pictures_that_failed_as_a_whole_are_where_others_say(frames_reach, name):
     truth = json.loads((frames_reach / "truth.json").read_text())[name]
@@ -195,4 +214,4 @@ def test_noise_climbs_to_nothing():
 def test_chance_counts_as_many_windows_as_are_asked_of_a_frame_full_of_stars():
     """More of them on the left and above than elsewhere, so that what lies opposite is a window of its own."""
     xy = np.random.default_rng(1).uniform(0.0, 1000.0, (500, 2)) * [0.9, 1.0]
-    assert len(list(window_ladder._windows(Detections.from_list(xy, 1000, 1000)))) == window_ladder.MOST_WINDOWS
+    assert len(list(window_ladder._windows(Detections.from_list(xy, 1000, 1000)))) == window_ladder.MOST_WINDOWS == 9
