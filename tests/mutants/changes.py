@@ -50,7 +50,11 @@ class Mutant:
     @property
     def equivalent(self) -> bool:
         """Whether the change is known to mean the same."""
-        return (self.module, self.change) in EQUIVALENT
+        here = sources()[self.module].splitlines()[self.line - 1]
+        return any(
+            (module, change) == (self.module, self.change) and all(part in here for part in parts)
+            for module, change, *parts in EQUIVALENT
+        )
 
 
 IDLE = {"erfa.sp00": (1,), "erfa.apco": (1,), "erfa.apio": (0, 1, 2)}

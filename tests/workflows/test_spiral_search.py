@@ -1,5 +1,6 @@
 """A spiral around a place: each place once, every step small, all through the guard, and stopped at any time."""
 
+import numpy as np
 import pytest
 
 from kochab.core.attitude import apart_deg
@@ -43,6 +44,9 @@ def test_the_steps_on_the_sky_are_as_long_as_asked_and_around_where_it_was(dec_d
     for one, after in zip([start, *went], went, strict=False):
         assert apart_deg(one, after) == pytest.approx(STEP_DEG, rel=0.06)
     assert max(apart_deg(start, one) for one in went) < 2.9 * STEP_DEG
+    for (east, north), (ra, dec) in zip(square_spiral(2), went, strict=True):
+        across = ((ra - start[0] + 180.0) % 360.0 - 180.0) * np.cos(np.radians(start[1])) / STEP_DEG
+        assert (across, (dec - start[1]) / STEP_DEG) == pytest.approx((east, north), abs=0.05)
 
 
 def test_a_stop_ends_it_where_it_is() -> None:
