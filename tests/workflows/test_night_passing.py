@@ -157,6 +157,22 @@ def test_strobes_come_evenly_and_stars_on_a_streak_do_not():
     assert not _fades(np.full(80, 10.0))
 
 
+def test_light_fades_alike_whichever_way_it_flew_and_though_a_star_lies_on_it():
+    share = (np.arange(80) + 0.5) / 80
+    faded, same = [], 0
+    for sharpness in np.linspace(0.02, 1.5, 60):
+        light = 100.0 * (share * (1.0 - share)) ** sharpness + 0.2
+        light[30:] += 5.0 * share[30:] ** 2
+        assert _fades(light) is _fades(light[::-1])
+        star = light.copy()
+        star[[1, 40, 78]] += 300.0
+        same += _fades(star) is _fades(light)
+        faded.append(_fades(light))
+    assert faded == sorted(faded), "the sharper, the more it fades"
+    assert set(faded) == {True, False}
+    assert same >= 55  # of 60: near the limit a star decides
+
+
 def test_each_kind_has_words():
     said = {kind: words_of(streak(((0.0, 0.0), (9.0, 9.0)), kind=kind, name="ISS")) for kind in CrossingKind}
     assert "ISS crossed, 12.0″" in said[CrossingKind.SATELLITE]

@@ -335,6 +335,8 @@ STAR = as_json("0.fits", solution(0.0))["stars"][3]
         {"camera": None},
         {"camera": PINHOLE | {"focal_px": 0.0}},
         {"camera": PINHOLE | {"k1": 1e300}},
+        {"camera": PINHOLE | {"aspect": 0.05}, "stars": []},
+        {"camera": PINHOLE | {"aspect": 20.0}, "stars": []},
         {"fov_deg": [180.0, 5.0]},
         {"fov_deg": [1e-9, 5.0]},
         {"fov_deg": 5.0},
