@@ -339,6 +339,7 @@ STAR = as_json("0.fits", solution(0.0))["stars"][3]
         {"camera": PINHOLE | {"aspect": 20.0}, "stars": []},
         {"fov_deg": [180.0, 5.0]},
         {"fov_deg": [1e-9, 5.0]},
+        {"fov_deg": [370.0, 5.0], "stars": []},
         {"fov_deg": 5.0},
         {"dcm": np.diag([1.0, 1.0, -1.0]).tolist()},
         {"dcm": (1.1 * np.eye(3)).tolist()},

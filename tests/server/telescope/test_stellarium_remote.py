@@ -125,15 +125,17 @@ def test_the_view_follows_the_telescope_when_it_moves_and_is_a_persons_own_while
     telescope.see_solution(solution(83.822, -5.391))
     assert wait_for(lambda: len(stellarium.views) == 1)
     assert apart_deg(stellarium.views[0], (83.822, -5.391)) * 3600.0 < 0.01
-    telescope.see_solution(solution(83.822, -5.4))  # half a minute of arc: scatter
-    assert turns(stellarium)
-    assert len(stellarium.views) == 1
-    telescope.see_solution(solution(359.99, 89.0))
-    assert wait_for(lambda: len(stellarium.views) == 2)
-    assert apart_deg(stellarium.views[1], (359.99, 89.0)) * 3600.0 < 0.01
+    for arcmin in (0.5, 1.9):  # scatter
+        telescope.see_solution(solution(83.822, -5.391 - arcmin / 60.0))
+        assert turns(stellarium)
+        assert len(stellarium.views) == 1
+    for moved, place in enumerate(((83.822, -5.391 - 2.2 / 60.0), (359.99, 89.0)), start=1):
+        telescope.see_solution(solution(*place))
+        assert wait_for(lambda count=moved + 1: len(stellarium.views) == count)
+        assert apart_deg(stellarium.views[moved], place) * 3600.0 < 0.01
     telescope.see_solution(solution(10.0, 20.0), time.monotonic() - PAST_S - 1.0)
     assert turns(stellarium)
-    assert len(stellarium.views) == 2  # where it pointed minutes ago is no word of where it points
+    assert len(stellarium.views) == 3  # where it pointed minutes ago is no word of where it points
 
 
 def test_a_view_that_the_sky_turned_away_from_is_turned_back_and_a_persons_is_not(
