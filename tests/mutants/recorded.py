@@ -354,7 +354,9 @@ class Recordings:
         modules = {module for one in found["tests"].values() for module in one["lines"]}
         found["modules"] = {module: _digest(module) for module in sorted(modules)}
         KEPT.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(found), encoding="utf-8")
+        new = kept.with_suffix(f".{os.getpid()}")
+        new.write_text(json.dumps(found), encoding="utf-8")
+        new.replace(kept)  # rooms are tried at once
         return found
 
 

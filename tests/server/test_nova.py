@@ -20,6 +20,7 @@ from astropy.io import fits
 from astropy.wcs import WCS
 
 import kochab
+from kochab.core.errors import UsageError
 from kochab.server import nova as nova_module
 from kochab.server.http_server import MOST_BYTES, HttpServer, parse_form
 from kochab.server.nova import Nova
@@ -135,6 +136,25 @@ def test_an_uploaded_table_is_a_list_of_stars(client, names) -> None:
     job = client.solved(("k.fits", file.getvalue()), image_width=stars.width, image_height=stars.height)
     found = client.get(f"/api/jobs/{job}/calibration/")
     assert SkyCoord(found["ra"], found["dec"], unit="deg").separation(ORION).deg < 0.01
+
+
+def test_a_list_of_stars_has_the_size_of_its_image_and_counts_pixels_from_one() -> None:
+    given = {"image_width": 640, "image_height": 480, "x": [1.0, 640.0], "y": [1.0, 480.0]}
+    stars = nova_module.star_list(given)
+    assert (stars.width, stars.height) == (640, 480)
+    assert stars.xy.tolist() == [[0.0, 0.0], [639.0, 479.0]]
+    for wrong in ({"x": None}, {"y": [1.0]}, {"x": [1.0, float("nan")]}, {"image_width": None}, {"x": [], "y": []}):
+        with pytest.raises(UsageError):
+            nova_module.star_list(given | wrong)
+
+
+@pytest.mark.parametrize("known", [("image_width", "image_height"), ("image_width",), ("image_height",), ()])
+def test_a_table_of_stars_is_a_list_where_the_size_of_its_image_is_given(tmp_path, known) -> None:
+    columns = [fits.Column(name, "1E", array=[300.0, 200.0, 100.0]) for name in ("X", "Y", "FLUX")]
+    fits.BinTableHDU.from_columns(columns).writeto(tmp_path / "stars.fits")
+    size = {"image_width": 640, "image_height": 480}
+    stars = nova_module._table(tmp_path / "stars.fits", {name: size[name] for name in known})
+    assert (stars and (stars.width, stars.height)) == ((640, 480) if len(known) == 2 else None)
 
 
 def test_a_program_with_a_key_of_its_own_may_be_let_in(tmp_path, monkeypatch) -> None:

@@ -241,6 +241,14 @@ def test_what_makes_no_sense_is_http_400(device, method, path, body) -> None:
     assert re.fullmatch(rb"[^\n]+\n", said)
 
 
+@pytest.mark.parametrize("member", ["axisrates", "canmoveaxis"])
+@pytest.mark.parametrize(("axis", "error"), [(0, 0), (2, 0), (3, 0x401)])
+def test_an_axis_that_no_telescope_has_is_an_invalid_value(device, member, axis, error) -> None:
+    assert ask(device, "PUT", "/api/v1/telescope/0/connected", "Connected=True&ClientID=7")[0] == 200
+    status, told = ask(device, "GET", f"/api/v1/telescope/0/{member}?Axis={axis}&ClientID=7")
+    assert (status, json.loads(told)["ErrorNumber"]) == (200, error)
+
+
 def test_numbers_of_transactions_come_back_and_names_in_an_address_have_no_case(device) -> None:
     told = json.loads(ask(device, "GET", "/api/v1/telescope/0/name?clientid=7&CLIENTTRANSACTIONID=42")[1])
     assert told["ClientTransactionID"] == 42

@@ -2,6 +2,7 @@
 
 import contextlib
 import queue
+import re
 import shutil
 import subprocess
 import threading
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import apart_deg
+from kochab.core.frame import Site
 from kochab.server.telescope.indi import Elements, sexagesimal
 from kochab.server.telescope.listening import NotTheProtocol
 from kochab.server.telescope.offer import Offer
@@ -19,6 +21,7 @@ from tests.server.telescope.conftest import Program, wait_for
 from tests.server.telescope.test_offered import from_date, of_date
 
 PLACE = (83.822, -5.391)
+NUMBER = r'<defNumber name="(\w+)"[^>]* min="([-\d.]+)" max="([-\d.]+)"[^>]*>\s*([-\d.]+)'
 COORDINATES = "Kochab.EQUATORIAL_EOD_COORD"
 
 
@@ -91,6 +94,42 @@ def test_a_refusal_is_an_alert_with_its_sentence(port, telescope, mount) -> None
             heard += client.line.recv(4096).decode()
     assert 'state="Alert"' in heard
     assert 'message="Below the horizon limit."' in heard
+
+
+@pytest.mark.parametrize(("ra", "dec"), [("24", "0"), ("-0.1", "0"), ("6", "90.1"), ("6", "-90:30"), ("six", "1")])
+def test_a_place_that_is_none_is_refused_with_its_range_and_nothing_moves(port, telescope, mount, ra, dec) -> None:
+    telescope.see_mount(PLACE)
+    client = Program(port)
+    with client.line:
+        client.say('<getProperties version="1.7"/><newSwitchVector device="Kochab" name="CONNECTION">')
+        client.say('<oneSwitch name="CONNECT">On</oneSwitch></newSwitchVector>')
+        client.say(
+            f'<newNumberVector device="Kochab" name="EQUATORIAL_EOD_COORD"><oneNumber name="RA">{ra}</oneNumber>'
+        )
+        client.say(f'<oneNumber name="DEC">{dec}</oneNumber></newNumberVector>')
+        heard, until = "", time.monotonic() + 20.0
+        while 'state="Alert"' not in heard and time.monotonic() < until:
+            heard += client.line.recv(4096).decode()
+    assert "RA is from 0 to 24 h, DEC from -90 to 90 degrees." in heard
+    assert mount.orders == []
+
+
+def test_numbers_are_told_with_their_ranges_and_a_western_site_from_zero_to_360(port, telescope) -> None:
+    telescope.site = Site(-24.6, -70.4, 2635.0)
+    telescope.see_mount(PLACE)
+    client = Program(port)
+    with client.line:
+        client.say('<getProperties version="1.7"/><newSwitchVector device="Kochab" name="CONNECTION">')
+        client.say('<oneSwitch name="CONNECT">On</oneSwitch></newSwitchVector>')
+        heard, until = "", time.monotonic() + 20.0
+        while heard.count("</defNumber>") < 5 and time.monotonic() < until:
+            heard += client.line.recv(4096).decode()
+    told = {name: tuple(map(float, numbers)) for name, *numbers in re.findall(NUMBER, heard)}
+    assert {name: numbers[:2] for name, numbers in told.items()} == {
+        **{"RA": (0.0, 24.0), "DEC": (-90.0, 90.0), "LAT": (-90.0, 90.0), "LONG": (0.0, 360.0)},
+        "ELEV": (-200.0, 10000.0),
+    }
+    assert [told[name][2] for name in ("LAT", "LONG", "ELEV")] == pytest.approx([-24.6, 289.6, 2635.0])
 
 
 def test_a_client_library_hears_every_move(port, telescope) -> None:
