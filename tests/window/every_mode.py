@@ -61,6 +61,7 @@ def take(folder, frame):
                 for mode in MODES:
                     asked = round(width / scale), round(height / scale)
                     commands.views.show(mode)
+                    pause(50)  # until the window knows that it may be smaller now
                     window.resize(*asked)
                     pause(250)
                     window.grab().save(str(folder / f"{theme}-{width}x{height}-{scale:g}-{mode}.png"))

@@ -7,6 +7,7 @@ from PySide6.QtCore import QPoint, QRect, Qt
 from PySide6.QtWidgets import QAbstractButton, QDialog, QLabel
 
 from kochab.window.devices.mount_status import MountStatus
+from kochab.window.polar.setup import HANDS, SENTENCES
 from kochab.window.shell.side import HANDLE_PX
 from kochab.window.shell.views import VIEWS
 from kochab.workflows.session.alignment_state import AlignmentState
@@ -113,6 +114,31 @@ def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtb
         resize(qtbot, window, 500, 350)
     commands.views.show("image")
     assert window.pages.isVisible()
+
+
+def test_a_room_has_the_width_that_it_needs_beside_its_side(qtbot, opened):
+    """The side kept the width of the view before: the Polar room was 312 px wide of 352."""
+    window, commands = opened
+    for _ in range(2):
+        resize(qtbot, window, 683, 384)
+    for name in ("live", "polar"):
+        commands.views.show(name)
+        qtbot.wait(50)
+    assert window.pages.isVisible()
+    qtbot.waitUntil(lambda: window.pages.width() >= window.pages.page_px)
+
+
+def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbot, opened):
+    window, commands = opened
+    commands.views.show("polar")
+    for _ in range(2):
+        resize(qtbot, window, 911, 512)
+    view = commands.views.docks["polar"].view
+    text = view.room.strip.text
+    for sentence in SENTENCES.values():
+        for hand in HANDS.values():
+            said = sentence.format(pole="refracted pole", goal="30″", hand=hand)
+            assert text.fontMetrics().horizontalAdvance(said) <= text.width(), said
 
 
 def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, opened):

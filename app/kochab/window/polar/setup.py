@@ -59,7 +59,7 @@ POLES = {
     Pole.HALF_WAY: tr_noop("Halfway between: best near latitude 20°"),
 }
 SENTENCES = {  # the set-up in one sentence
-    FrameSource.PRACTICE: tr_noop("Align the practice telescope to the {pole} within {goal}. {hand}"),
+    FrameSource.PRACTICE: tr_noop("Practice: align to the {pole} within {goal}. {hand}"),
     FrameSource.CAMERA: tr_noop("Align to the {pole} within {goal}, with the camera. {hand}"),
     FrameSource.FILES: tr_noop("Measure the error against the {pole} from files. Drop them here."),
 }
@@ -71,7 +71,7 @@ SHORT_POLES = {
 HANDS = {
     AxisTurnedBy.PERSON: tr_noop("You rotate RA by hand."),
     AxisTurnedBy.MOUNT: tr_noop("The mount rotates RA."),
-    AxisTurnedBy.NOBODY: tr_noop("Nobody turns it: the drift is measured."),
+    AxisTurnedBy.NOBODY: tr_noop("Measured by drift."),
 }
 PLANNED = 0.0  # the lowest value, which is shown as words
 NO_SITE = tr_noop("Set your site to see the target's altitude.")

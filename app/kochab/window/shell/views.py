@@ -203,10 +203,15 @@ class Views(QObject):
         dock.side.handled.connect(lambda: self._give_width(dock))
 
     def _keep_share(self) -> None:
-        """Leave the image half of a window that was made smaller: what stands beside it keeps its width by itself."""
+        """Leave the image half of a window that was made smaller, and its page what that needs.
+
+        What stands beside it keeps its width by itself.
+        """
         self._part(self._window.width())
+        pages = self._window.pages
         for dock in map(self.docks.__getitem__, self.docked):
-            if dock.width() > LEAST_SHARE * self._window.width() and not self._window.pages.isHidden():
+            wide = dock.width() > LEAST_SHARE * self._window.width() or pages.width() < pages.page_px
+            if wide and not pages.isHidden():
                 self._window.resizeDocks([dock], [self._share_px(dock)], Qt.Orientation.Horizontal)
 
     def _part(self, width: int) -> None:
@@ -301,3 +306,4 @@ class Views(QObject):
             if (layout := self._window.layout()) is not None:
                 layout.activate()
             self._window.resize(size)
+        QTimer.singleShot(0, self, self._keep_share)  # once the parts have their sizes
