@@ -19,6 +19,7 @@ EQUIVALENT: dict[tuple[str, ...], str] = {
     ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
     ("kochab.detection.windows", "-1  ->  1", "eigvalsh"): "the last of two numbers",
     ("kochab.identification.index_build", "len(waiting) > AT_ONCE  ->  len(waiting) >= AT_ONCE"): WORK,
+    ("kochab.gear.mounts.protocols.skywatcher", "16  ->  32", "for digit in digits"): "each is one hexadecimal digit",
     ("kochab.identification.triangles", "return []  ->  return None"): "nothing to go on with, either way",
     ("kochab.identification.verification", "3.0  ->  6.0", "closer = "): SHRINKS,
     ("kochab.polar.report", "abs(x) > half  ->  abs(x) >= half"): "a measured place, which is never quite at the edge",

@@ -1,5 +1,6 @@
 """A fresh frame was begun after it was asked for; an old one never passes for it."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -10,7 +11,7 @@ from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution
-from kochab.workflows.fresh_frame import CameraFrames, fresh_frame, lost_in_space
+from kochab.workflows.fresh_frame import CameraFrames, _began_after, fresh_frame, lost_in_space
 
 NOW = datetime(2026, 1, 15, 22, 0, tzinfo=UTC)
 
@@ -72,3 +73,16 @@ def test_the_time_of_the_last_frame_is_told_unless_only_its_file_dates_it() -> N
         frames = CameraFrames(Camera(coming))
         assert isinstance(run(frames.solve_now()), NoSolution)
         assert frames.time_utc == told
+
+
+@pytest.mark.parametrize(
+    ("exposure_s", "middle_s", "fresh"),
+    [(None, 0.2, True), (None, -0.2, False), (4.0, 2.2, True), (4.0, 1.8, False), (2.0, 61.5, False)],
+)
+def test_a_frame_is_fresh_that_was_begun_since_and_not_in_the_future(exposure_s, middle_s, fresh):
+    """A file's time is mid-exposure; a frame of unknown exposure was a moment."""
+    since = datetime(2026, 3, 14, 21, 0, tzinfo=UTC)
+    hint = Hint(time_utc=since + timedelta(seconds=middle_s), exposure_s=exposure_s)
+    frame = Frame(np.zeros((8, 8), np.uint8), hint=hint)
+    assert _began_after(frame, since, since + timedelta(seconds=60.0)) is fresh
+    assert not _began_after(replace(frame, hint=Hint(exposure_s=exposure_s)), since, since)
