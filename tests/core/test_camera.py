@@ -175,3 +175,13 @@ def test_a_fold_inside_the_margin_ends_the_field():
     assert np.isfinite(solution.pixels_of(sky)[:, 0]).tolist() == [True, True, False, False, False, False]
     inside = np.abs(camera.project(sky @ solution.attitude.matrix.T)[3:5, 0] - 499.5) < 500.0
     assert inside.any()  # the polynomial alone would have it in the frame
+
+
+@pytest.mark.parametrize("kind", [Camera, FisheyeCamera])
+@pytest.mark.parametrize("shift_px", [0.0, 40.0])
+def test_the_radius_of_a_field_reaches_the_outer_corner_of_its_farthest_pixel(kind, shift_px):
+    """From the middle of the frame, which need not be the principal point."""
+    camera = replace(kind.centred(900, 600, 700.0), cx=449.5 + shift_px)
+    solution = Solution(camera, attitude_from(10.0, 20.0, 30.0), (), 0.2, -30.0, "")
+    middle, *corners = camera.unproject(np.array([[449.5, 299.5], [-0.5, -0.5], [899.5, -0.5], [-0.5, 599.5]]))
+    assert solution.radius_rad == pytest.approx(max(np.arccos(middle @ corner) for corner in corners), rel=1e-9)
