@@ -5,6 +5,7 @@ import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from kochab.core.frame import Frame
 from kochab.detection.auto import AutoDetector
 from kochab.frames import read_frame
 from kochab.workflows.night.frame import NightFrame
-from kochab.workflows.night.sharpness import LEAST_SNR, night_field, sharpness
+from kochab.workflows.night.sharpness import CORNERS, LEAST_SNR, SIDES, night_field, sharpness
 from kochab.workflows.night.summary import advice_of, night_of
 from kochab.workflows.night.tracking import Place, tracking_of
 from kochab.workflows.night.transparency import StarLight, losses
@@ -139,6 +140,63 @@ def test_photutils_sees_the_same_width_in_real_frames(name, repository):
     theirs = np.array([float(fit_fwhm(pixels, xypos=xy, fit_shape=(15, 15))[0]) for xy in stars.xy])
     ours = sharpness(detections)
     assert ours.fwhm_px.value == pytest.approx(float(np.median(theirs)), rel=0.15)
+
+
+SEIZA = {
+    (0.8, 0.5): {"upper left": 1.7917, "upper right": 2.1999, "lower left": 1.9686, "lower right": 2.3849},
+    (-0.8, 0.5): {"upper left": 2.1982, "upper right": 1.7937, "lower left": 2.3758, "lower right": 1.9438},
+    (-0.6, -0.6): {"upper left": 2.3349, "upper right": 2.0279, "lower left": 2.1260, "lower right": 1.8259},
+    (0.6, -0.6): {"upper left": 2.0073, "upper right": 2.3320, "lower left": 1.8191, "lower right": 2.1141},
+}
+"""Half-flux radii, px, that seiza 0.45.0 (PyPI, Apache-2.0) tells of the corners of a 3 x 3 grid over these frames:
+``tilt_analysis(detect_measured_stars(pixels, noise_reduction_radius=0, detection_binning=1))``."""
+
+
+@pytest.mark.parametrize(("k", "slope"), list(enumerate(SEIZA)))
+def test_seiza_finds_the_same_corners_soft_and_sharp(k, slope):
+    size = (1800, 1200)
+    xy, flux = scattered(size, 600, 30 + k)
+    u, v = ((xy - (np.array(size) - 1) / 2) / (np.hypot(*size) / 2)).T
+    pixels = drawn(size, xy, flux * 1.5, 3.6 + slope[0] * u + slope[1] * v, 30 + k)
+    field = sharpness(AutoDetector().detect(Frame(pixels))).field
+    theirs = SEIZA[slope]
+    if find_spec("seiza"):
+        import seiza
+
+        found = seiza.detect_measured_stars(pixels.astype(np.uint16), noise_reduction_radius=0, detection_binning=1)
+        _, tilt = seiza.tilt_analysis(found)
+        names = {"top": "upper", "bottom": "lower"}
+        now = dict(tilt.corners)
+        theirs = {f"{names[name.split('-')[0]]} {name.split('-')[1]}": value for name, value in now.items()}
+    ours = {name: field.at(*(field.corner * at * 2 / 3)).value for at, name in CORNERS.items()}
+    assert sorted(ours, key=ours.get) == sorted(theirs, key=theirs.get)
+    ratios = np.array([ours[name] / theirs[name] for name in ours])
+    np.testing.assert_allclose(ratios, ratios.mean(), rtol=0.05)
+
+
+def test_photutils_sees_the_same_tilt_in_a_real_frame(repository):
+    from photutils.psf import fit_fwhm
+
+    path = repository.parent / "shared" / "frames" / "exo__HATP-32171220013343.FITS"
+    if not path.exists():
+        pytest.skip("needs the shared frames")
+    frame = read_frame(path)
+    detections = AutoDetector().detect(frame)
+    field = sharpness(detections).field
+    clear = ~detections.saturated & ~detections.blended & (detections.snr > 30)
+    stars = detections.take(np.flatnonzero(clear)[:200])
+    pixels = frame.pixels.astype(float) - detections.background
+    width = np.array([float(fit_fwhm(pixels, xypos=xy, fit_shape=(11, 11))[0]) for xy in stars.xy])
+    size = np.array([frame.width, frame.height])
+    u, v = ((stars.xy - (size - 1) / 2) / (np.hypot(*size) / 2)).T
+    rows = np.stack([np.ones(len(u)), u, v, u * u + v * v], axis=1)
+    kept = np.abs(width - np.median(width)) < 1.0
+    for _ in range(6):
+        terms = np.linalg.lstsq(rows[kept], width[kept], rcond=None)[0]
+        left = width - rows @ terms
+        kept = np.abs(left) < 4.0 * np.std(left[kept])
+    assert SIDES[round(np.degrees(np.arctan2(terms[2], terms[1])) / 45) % 8] == field.softest
+    assert 2.0 * np.hypot(*terms[1:3]) == pytest.approx(field.tilt.value, abs=2.0 * np.hypot(field.tilt.sigma, 0.02))
 
 
 @pytest.mark.skipif(not shutil.which("psfex"), reason="no psfex here")

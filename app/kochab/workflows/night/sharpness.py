@@ -20,6 +20,8 @@ LEAST_SNR = 20.0
 """Of a star whose shape is looked at: fainter ones' widths scatter by more than a tenth and are biased."""
 WIDTH_SHARE = 0.01
 """One sigma of all widths together: a star image that is no Gaussian and pixels as wide as it is change them alike."""
+TILT_SHARE = 0.07
+"""The same of a tilt: over a real frame (HATP-32, 2.3 px) Gaussians that photutils fits widen by 14 % less."""
 FEWEST = 30
 """Stars from which tilt and curvature are fitted."""
 CORNERS = {
@@ -63,7 +65,7 @@ class FieldOfSharpness:
         slope = self.terms[1:3]
         size = float(np.hypot(*slope))
         along = slope / size if size else np.array([1.0, 0.0])
-        sigma = math.hypot(math.sqrt(float(along @ self.covariance[1:3, 1:3] @ along)), WIDTH_SHARE * size)
+        sigma = math.hypot(math.sqrt(float(along @ self.covariance[1:3, 1:3] @ along)), TILT_SHARE * size)
         return Measure(2.0 * size, 2.0 * sigma)
 
     @property
