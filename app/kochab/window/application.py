@@ -198,6 +198,7 @@ def build(
     )
     appearance = Appearance(window, settings, looks)
     exporter = FrameExporter(window, window.menus.export, session, settings, field.overlay, window.say)
+    actions.update({action.objectName(): action for action in window.menus.export.actions()})  # the search has them
     files = Files(session, panes, settings, undo)
     views = Views(window, services, appearance, mount_status)
     layout = Layout(window, views, session, settings)

@@ -134,7 +134,7 @@ RESULT_TITLES = (
     tr_noop("State"),
     "RA",
     tr_noop("Dec"),
-    tr_noop("Up"),
+    tr_noop("Rotation"),
     tr_noop("Field"),
     tr_noop("Scale"),
     tr_noop("Stars"),

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QTableWidget
+from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QTableWidget
 
 from kochab.core.progress import Progress
 from kochab.core.solution import NoSolution, Solution
@@ -218,6 +218,15 @@ def test_another_file_ends_the_strip(qtbot, strip, a_file):
     assert not commands.actions["next"].isEnabled()
 
 
+def test_results_of_no_images_say_how_they_come_and_cannot_be_saved(opened):
+    window, commands = opened
+    commands.files.show_results()
+    (dialog,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
+    assert [b.isEnabled() for b in dialog.findChildren(QPushButton)] == [False, True]
+    assert "Open several images" in dialog.findChild(QLabel).text()
+    dialog.close()
+
+
 def test_the_results_stand_in_a_table_and_in_csv(qtbot, strip, files, tmp_path, monkeypatch):
     window, commands, films = strip
     films.results_wanted.emit()
@@ -227,6 +236,8 @@ def test_the_results_stand_in_a_table_and_in_csv(qtbot, strip, files, tmp_path, 
     assert row[:4] == ["a.fits", "solved", "05h 36m 12.00s", "−01° 12′ 00.0″"]
     assert table.item(1, 1).text() == "no solution: trailed"
     assert table.item(1, 2) is None
+    assert table.horizontalHeaderItem(4).text() == "Rotation"
+    assert [b.isEnabled() for b in dialog.findChildren(QPushButton)] == [True, True]
     dialog.close()
     path = tmp_path / "results.csv"
     monkeypatch.setattr("kochab.window.frame.files.ask_save", lambda *_: path)

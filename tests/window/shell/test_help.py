@@ -55,6 +55,8 @@ def test_what_is_new_is_the_changelog(opened):
     commands.actions["news"].trigger()
     text = window.findChild(HelpBook).browser.toPlainText()
     assert __version__.partition(".dev")[0].partition("+")[0] in text
+    lines = text.splitlines()
+    assert "Polar alignment" in lines  # it ended the last line of the list before
 
 
 @pytest.mark.parametrize("page", pages()[:-1], ids=lambda page: page.title)

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QWidget
 
 from kochab.core.frame import Site
 from kochab.window.atlas.dialog import Atlas
-from kochab.window.shell.palette_results import COMMANDS, FRAME, MEANT, SKY
+from kochab.window.shell.palette_results import COMMANDS, FRAME, MEANT, MOST, SKY
 
 ALT, SHIFT = Qt.KeyboardModifier.AltModifier, Qt.KeyboardModifier.ShiftModifier
 
@@ -116,6 +116,17 @@ def test_alt_enter_slews_where_the_mount_may(qtbot, palette, monkeypatch):
     assert asked[0][1].startswith("279.2")
 
 
+def test_an_export_is_a_command_while_there_is_a_solution(qtbot, palette):
+    """Of all commands the exports alone could not be found."""
+    box, commands = palette
+    qtbot.keyClicks(box.field, "expo")
+    assert [title.partition(":")[0] for title in titles(box, COMMANDS)] == ["Export"] * MOST[COMMANDS]
+    commands.session.known.result = None
+    commands.session.idle.emit()
+    box.field.setText("export")
+    assert titles(box, COMMANDS) == []
+
+
 def test_a_slip_of_the_pen_is_answered_with_what_was_meant(qtbot, palette):
     box, _ = palette
     qtbot.keyClicks(box.field, "Betelgeuze")
@@ -123,7 +134,7 @@ def test_a_slip_of_the_pen_is_answered_with_what_was_meant(qtbot, palette):
     assert box.results[0].title == "Betelgeuse"
     box.field.setText("Planet of the apes")
     qtbot.waitUntil(lambda: box.message.text() != "")
-    assert box.message.text() == "Nothing in the catalogue is called Planet of the apes."
+    assert box.message.text() == "No object, star or command is called Planet of the apes."
     assert box.results == []
 
 

@@ -110,6 +110,7 @@ class FrameExporter(QObject):
         for kind in self.kinds.values():
             action = menu.addAction(tr(kind.text))
             action.setObjectName(f"export_{kind.name}")
+            action.setToolTip(tr("Export: {what}", what=tr(kind.text).replace("&", "").rstrip("…")))
             action.triggered.connect(lambda _=False, k=kind: self.ask(k))
 
     def ask(self, kind: Export) -> None:

@@ -238,8 +238,12 @@ def results_table(parent: QWidget, batch: Batch, style: AngleStyle, save: Callab
             table.setItem(at, place, QTableWidgetItem(text))
     table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
     table.verticalHeader().hide()
-    buttons = row(button(tr("Save CSV…"), save, "main"), None, button(tr("Close"), dialog.close))
-    column(table, buttons, on=dialog, spacing=10, margins=(14, 14, 14, 14))
+    keep = button(tr("Save CSV…"), save, "main")
+    keep.setEnabled(bool(batch.files))
+    empty = label(tr("Open several images to compare their solutions here."), "muted", wrap=True)
+    empty.setVisible(not batch.files)
+    buttons = row(keep, None, button(tr("Close"), dialog.close))
+    column(empty, table, buttons, on=dialog, spacing=10, margins=(14, 14, 14, 14))
     dialog.resize(min(980, parent.width()), min(520, parent.height()))
     return dialog
 

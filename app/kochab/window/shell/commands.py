@@ -209,9 +209,10 @@ class Commands(QObject):
             actions[name].setEnabled(several)
         for name in ("fit", "one", "in", "out"):
             actions[name].setEnabled(known.frame is not None or session.streams)
-        window.menus.export.setEnabled(isinstance(known.result, Solution))
+        solved = isinstance(known.result, Solution)
+        window.menus.export.setEnabled(solved)
         for action in window.menus.export.actions():
-            action.setEnabled(action.objectName() != "export_fits" or _is_fits(known.path))
+            action.setEnabled(solved and (action.objectName() != "export_fits" or _is_fits(known.path)))
         actions["colour"].setEnabled(known.frame is None or known.frame.colour is not None or bool(known.frame.bayer))
 
 

@@ -3,6 +3,7 @@
 A page of a person's language stands in a folder of its name, ``help/de/4-live.md``; one that is not there is English.
 """
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -51,7 +52,12 @@ def pages() -> list[HelpPage]:
     # In the wheel it stands beside the pages, in a checkout at the root.
     news = next((p for p in (folder / "CHANGELOG.md", folder.parents[1] / "CHANGELOG.md") if p.exists()), None)
     made = [HelpPage(name, text.partition("\n")[0].lstrip("# "), text) for name, text in texts.items()]
-    return [*made, HelpPage("news", tr(NEWS), news.read_text(encoding="utf-8"))] if news else made
+    return [*made, HelpPage("news", tr(NEWS), parted(news.read_text(encoding="utf-8")))] if news else made
+
+
+def parted(text: str) -> str:
+    """Markdown with an empty line before every line in bold: after a list it would end the list's last line."""
+    return re.sub(r"(?m)^(?=\*\*.+\*\*$)", "\n", text)
 
 
 class PageBrowser(QTextBrowser):

@@ -255,7 +255,7 @@ class Palette(QDialog):
         meant = list(meant_results(found.suggestions, index.still, self._around))
         self._fill([*commands, *meant])
         if not commands:
-            show_text(self.message, tr("Nothing in the catalogue is called {name}.", name=text))
+            show_text(self.message, tr("No object, star or command is called {name}.", name=text))
 
     def _fill(self, results: list[Result]) -> None:
         self.list.clear()

@@ -133,7 +133,8 @@ def command_results(text: str, actions: Mapping[str, QAction]) -> list[Result]:
     """Commands with a word that begins so, those that begin so themselves first; with their keys."""
     wanted, found = text.strip().casefold(), list[tuple[int, str, Result]]()
     for name, action in actions.items():
-        title = action.text().replace("&", "").rstrip("…")
+        # A row of a menu of exports says little without the menu.
+        title = action.toolTip() if name.startswith("export_") else action.text().replace("&", "").rstrip("…")
         rank = _command_rank(wanted, name, title, action.toolTip())
         if rank is not None and action.isEnabled():
             keys = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
