@@ -1,3 +1,4 @@
+import json
 import mmap
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from kochab.core.errors import CatalogueError, DamagedPatternsError
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.identification import index, index_build
-from kochab.identification.index import ARRAYS, open_volume
+from kochab.identification.index import ARRAYS, FINENESS, PLACE, open_volume, pack, packed_size, ways
 from kochab.identification.index_build import all_levels, build_volume, level_quads
 from kochab.identification.index_sort import QuadSort
 from kochab.identification.patterns import FINE, Patterns, SearchStage
@@ -38,6 +39,34 @@ def test_every_stored_quad_is_found_by_its_own_shape(toy_volume):
     assert all((i, int(r)) in found for i, r in enumerate(rows))
 
 
+def test_codes_keep_place_and_size():
+    rng = np.random.default_rng(3)
+    inside, size = rng.integers(0, 256, (1000, 4)).astype(np.uint8), rng.integers(0, 128, 1000).astype(np.uint8)
+    stored = pack(inside, size)
+    assert np.array_equal(packed_size(stored), size)
+    lost = inside.astype(int) - (stored & PLACE).view(np.uint8).reshape(-1, 4)
+    assert lost.min() == 0
+    assert lost.max() == FINENESS - 1
+
+
+def test_ways_of_fewer_neighbours_come_first():
+    few, many = ways(4), ways(7)
+    assert few.shape == (96, 4)
+    assert np.array_equal(many[:96], few)
+    assert len(np.unique(many, axis=0)) == len(many) == 840
+    assert ((many == 0).sum(axis=1) == 1).all()
+
+
+@pytest.mark.parametrize("nearest", [[-3] * 4, [10**9] * 4, [5] * 3, ["x"] * 4])
+def test_counts_of_neighbours_that_cannot_be_are_damage(toy_volume, tmp_path, nearest):
+    for path in toy_volume.folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    facts = json.loads((tmp_path / "index.json").read_text())
+    (tmp_path / "index.json").write_text(json.dumps(facts | {"nearest": nearest}))
+    with pytest.raises(DamagedPatternsError):
+        open_volume(tmp_path)
+
+
 def test_lookup_is_the_same_as_looking_at_every_quad(toy_volume):
     everything = np.arange(len(toy_volume.quads))
     codes = canonical(planar(toy_volume.stars[toy_volume.members(everything)].astype(float)))
@@ -48,7 +77,7 @@ def test_lookup_is_the_same_as_looking_at_every_quad(toy_volume):
     got = np.zeros((len(asked), len(everything)), dtype=bool)
     got[query, entry] = True
     worst = np.abs(asked[:, None] - codes.code[None]).max(axis=2)
-    step = 1.5 / 256 / toy_volume.grid.steps  # how finely codes are stored
+    step = 1.5 * FINENESS / 256 / toy_volume.grid.steps  # how finely codes are stored
     assert got[worst < 0.012 - step].all()
     assert not got[worst > 0.012 + 3 * step].any()
 
@@ -132,8 +161,8 @@ def test_size_limits_the_answer(toy_volume):
 
 
 def every(task):
-    """All quads (Q, 4) of a level at once."""
-    return np.concatenate(list(run(task).parts()))
+    """All quads (Q, 4) of a level at once, their members in order."""
+    return np.sort(np.concatenate([quads for quads, _ in run(task).parts()]), axis=1)
 
 
 def test_poor_sky_gets_more_quads_for_each_star():
@@ -196,19 +225,17 @@ def test_parts_of_any_size_make_the_same_volume(monkeypatch, tmp_path):
 def test_quads_come_sorted_by_cell_and_within_one_as_they_came(tmp_path):
     cells, count = 150_000, 5_000
     cell = np.random.default_rng(1).integers(0, 40, count) * 3_749
-    codes, sizes = np.arange(count, dtype=np.uint32), (np.arange(count) % 251).astype(np.uint8)
-    quads = np.repeat(sizes[:, None], 12, axis=1)
+    codes, quads = np.arange(count, dtype=np.uint32), np.arange(count, dtype=np.uint32) * 3
     with QuadSort(tmp_path, cells) as found:
         for part in np.array_split(np.arange(count), 7):
-            found.add(cell[part], codes[part], sizes[part], quads[part])
+            found.add(cell[part], codes[part], quads[part])
         run(found.write(tmp_path))
     order = np.argsort(cell, kind="stable")
-    told = {name: np.load(tmp_path / f"{name}.npy") for name in ("cells", "codes", "sizes", "quads")}
+    told = {name: np.load(tmp_path / f"{name}.npy") for name in ("cells", "codes", "quads")}
     assert np.array_equal(told["codes"], codes[order])
-    assert np.array_equal(told["sizes"], sizes[order])
     assert np.array_equal(told["quads"], quads[order])
     assert np.array_equal(told["cells"], np.searchsorted(cell[order], np.arange(cells + 1)))
-    assert len(list(tmp_path.iterdir())) == 4
+    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_a_missing_or_damaged_index_is_one_sentence(tmp_path, toy_volume):
@@ -294,9 +321,11 @@ def test_damage_that_shows_at_once_is_no_volume(small_plan, name, change):
     assert index.fine() is None
 
 
-@pytest.mark.parametrize("value", [0, 255])
-def test_quads_that_cannot_be_are_damage(toy_volume, value):
-    damaged = replace(toy_volume, quads=np.full_like(toy_volume.quads, value))
+@pytest.mark.parametrize(
+    ("name", "value"), [("quads", 2**32 - 1), ("neighbours", 0), ("neighbours", 2**15 - 1), ("neighbours", -(2**15))]
+)
+def test_quads_that_cannot_be_are_damage(toy_volume, name, value):
+    damaged = replace(toy_volume, **{name: np.full_like(getattr(toy_volume, name), value)})
     with pytest.raises(DamagedPatternsError):
         damaged.members(np.arange(3))
 
@@ -446,8 +475,6 @@ def test_a_full_disk_is_told_before_the_work(monkeypatch, small_plan):
 
 
 def test_shipped_volumes_belong_to_the_shipped_catalogue():
-    import json
-
     for name in index.SHIPPED:
         facts = json.loads((index.shipped_volume_folder() / name / "index.json").read_text())
         assert facts["mark"] == index.catalogue_mark()

@@ -4,10 +4,11 @@ A volume is a folder of plain ``.npy`` files that covers several levels of field
 
 ``stars`` (n, 3) float32 ICRS unit vectors, level after level, each level sorted by zone key ·
 ``rows`` (n,) uint32 catalogue rows · ``keys`` (n,) uint32 zone keys · ``cells`` (c + 1,) uint32
-first quad of each code cell · ``codes`` (Q,) uint32, four bytes: place of the code within its cell
-in 1/256 of a cell · ``sizes`` (Q,) uint8 the base's length, see :func:`size_code` · ``quads``
-(Q, 12) uint8: four star numbers of 24 bits, in the order A, B, C, D. Parity is not stored: it is
-seen from the stars themselves.
+first quad of each code cell · ``neighbours`` int16: for each star how many places on or back in its
+level its nearest stand, the nearest first · ``codes`` (Q,) uint32, four bytes, each the place of the
+code within its cell in 1/64 of a cell and two bits of the base's length, see :func:`size_code` ·
+``quads`` (Q,) uint32: a star times the number of :func:`ways`, and which of these: a quad is a star
+and three of its nearest. Parity is not stored: it is seen from the stars themselves.
 """
 
 import math
@@ -16,6 +17,7 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import combinations, permutations
 from pathlib import Path
 from typing import Any
 
@@ -98,22 +100,25 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {  # as they are stored, and th
     "stars": ("<f4", (3,)),
     "rows": ("<u4", ()),
     "keys": ("<u4", ()),
+    "neighbours": ("<i2", ()),
     "cells": ("<u4", ()),
     "codes": ("<u4", ()),
-    "sizes": ("|u1", ()),
-    "quads": ("|u1", (12,)),
+    "quads": ("<u4", ()),
 }
-SCATTERED = ("cells", "codes", "sizes", "quads", "stars")  # arrays that a search reads here and there
+SCATTERED = ("cells", "codes", "quads", "neighbours", "stars")  # arrays that a search reads here and there
 AHEAD_BITS = 14  # 16 kB are announced together
 HEADER_BYTES = 128  # of an ``.npy`` file; what it tells is known from the volume's facts
 UNIT = 1e-5  # how far from one the square of a stored unit vector may be
+MOST_NEAREST = 16
 MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds
 ALL_FOUR = np.uint32(0x01010101)  # four true bytes
 # corners of a box in code space: along which of the four axes it is the upper of two cells
 CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
 CORNER_BITS = CORNERS.T.astype(np.int64)
-BYTES24 = np.array([1, 1 << 8, 1 << 16], dtype=np.int64)
+FINENESS = 4  # of 256 parts of a cell: the two lowest bits of a code's bytes hold the size
+PLACE = np.uint32(0xFCFCFCFC)
 IM_REACH = 0.875  # |Im z| never exceeds sqrt(3)/2 while the base is the longest side
+ORDERS = np.array(list(permutations(range(4))))
 SIZE_MIN_RAD, SIZE_STEPS = 1e-4, 127.0  # base length from 20 arcsec to pi rad in 127 steps
 SIZE_LOG = float(np.log(np.pi / SIZE_MIN_RAD))
 
@@ -122,6 +127,31 @@ def size_code(base_rad: Floats) -> NDArray[np.uint8]:
     """Base lengths (rad) in logarithmic steps of 8.5 %, 7 bits."""
     s = np.log(np.maximum(base_rad, SIZE_MIN_RAD) / SIZE_MIN_RAD) / SIZE_LOG * SIZE_STEPS
     return np.clip(np.floor(s), 0, SIZE_STEPS).astype(np.uint8)
+
+
+def pack(inside: NDArray[np.uint8], size: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Stored codes (Q,) of places within their cells (Q, 4), 1/256 of a cell, and of sizes (Q,)."""
+    two_bits = (size[:, None] >> np.array([0, 2, 4, 6], dtype=np.uint8)) & np.uint8(3)
+    return np.ascontiguousarray((inside & np.uint8(0xFC)) | two_bits).view(np.uint32).ravel()
+
+
+def packed_size(code: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Sizes (Q,) that stored codes (Q,) hold."""
+    return np.asarray((code & 3) | ((code >> 6) & 12) | ((code >> 12) & 48) | ((code >> 18) & 64), dtype=np.uint32)
+
+
+@lru_cache
+def ways(nearest: int) -> Ints:
+    """Which of a star (0) and its nearest (1, 2, ...) are A, B, C and D: the star and any three, in any order (W, 4).
+
+    Those of fewer nearest come first. All orders of the same three are next to each other, see :data:`ORDERS`.
+    """
+    return np.array([np.array((0, *three))[ORDERS] for three in threes(nearest)]).reshape(-1, 4)
+
+
+def threes(nearest: int) -> list[tuple[int, ...]]:
+    """Any three of so many, counted from one; those of fewer come first."""
+    return sorted(combinations(range(1, nearest + 1), 3), key=lambda three: three[::-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +206,7 @@ class Grid:
 class ReadAhead:
     """Says which parts of a mapped file are wanted next, so that the disk brings them side by side.
 
-    A search reads ten thousand small places of half a gigabyte. Left to itself the system fetches
+    A search reads ten thousand small places of a large file. Left to itself the system fetches
     them one after the other, each with as much around it as its read-ahead says. Every part is
     announced once: what is still in memory costs nothing more.
     """
@@ -185,7 +215,7 @@ class ReadAhead:
         self._mapped = mapped
         self._row_bytes = row_bytes
         self._advised = np.zeros((len(mapped) >> AHEAD_BITS) + 1, dtype=bool)
-        if sys.platform != "win32":  # its own read-ahead brings the whole volume, 347 MB; a refusal needs 180
+        if sys.platform != "win32":  # its own read-ahead would bring the whole volume
             mapped.madvise(mmap.MADV_RANDOM)
 
     def tell(self, rows: Ints) -> None:
@@ -222,10 +252,11 @@ class Volume:
     stars: NDArray[np.float32]
     rows: NDArray[np.uint32]
     keys: NDArray[np.uint32]
+    neighbours: NDArray[np.signedinteger]
     cells: NDArray[np.uint32]
     codes: NDArray[np.uint32]
-    sizes: NDArray[np.uint8]
-    quads: NDArray[np.uint8]
+    quads: NDArray[np.uint32]
+    nearest: Ints  # of each level's stars so many neighbours are kept
     mark: str = ""
     folder: Path = Path()
     ahead: "dict[str, ReadAhead]" = field(default_factory=dict)
@@ -263,23 +294,34 @@ class Volume:
         # "between low and high" as one unsigned subtraction that wraps below low
         target = np.floor((place - low) * 256.0)
         low8, span8 = _window(target, np.ceil(reach * 256.0), query, CORNERS[corner])
-        found = self.codes[entry].view(np.uint8).reshape(-1, 4)
+        stored = self.codes[entry]
+        found = (stored & PLACE).view(np.uint8).reshape(-1, 4)
         found -= np.repeat(low8.view(np.uint32).ravel(), count).view(np.uint8).reshape(-1, 4)
         within = found <= np.repeat(span8.view(np.uint32).ravel(), count).view(np.uint8).reshape(-1, 4)
         good = np.nonzero(within.view(np.uint32).ravel() == ALL_FOUR)[0]
         query, entry = np.repeat(query, count)[good], entry[good]
-        self.tell("sizes", entry)
-        length = self.sizes[entry]
+        length = packed_size(stored[good])
         fits = (length >= size_code(size[:, 0])[query]) & (length <= size_code(size[:, 1])[query])
         return query[fits], entry[fits]
 
     def members(self, quad: Ints) -> Ints:
         """Star numbers (Q, 4) of quads, as A, B, C, D."""
         self.tell("quads", quad)
-        raw = self.quads[quad].reshape(-1, 4, 3).astype(np.int64)
-        members = np.asarray(raw @ BYTES24)
+        way = ways(int(self.nearest.max()))
+        star, number = (found.astype(np.int64) for found in np.divmod(self.quads[quad], np.uint32(len(way))))
+        level = self.level_of(star)
+        begin = np.concatenate([[0], np.cumsum(np.diff(self.offsets) * self.nearest)])
+        if level.max(initial=0) >= len(self.nearest):
+            raise DamagedPatternsError(self.folder)
+        which = way[number]
+        at = (begin[level] + (star - self.offsets[level]) * self.nearest[level])[:, None] + np.maximum(which - 1, 0)
+        if at.max(initial=0) >= len(self.neighbours):
+            raise DamagedPatternsError(self.folder)
+        self.tell("neighbours", at)
+        members = star[:, None] + np.where(which > 0, self.neighbours[at], 0)
         # A and B are the base, whose length codes are divided by
-        if members.max(initial=0) >= len(self.stars) or (members[:, 0] == members[:, 1]).any():
+        wrong = (members < 0) | (members >= len(self.stars))
+        if wrong.any() or (members[:, 0] == members[:, 1]).any():
             raise DamagedPatternsError(self.folder)
         return members
 
@@ -310,7 +352,8 @@ def _window(
     lows, spans = [], []
     # seen from the upper of two cells, a place lies one cell, 256 units, lower
     for shift in (0.0, 256.0):
-        low = np.minimum(np.maximum(target - (margin + shift), 0.0), 255.0).astype(np.uint8)
+        # what is stored is up to FINENESS lower than it was
+        low = np.minimum(np.maximum(target - (margin + shift + (FINENESS - 1)), 0.0), 255.0).astype(np.uint8)
         high = np.minimum(np.maximum(target + (margin - shift), 0.0), 255.0).astype(np.uint8)
         lows.append(low)
         spans.append(high - low)
@@ -334,6 +377,8 @@ def _read_volume(folder: Path) -> Volume:
     grid, offsets = Grid(int(facts["steps"])), np.array(facts["offsets"], dtype=np.int64)
     counts = dict.fromkeys(ARRAYS, int(facts["quads"]))
     counts |= dict.fromkeys(("stars", "rows", "keys"), int(offsets[-1])) | {"cells": grid.cells + 1}
+    nearest = np.array(facts["nearest"], dtype=np.int64)
+    counts["neighbours"] = int(np.diff(offsets) @ nearest)
     mapped = {name: _mapped(folder / f"{name}.npy", name, counts[name]) for name in ARRAYS}
     return Volume(
         grid,
@@ -341,6 +386,7 @@ def _read_volume(folder: Path) -> Volume:
         offsets,
         np.array(facts["zones"], dtype=np.int64),
         **{name: array for name, (_, array) in mapped.items()},
+        nearest=nearest,
         mark=str(facts.get("mark", "")),
         folder=folder,
         ahead={name: ReadAhead(mapped[name][0], mapped[name][1].strides[0]) for name in SCATTERED},
@@ -358,6 +404,8 @@ def _mapped(path: Path, name: str, count: int) -> tuple[mmap.mmap, NDArray[Any]]
 
 def _is_consistent(volume: Volume) -> bool:
     """Whether levels and cells are what a build leaves: they say how all else is read."""
+    if not (volume.fields_deg > 0.0).all():
+        return False
     begin, zones = volume.offsets, [zones_of(field) for field in volume.fields_deg]
     middle = begin[1:-1]  # where the keys begin anew
     return bool(
@@ -367,19 +415,22 @@ def _is_consistent(volume: Volume) -> bool:
         and volume.zones.tolist() == zones
         and (volume.keys[middle] < volume.keys[middle - 1]).all()
         and volume.cells[-1] == len(volume.codes)
+        and volume.nearest.min() >= 3
+        and volume.nearest.max() <= MOST_NEAREST
     )
 
 
 # -- The installation's volumes: two shipped ones and one for small fields, made once -----------
-# ``wide`` and ``coarse`` lie in ``catalogs/patterns`` and serve fields from about 2.5 degrees up.
+# ``wide``, ``coarse`` and ``small`` lie in ``catalogs/patterns`` and serve fields from about 1.2 degrees up.
 # ``fine`` serves smaller ones; it is several times as large, so it is made from the shipped
 # catalogue when first needed (:mod:`kochab.identification.index_build`) and kept in the user's cache.
 
-FORMAT = 3
+FORMAT = 4
 SHIPPED: dict[str, tuple[range, tuple[tuple[int, int], ...], int]] = {
     # name: levels, nearest stars taken at each (rich, poor sky), cells of code space
     "wide": (range(9, 15), ((6, 6),) * 6, 16),
     "coarse": (range(4, 11), ((4, 4), *((5, 5),) * 6), 24),
+    "small": (range(2, 4), ((4, 4),) * 2, 28),
 }
 PER_FIELD = 30  # stars that a level has in a field of its size
 LEVEL_FIELDS_DEG = tuple(float(0.5 * 2.0 ** (k / 2.0)) for k in range(1, 16))  # 0.71 ... 90.5

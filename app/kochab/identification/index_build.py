@@ -16,7 +16,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,10 @@ from kochab.core.arrays import Floats, Ints, Ints32
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
 from kochab.identification.index import (
+    ARRAYS,
+    HEADER_BYTES,
     LEVEL_FIELDS_DEG,
+    ORDERS,
     PER_FIELD,
     SHIPPED,
     Grid,
@@ -36,13 +38,16 @@ from kochab.identification.index import (
     fine,
     fine_folder,
     open_volume,
+    pack,
     shipped,
     shipped_volume_folder,
     size_code,
+    threes,
+    ways,
     zone_keys,
     zones_of,
 )
-from kochab.identification.index_sort import QuadSort
+from kochab.identification.index_sort import QuadSort, write_header
 from kochab.identification.quads import canonical, planar
 from kochab.parsing.text_input import read_json
 
@@ -53,14 +58,18 @@ COMPACT = 0.95  # quads of poor sky larger than this share of a field seldom lie
 AROUND = 8  # stars by whose distance the sky around a star is judged
 RICH, POOR = 15.0, 9.0  # stars a field: quads enough from the nearest, and all that can be had
 EPOCH = 2020.0  # a middling year: quads outlive a few decades of proper motion
-FINE = (range(5), ((4, 7), (4, 4), (4, 4), (4, 4), (4, 4)), 40)
-"""As the entries of ``SHIPPED``. With 12 neighbours in poor sky, not 7, the volume has 537 MB in place of 347 and takes
-40 s of processor in place of 23; of 250 fields of 0.8 deg, 30 % of their stars missing, 245 are solved for 242."""
+FINE = (range(2), ((4, 7), (4, 4)), 36)
+"""As the entries of ``SHIPPED``. With 12 neighbours in poor sky, not 7, half as much again is to be made and kept; of
+250 fields of 0.8 deg, 30 % of their stars missing, 245 are solved for 242."""
 AT_ONCE = 2
-Encoded = tuple[Ints, NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint8]]
+STEP = np.dtype(ARRAYS["neighbours"][0])
+Encoded = tuple[Ints, NDArray[np.uint32], NDArray[np.uint32]]
+BASE4 = np.array([64, 16, 4, 1])
+ORDER_OF = np.zeros(256, dtype=np.int64)
+ORDER_OF[ORDERS @ BASE4] = np.arange(len(ORDERS))
 BEGUN = "begun.json"
 """In the folder of a build that is not done: what of it is, once that is worth going on from."""
-ROOM_BYTES = 420_000_000  # the volume and the largest part of what it is sorted from
+ROOM_BYTES = 240_000_000  # the volume and the largest part of what it is sorted from
 ELSEWHERE = "KOCHAB_CACHE names another folder"
 WAITING = "waiting for another program to build the small-field index"
 
@@ -136,21 +145,30 @@ class LevelQuads:
     longest: float
     first: NDArray[np.bool_]
 
-    def parts(self) -> Iterator[Ints32]:
-        """Quads (Q, 4) of star numbers, each set once; a part is not larger than ``SETS_AT_ONCE``."""
+    def parts(self) -> Iterator[tuple[Ints32, Ints]]:
+        """Quads (Q, 4), a star and three of its nearest, each set once, and which three (Q,); see :func:`threes`."""
         at = 0
-        for sets in self.sets():
-            yield sets[self.first[at : at + len(sets)]]
+        for sets, three in self.sets():
+            first = self.first[at : at + len(sets)]
+            yield sets[first], three[first]
             at += len(sets)
 
-    def sets(self) -> Iterator[Ints32]:
-        """Sets (Q, 4) of stars, with those that several of their stars form."""
+    def sets(self) -> Iterator[tuple[Ints32, Ints]]:
+        """The same with the sets (Q, 4) that several of their stars form."""
         for count in np.unique(self.wanted).tolist():
             every = np.flatnonzero(self.wanted == count)
             stars = max(1, SETS_AT_ONCE // math.comb(count, 3))
             for at in range(0, len(every), stars):
-                sets = _sets(self.near[every[at : at + stars]], count)
-                yield sets if count <= self.rich else sets[_diameter(self.vectors, sets) < self.longest]
+                sets, three = _sets(self.near[every[at : at + stars]], count)
+                if count > self.rich:
+                    compact = _diameter(self.vectors, sets) < self.longest
+                    sets, three = sets[compact], three[compact]
+                yield sets, three
+
+    def steps_on(self, nearest: int) -> Ints32:
+        """How many places on, in the level's order, each star's ``nearest`` stand (N, nearest)."""
+        near = self.near[:, 1 : nearest + 1]
+        return np.asarray(near - np.arange(len(near), dtype=np.int32)[:, None])
 
 
 def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int) -> Task[LevelQuads]:
@@ -200,9 +218,9 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
 def _first_of_each(level: LevelQuads) -> Task[NDArray[np.bool_]]:
     """Whether each set (Q,) of a level is there for the first time."""
     marks, starts = [], [0]
-    for sets in level.sets():
+    for sets, _ in level.sets():
         yield Progress("patterns", 0.6, "grouping neighbours")
-        marks.append(_marks(sets))
+        marks.append(_marks(np.sort(sets, axis=1)))
         starts.append(starts[-1] + len(sets))
     first = np.zeros(starts[-1], dtype=bool)
     step = (1 << 64) // PARTS
@@ -238,13 +256,11 @@ def _as_part(task: Task[LevelQuads], start: float, width: float) -> Task[LevelQu
         yield Progress(step.stage, start + width * (step.fraction or 0.0), step.detail)
 
 
-def _sets(near: Ints32, neighbours: int) -> Ints32:
-    """Every star (column 0) with three of its ``neighbours`` nearest, members sorted (Q, 4)."""
-    combos = np.array(list(combinations(range(1, neighbours + 1), 3)))
+def _sets(near: Ints32, neighbours: int) -> tuple[Ints32, Ints]:
+    """Every star (column 0) with three of its ``neighbours`` nearest (Q, 4), and which three (Q,)."""
+    combos = np.array(threes(neighbours))
     first = np.broadcast_to(near[:, :1, None], (len(near), len(combos), 1))
-    quad = np.concatenate([first, near[:, combos]], axis=2).reshape(-1, 4)
-    quad.sort(axis=1)
-    return quad
+    return np.concatenate([first, near[:, combos]], axis=2).reshape(-1, 4), np.tile(np.arange(len(combos)), len(near))
 
 
 def _diameter(vectors: NDArray[np.float32], quads: Ints32) -> NDArray[np.float32]:
@@ -313,8 +329,14 @@ def build_volume(
         "stars": offsets,
         "mark": mark,
     }
+    nearest = [min(max(both), len(xyz) - 1) for both, xyz in zip(neighbours, stars, strict=True)]
+    n_ways, first = len(ways(max(nearest))), np.cumsum([0, *(np.diff(offsets) * nearest)]).tolist()
     begun = _begun(folder, plan)
-    with QuadSort(folder, grid.cells, begun["sizes"], begun["quads"]) as found:
+    with (
+        (folder / "neighbours.npy").open("r+b" if begun["levels"] else "wb") as neighbours_file,
+        QuadSort(folder, grid.cells, begun["sizes"], begun["quads"]) as found,
+    ):
+        write_header(neighbours_file, "neighbours", first[-1])
         for i, xyz in enumerate(stars):
             if i < begun["levels"]:
                 continue
@@ -323,7 +345,13 @@ def build_volume(
             task = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
             level = yield from _as_part(task, begin, width)
             wanted, done = max(1, int(level.first.sum())), 0
-            tasks = ((grid, xyz[part].astype(np.float64), part + np.int32(offsets[i])) for part in level.parts())
+            neighbours_file.seek(HEADER_BYTES + STEP.itemsize * first[i])
+            neighbours_file.write(level.steps_on(nearest[i]).astype(STEP).tobytes())
+            neighbours_file.flush()
+            tasks = (
+                (grid, xyz[part].astype(np.float64), part[:, 0] + np.int64(offsets[i]), three, n_ways)
+                for part, three in level.parts()
+            )
             for encoded in _ahead(tasks):
                 found.add(*encoded)
                 done += len(encoded[0])
@@ -341,13 +369,14 @@ def build_volume(
         "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],
         "offsets": offsets,
         "zones": zones,
+        "nearest": nearest,
         "quads": found.quads,
         "mark": mark,
     }
     (folder / "index.json").write_text(json.dumps(header) + "\n", "utf-8")
 
 
-def _ahead(tasks: Iterable[tuple[Grid, Floats, Ints32]]) -> Iterator[Encoded]:
+def _ahead(tasks: Iterable[tuple[Grid, Floats, Ints, Ints, int]]) -> Iterator[Encoded]:
     """What :func:`encode` makes of each, in their order, while the next ones are made: numpy lets threads run."""
     with ThreadPoolExecutor(AT_ONCE) as pool:
         waiting: deque[Future[Encoded]] = deque()
@@ -369,17 +398,28 @@ def _begun(folder: Path, plan: dict[str, Any]) -> dict[str, Any]:
     return {"levels": 0, "sizes": [], "quads": 0}
 
 
-def encode(grid: Grid, xyz: Floats, members: Ints32) -> Encoded:
-    """Cells, stored codes and sizes (Q,), and stored members (Q, 12) of quads (Q, 4) at ``xyz`` (Q, 4, 3)."""
+def encode(grid: Grid, xyz: Floats, star: Ints, three: Ints, n_ways: int) -> Encoded:
+    """Cells, stored codes and stored quads (Q,) of quads at ``xyz`` (Q, 4, 3).
+
+    Parameters
+    ----------
+    grid : Grid
+        The volume's.
+    xyz : Floats
+        Unit vectors (Q, 4, 3) of the star that forms the quad, and of its three.
+    star : Ints
+        Its number in the volume (Q,).
+    three : Ints
+        Which three of its nearest (Q,); see :func:`threes`.
+    n_ways : int
+        How many :func:`ways` the volume has.
+    """
     c = canonical(planar(xyz))
     place = grid.scaled(c.code)
     cell = np.floor(place).astype(np.int64)
     inside = np.clip(np.floor((place - cell) * 256.0), 0, 255).astype(np.uint8)
-    code = inside.view(np.uint32).ravel()
-    ordered = np.take_along_axis(members, c.order, axis=1).astype("<u4")
-    # below 2^24: three bytes, low one first
-    quads = ordered.view(np.uint8).reshape(-1, 4, 4)[:, :, :3].reshape(-1, 12)
-    return grid.number(cell), code, size_code(c.base), quads
+    way = three * len(ORDERS) + ORDER_OF[c.order @ BASE4]
+    return grid.number(cell), pack(inside, size_code(c.base)), (star * n_ways + way).astype(np.uint32)
 
 
 # -- The volumes of this installation ----------------------------------------------------------
@@ -394,7 +434,7 @@ def build_shipped(folder: Path | None = None) -> Task[None]:
 
 
 def make_fine() -> Task[Volume]:
-    """Return the volume of small fields, making it first if need be: half a minute, once.
+    """Return the volume of small fields, making it first if need be: a quarter of a minute, once.
 
     Cancelled, it goes on where it stopped. Safe when several programs ask at once: one makes it, the others
     wait. Raises CatalogueError when it cannot be written.

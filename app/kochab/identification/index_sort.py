@@ -20,8 +20,8 @@ from kochab.core.progress import Progress, Task
 from kochab.identification.index import ARRAYS
 
 LOW_BITS = 16  # of so many numpy sorts by counting, which is ten times as fast
-RECORD = np.dtype([("cell", "<u2"), ("codes", "<u4"), ("sizes", "u1"), ("quads", "u1", 12)])
-STORED = ("codes", "sizes", "quads")
+RECORD = np.dtype([("cell", "<u2"), ("codes", "<u4"), ("quads", "<u4")])
+STORED = ("codes", "quads")
 
 
 class QuadSort:
@@ -64,37 +64,25 @@ class QuadSort:
             os.fsync(file.fileno())
         return [file.tell() for file in self._files]
 
-    def add(self, cell: Ints, codes: NDArray[np.uint32], sizes: NDArray[np.uint8], quads: NDArray[np.uint8]) -> None:
-        """Take quads, as a volume stores them.
-
-        Parameters
-        ----------
-        cell : Ints
-            Grid cells (Q,).
-        codes : NDArray[np.uint32]
-            The shapes within their cells (Q,).
-        sizes : NDArray[np.uint8]
-            The sizes (Q,), stored as a byte.
-        quads : NDArray[np.uint8]
-            The members (Q, 12): four star numbers of three bytes.
-        """
+    def add(self, cell: Ints, codes: NDArray[np.uint32], quads: NDArray[np.uint32]) -> None:
+        """Take grid cells, codes and quads (Q,), as a volume stores them."""
         high = (cell >> LOW_BITS).astype(np.uint16)
         order = np.argsort(high, kind="stable")
         record = np.empty(len(cell), dtype=RECORD)
         record["cell"] = (cell & ((1 << LOW_BITS) - 1))[order]
-        record["codes"], record["sizes"], record["quads"] = codes[order], sizes[order], quads[order]
+        record["codes"], record["quads"] = codes[order], quads[order]
         edges = np.searchsorted(high[order], np.arange(len(self._files) + 1))
         for k in np.flatnonzero(np.diff(edges)).tolist():
             self._files[k].write(record[edges[k] : edges[k + 1]].data)
         self.quads += len(cell)
 
     def write(self, folder: Path) -> Task[None]:
-        """Write ``cells``, ``codes``, ``sizes`` and ``quads`` of the volume in ``folder``."""
+        """Write ``cells``, ``codes`` and ``quads`` of the volume in ``folder``."""
         start = np.zeros(self.cells + 1, dtype=np.uint32)
         with ExitStack() as opened:
             out = {name: opened.enter_context((folder / f"{name}.npy").open("wb")) for name in STORED}
             for name, file in out.items():
-                _write_header(file, name, self.quads)
+                write_header(file, name, self.quads)
             for k, (scratch, path) in enumerate(zip(self._files, self._paths, strict=True)):
                 yield Progress("patterns", 0.85 + 0.15 * (k + 1) / len(self._files), "writing")
                 scratch.close()
@@ -112,7 +100,7 @@ class QuadSort:
         np.save(folder / "cells.npy", start)
 
 
-def _write_header(file: IO[bytes], name: str, rows: int) -> None:
+def write_header(file: IO[bytes], name: str, rows: int) -> None:
     """Begin a ``.npy`` file of so many rows."""
     dtype, row = ARRAYS[name]
     facts = np.lib.format.header_data_from_array_1_0(np.empty((0, *row), dtype=dtype))

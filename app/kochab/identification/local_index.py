@@ -9,10 +9,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Floats, Ints, Ints32
 from kochab.core.attitude import east_north
 from kochab.core.progress import Task
-from kochab.identification.index import PER_FIELD, Grid, Volume, zone_keys, zones_of
+from kochab.identification.index import PER_FIELD, Grid, Volume, ways, zone_keys, zones_of
 from kochab.identification.index_build import encode, level_quads
 from kochab.identification.pair_table import DENSE, PairTable, table_of
 
@@ -47,10 +47,14 @@ def local_volume(vectors: Floats, rows: Ints, axis: Floats, fields_deg: tuple[fl
     kept: list[NDArray[np.uint32]] = []
     keys: list[NDArray[np.uint32]] = []
     cells: list[Ints] = []
-    parts: list[tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint8]]] = []
+    parts: list[tuple[NDArray[np.uint32], NDArray[np.uint32]]] = []
+    neighbours: list[Ints32] = []
     kept_fields = []
     plane = vectors @ east_north(axis).T / (vectors @ axis)[:, None]
-    for field, member in _levels(plane, fields_deg):
+    levels = _levels(plane, fields_deg)
+    nearest = [min(max(NEIGHBOURS), len(member) - 1) for _, member in levels]
+    n_ways = len(ways(max(nearest, default=0)))
+    for (field, member), most in zip(levels, nearest, strict=True):
         kept_fields.append(field)
         count = zones_of(field)
         key = zone_keys(vectors[member], count)
@@ -58,10 +62,12 @@ def local_volume(vectors: Floats, rows: Ints, axis: Floats, fields_deg: tuple[fl
         here = member[order]
         xyz = vectors[here].astype(np.float32)
         level = yield from level_quads(vectors[here], field, *NEIGHBOURS)
-        for quads in level.parts():
-            cell, code, size, quad = encode(grid, xyz[quads].astype(np.float64), quads + np.int32(offsets[-1]))
+        for quads, three in level.parts():
+            number = quads[:, 0].astype(np.int64) + offsets[-1]
+            cell, code, quad = encode(grid, xyz[quads].astype(np.float64), number, three, n_ways)
             cells.append(cell)
-            parts.append((code, size, quad))
+            parts.append((code, quad))
+        neighbours.append(level.steps_on(most).ravel())
         stars.append(xyz)
         kept.append(rows[here].astype(np.uint32))
         keys.append(key[order])
@@ -71,7 +77,7 @@ def local_volume(vectors: Floats, rows: Ints, axis: Floats, fields_deg: tuple[fl
         return None
     cell = np.concatenate(cells)
     order = np.argsort(cell, kind="stable")
-    codes, sizes, quads_ = (np.concatenate(column)[order] for column in zip(*parts, strict=True))
+    codes, quads_ = (np.concatenate(column)[order] for column in zip(*parts, strict=True))
     first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=grid.cells))]).astype(np.uint32)
     return Volume(
         grid,
@@ -81,10 +87,11 @@ def local_volume(vectors: Floats, rows: Ints, axis: Floats, fields_deg: tuple[fl
         np.concatenate(stars),
         np.concatenate(kept),
         np.concatenate(keys),
+        np.concatenate(neighbours),
         first,
         codes,
-        sizes,
         quads_,
+        np.array(nearest, dtype=np.int64),
     )
 
 

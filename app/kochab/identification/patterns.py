@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 POOR_SEARCH = 16  # frames with no more stars than this are searched exhaustively
 CROWD = 400  # more pointings than this are thinned before the closer look
-FINE = 2  # the volume that may have to be made first
+FINE = 3  # the volume that may have to be made first
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +64,18 @@ WIDE = (2.5, 1.9, 1.42, 1.08, 0.83, 0.64, 0.5)  # the last two, of 70 deg and mo
 STAGES = (
     SearchStage(10, 5, 0.9, 0.003, 30, volume=1, max_verified=4, spread=1.6),
     SearchStage(10, 5, 0.9, 0.003, 30, volume=2, max_verified=4, spread=1.6),
+    SearchStage(10, 5, 0.9, 0.003, 30, volume=3, max_verified=4, spread=1.6),
     SearchStage(14, 5, 0.9, 0.010, 40, focal=WIDE[:5], max_verified=20),
     SearchStage(18, 6, 0.9, 0.003, 40, volume=1, max_verified=20),
     SearchStage(18, 6, 0.9, 0.003, 40, volume=2, max_verified=20),
+    SearchStage(18, 6, 0.9, 0.003, 40, volume=3, max_verified=20),
     SearchStage(30, 6, 1.0, 0.003, 50, volume=1),
     SearchStage(24, 6, 1.0, 0.012, 50, focal=WIDE, spread=3.0),
     SearchStage(30, 6, 1.0, 0.003, 50, volume=2),
+    SearchStage(30, 6, 1.0, 0.003, 50, volume=3),
     SearchStage(40, 6, 1.0, 0.004, 60, volume=1, spread=3.0),
     SearchStage(40, 6, 1.0, 0.004, 60, volume=2, spread=3.0),
+    SearchStage(40, 6, 1.0, 0.004, 60, volume=3, spread=3.0),
 )
 
 
@@ -127,7 +131,7 @@ class Search:
     def wants_small_fields(self, stages: tuple[SearchStage, ...]) -> bool:
         """Whether the allowed scales reach down to fields that only the fine volume serves."""
         field = self.field_deg(self.scale[1])
-        return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[4] for s in stages)
+        return any(field * self._per_field(s)[0] < LEVEL_FIELDS_DEG[2] for s in stages)
 
     def field_deg(self, focal_px: float) -> float:
         """The side of a square field as large as the frame's, degrees."""

@@ -208,7 +208,8 @@ def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
     w = planar(sky)
     w = (w[:, 2:] - w[:, :1]) / (w[:, 1] - w[:, 0])[:, None]
     # parity is not in the code: it is whether the sky's quad and the frame's were mirrored alike to reach it
-    mirrored = (w.imag.sum(axis=1) < 0) != codes.mirrored[query]
+    turned = w.imag.sum(axis=1) < 0
+    mirrored = turned != codes.mirrored[query]
     detections = ask.quads[codes.quad[query, None], codes.order[query]]
     arc = np.linalg.norm(sky[:, 1] - sky[:, 0], axis=1)
     plane = 2.0 * np.tan(np.arcsin(np.clip(arc / 2.0, 0, 1)))  # AB in the quad's tangent plane
@@ -219,6 +220,10 @@ def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
     # a scale known better than a quad's places is not for the quad to contradict
     room = 1.0 + tolerance[query]
     good = (focal * room >= view.scale[0]) & (focal <= view.scale[1] * room)
+    # the index keeps shapes coarsely: those that only seemed near enough would count as chances of error
+    imag = np.where(turned[:, None], -w.imag, w.imag)
+    off = np.concatenate([w.real, imag], axis=1) - codes.code[query]
+    good &= (np.abs(off) <= tolerance[query, None]).all(axis=1)
     np.clip(focal, *view.scale, out=focal)
     if ask.focal is not None:
         good &= (focal >= low[query]) & (focal <= high[query])
