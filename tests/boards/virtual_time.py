@@ -50,6 +50,29 @@ class _Waiter:
         self.thread, self.begin, self.due, self.cancelled = thread, begin, False, False
 
 
+class _Member(threading.Thread):
+    """A thread that takes part until it has done what it is for.
+
+    Python clears a thread away later, and from 3.13 on so much later that seconds passed for whoever asked whether it ran.
+    """
+
+    def __init__(self, time_, do):
+        super().__init__(daemon=True)
+        self._time, self._do, self._done = time_, do, False
+
+    def run(self):
+        """Do it."""
+        try:
+            self._do()
+        finally:
+            self._done = True
+            self._time._ended(self)
+
+    def is_alive(self):
+        """Whether it still does."""
+        return not self._done and super().is_alive()
+
+
 class VirtualTime:
     """Seconds since it began, for the threads that take part: who made it, and those it has started."""
 
@@ -104,19 +127,16 @@ class VirtualTime:
     def start(self, do):
         """A thread that does it and takes part."""
 
-        def whole():
-            try:
-                do()
-            finally:
-                with self._changed:
-                    self._members.discard(threading.current_thread())
-                    self._jump_while_all_wait()
-
-        thread = threading.Thread(target=whole, daemon=True)
+        thread = _Member(self, do)
         with self._changed:
             self._members.add(thread)
         thread.start()
         return thread
+
+    def _ended(self, thread):
+        with self._changed:
+            self._members.discard(thread)
+            self._jump_while_all_wait()
 
     def join(self, thread):
         """Wait for its end."""

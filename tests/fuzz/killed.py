@@ -402,10 +402,10 @@ def outgrown(most_bytes: int, kills: bool) -> Callable[[], None]:
 
 
 def without_rights() -> None:
-    """Let even root be bound by what files and folders allow (`capset(2)`)."""
+    """Let even root be bound by what files and folders allow, but for reading: the checkout may stand in a closed home."""
     if os.geteuid() == 0:
-        header = (ctypes.c_uint32 * 2)(0x20080522, 0)
-        if ctypes.CDLL(None).capset(header, (ctypes.c_uint32 * 6)()):
+        header, read_search = (ctypes.c_uint32 * 2)(0x20080522, 0), 1 << 2  # `capabilities(7)`, `capset(2)`
+        if ctypes.CDLL(None).capset(header, (ctypes.c_uint32 * 6)(read_search, read_search)):
             raise OSError("the rights of root cannot be given up")
 
 
