@@ -53,6 +53,21 @@ def test_the_rms_is_that_of_the_scatter(tmp_path):
     assert run.total_arcsec.value == pytest.approx(np.hypot(run.ra_arcsec.value, run.dec_arcsec.value))
 
 
+def test_backlash_in_dec_is_that_of_the_gear_that_the_log_was_made_with(tmp_path):
+    """Ten logs of a simulated PHD2 whose mount has play; seeing 0.02 to 0.3 px, scales 1 to 6 arcsec a pixel."""
+    pulls, with_play = [], 0
+    for seed in range(28, 38):
+        made = evening("dither", seed)
+        write_log(made, tmp_path / "PHD2_GuideLog.txt")
+        for run in guiding_of([tmp_path]):
+            if run.backlash_arcsec:
+                pulls.append((run.backlash_arcsec.value - made.backlash_arcsec) / run.backlash_arcsec.sigma)
+                with_play += made.backlash_arcsec > 0.0 and run.backlash_arcsec.sigmas > 3.0
+    assert len(pulls) >= 6
+    assert with_play >= 3
+    assert np.abs(pulls).max() < 3.0
+
+
 def test_a_dither_and_its_settling_are_no_bad_guiding(tmp_path):
     rng = np.random.default_rng(3)
     log(tmp_path / "a.log", rng.normal(0, 0.3, 300), rng.normal(0, 0.2, 300), dither_after=150, jump_px=8.0)

@@ -237,6 +237,8 @@ def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> st
     for run in night.guiding:
         axes = f"RA {run.ra_arcsec.text()}, Dec {run.dec_arcsec.text()} arcsec RMS"
         lines.append(f"guiding  {axes} ({run.frames} frames, {run.hours:.1f} h)")
+        if run.backlash_arcsec:
+            lines.append(f"backlash Dec {run.backlash_arcsec.text()} arcsec, by the guide pulses")
     for held in night.tracking:
         drift = f"RA {held.ra_arcsec_h.text('+')}, Dec {held.dec_arcsec_h.text('+')} arcsec an hour"
         lines.append(f"drift    {drift} ({len(held.frames)} frames, {held.hours:.1f} h)")

@@ -21,6 +21,10 @@ SURE, FLOOR = 0.1, 0.05  # a scale is told when known to this share; what is lef
 LEAST_FRAMES = 60
 SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8)  # of a frame's noise that the next has as well
 PLAYS, STARTS, ROUNDS = 24, (0.0, 0.5, 1.0), 3  # sizes of backlash, where it stands at first, closer looks
+FINE, LEAST_SPAN = (
+    61,
+    0.1,
+)  # sizes among which the backlash is told, and of the pulses' way how much they cover at least
 OUTLIER, BLOCKS, UNEVEN, CORRELATED = 4.0, 12, 2.5, 0.08
 
 
@@ -29,12 +33,15 @@ class PulseResponse:
     """What pulses did: ``scale`` times what the calibration says, one ``sigma`` of it.
 
     ``moved`` (N,) is how far they had moved Dec before each frame, were the calibration right: what gears swallowed
-    is left out.
+    is left out. ``backlash`` is how much of a turn back they swallow, of the star's own way and in its unit, with one
+    sigma; NaN where as much as they were turned may be.
     """
 
     moved: Floats
     scale: float
     sigma: float
+    backlash: float = float("nan")
+    backlash_sigma: float = float("nan")
 
 
 class _Fit(NamedTuple):
@@ -113,7 +120,40 @@ def _response(
     left = np.zeros(len(star))
     news = smooth.rest(np.stack([star[kept], tried.path[kept, best]], axis=-1))
     left[np.flatnonzero(kept)[smooth.follows]] = news[:, 0] - news[:, 1] * found[-1].scale[best]
-    return PulseResponse(tried.path[:, best], mean, float(np.hypot(sigma, FLOOR))), left
+    sigma = float(np.hypot(sigma, FLOOR))
+    size, off = _backlash(smooth, star[kept], pushed, kept, float(tried.play[best]))
+    off = float(np.hypot(off, size * sigma / max(abs(mean), sigma)))  # a scale and a backlash stand for one another
+    return PulseResponse(tried.path[:, best], mean, sigma, size, off), left
+
+
+def _backlash(smooth: "_Smooth", star: Floats, pushed: Floats, kept: Floats, likeliest: float) -> tuple[float, float]:
+    """The backlash and one sigma, over all sizes as likely as each is; NaN twice where none is too large.
+
+    Parameters
+    ----------
+    smooth : _Smooth
+        Of the frames that are kept, and their noise.
+    star : Floats
+        Its places in them (M,).
+    pushed : Floats
+        By the pulses before every frame (N,).
+    kept : Floats
+        Which of them (N,).
+    likeliest : float
+        The size that fits best, as the calibration counts.
+    """
+    plays = np.linspace(0.0, min(max(3.0 * likeliest, LEAST_SPAN * float(np.ptp(pushed))), float(np.ptp(pushed))), FINE)
+    tried = _paths(pushed, plays, np.linspace(0.0, 1.0, 5))
+    fit = smooth.fit(star, tried.path[kept])
+    by_start = fit.squares.reshape(FINE, -1)
+    at = np.arange(FINE) * by_start.shape[1] + by_start.argmin(axis=1)
+    squares, sizes = fit.squares[at], plays * np.abs(fit.scale[at])
+    weights = _weights(squares, float(squares.min()) / smooth.freedom)
+    if weights[-1] > 0.01 * weights.max():
+        return float("nan"), float("nan")
+    mean = float(weights @ sizes)
+    step = float(plays[1] * abs(fit.scale[at[int(squares.argmin())]]))
+    return mean, float(np.sqrt(weights @ np.square(sizes - mean) + step**2 / 12.0))
 
 
 def _mean(fit: _Fit, variance: float) -> tuple[float, float]:

@@ -11,11 +11,13 @@ import numpy as np
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import FrameError
 from kochab.workflows.night.measure import Measure
-from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log
+from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log, response_of
 
 SETTLING_S = 15.0
 """After a dither the star is not yet where it is to be."""
 LEAST_FRAMES = 20
+SHOWN_ARCSEC, SHOWN_SHARE = 1.0, 0.3
+"""The sigma of a backlash that is told, or its share of it."""
 ALIKE_MOST = 0.95
 """Neighbours are never taken to be more alike than that."""
 
@@ -24,7 +26,8 @@ ALIKE_MOST = 0.95
 class Guiding:
     """One run: when by the log's own clock, how long, frames without those that settle, dithers, and RMS in arcsec.
 
-    An RMS is that about the star's mean place between two dithers, as PHD2 tells it.
+    An RMS is that about the star's mean place between two dithers, as PHD2 tells it. ``backlash_arcsec`` is what Dec's
+    gear swallows when a pulse turns it back; None where the pulses do not show it.
     """
 
     begun: datetime
@@ -33,6 +36,7 @@ class Guiding:
     dithers: int
     ra_arcsec: Measure
     dec_arcsec: Measure
+    backlash_arcsec: Measure | None = None
 
     @property
     def total_arcsec(self) -> Measure:
@@ -74,7 +78,15 @@ def _guiding(run: GuidedRun) -> Guiding | None:
         return None
     hours = float(np.ptp(time)) / 3600.0
     ra_arcsec, dec_arcsec = (_rms([run.scale * axis[part] for part in parts]) for axis in (ra, dec))
-    return Guiding(run.begun, hours, frames, len(np.unique(dither)) - 1, ra_arcsec, dec_arcsec)
+    return Guiding(run.begun, hours, frames, len(np.unique(dither)) - 1, ra_arcsec, dec_arcsec, _backlash(run))
+
+
+def _backlash(run: GuidedRun) -> Measure | None:
+    found = response_of(run)
+    if found is None or not math.isfinite(found.backlash):
+        return None
+    size = Measure(run.scale * found.backlash, run.scale * found.backlash_sigma)
+    return size if size.sigma < max(SHOWN_ARCSEC, SHOWN_SHARE * size.value) else None
 
 
 def _settled(time: Floats, dither: Floats) -> Iterator[Ints]:

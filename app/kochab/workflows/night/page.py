@@ -300,13 +300,17 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
 
 def _guiding(runs: tuple[Guiding, ...]) -> str:
     """What the guider saw, a row a run."""
-    heads = (tr("Began (log's clock)"), tr("Hours"), tr("RA (″)"), tr("Dec (″)"), tr("Both (″)"), tr("Dithers"))
+    heads = (
+        *(tr("Began (log's clock)"), tr("Hours"), tr("RA (″)"), tr("Dec (″)"), tr("Both (″)"), tr("Dithers")),
+        tr("Backlash in Dec (″)"),
+    )
     rows = [
         (
             f"{one.begun:%Y-%m-%d %H:%M}",
             number(one.hours, ".1f"),
             *(axis.text() for axis in (one.ra_arcsec, one.dec_arcsec, one.total_arcsec)),
             str(one.dithers),
+            one.backlash_arcsec.text() if one.backlash_arcsec else "–",
         )
         for one in runs
     ]

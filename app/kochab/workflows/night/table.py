@@ -131,6 +131,7 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
                     **_pair("ra_arcsec", one.ra_arcsec),
                     **_pair("dec_arcsec", one.dec_arcsec),
                     **_pair("total_arcsec", one.total_arcsec),
+                    **_pair("backlash_dec_arcsec", one.backlash_arcsec),
                 }
                 for one in night.guiding
             ],

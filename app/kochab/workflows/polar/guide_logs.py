@@ -24,7 +24,7 @@ from kochab.parsing.text_input import TextError, read_text
 from kochab.polar.drift import PULSES, Stretch, upright
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.pole import northern, pole_direction
-from kochab.polar.pulses import pulse_response
+from kochab.polar.pulses import PulseResponse, pulse_response
 from kochab.polar.sighting import LocalAttitude
 from kochab.sky.horizon import observed_at
 
@@ -172,8 +172,7 @@ def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> St
     if south.any() and not section.y_rate > 0.0:
         return None
     scale = section.scale * ARCSEC
-    # y_rate is in px/s and pulses in ms; a frame shows those before it and not its own.
-    pushed = -np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(section.y_rate)  # px, as dec counts
+    pushed = _pushed(south, section.y_rate)
     level = _levels(time, dec, pushed, dither)
     share, response = PULSES, pulse_response(time, dec, pushed, level)
     # Pulses that move the star against the calibration leave open what is turned round since: the camera or the gear.
@@ -218,6 +217,24 @@ def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> St
         ra_rad=lag * np.cos(declination),
         steps=steps,
     )
+
+
+def response_of(run: GuidedRun) -> PulseResponse | None:
+    """What the pulses in Dec did to the star, px; None where the log does not show it."""
+    rows = np.array(run.rows, dtype=np.float64).reshape(-1, 6)
+    time, _, dec, _, south, dither = rows.T
+    if len(rows) < 6 or not south.any() or not run.y_rate > 0.0:
+        return None
+    pushed = _pushed(south, run.y_rate)
+    return pulse_response(time, dec, pushed, _levels(time, dec, pushed, dither))
+
+
+def _pushed(south: Floats, y_rate: float) -> Floats:
+    """How far the pulses south (N,), ms, before each frame should have moved the star, px, as Dec counts.
+
+    ``y_rate`` is the calibration's, px/s. A frame shows the pulses before it and not its own.
+    """
+    return np.asarray(-np.append(0.0, np.cumsum(south)[:-1]) / 1000.0 * np.nan_to_num(y_rate))
 
 
 def _levels(time: Floats, dec: Floats, pushed: Floats, dither: Floats) -> Floats:
