@@ -78,3 +78,9 @@ def test_nonsense_is_no_file_of_sightings(capsys, tmp_path) -> None:
     code = main(["mount", "goto", "Vega", "--driver", "onstep", "--port", "/dev/no", "--model", str(file), "--json"])
     assert code == 2
     assert "holds no sightings" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [("--turns", "6"), ("--turns", "0"), ("--pause", "601"), ("--step", "0.4")])
+def test_a_spiral_has_one_to_five_rings_and_steps_that_a_field_has(words, capsys) -> None:
+    assert main(["mount", "spiral", "--port", "nowhere", "--step", "20", *words]) == 2
+    assert words[1] in capsys.readouterr().err

@@ -391,3 +391,14 @@ def test_a_star_or_code_that_is_none_is_told_before_anything_is_measured(night, 
     assert main(["night", str(folder), "--out", str(tmp_path), *more]) == 2
     assert words in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_elements_that_cannot_be_read_are_told_before_anything_is_measured(tmp_path, capsys):
+    for k in range(2):
+        fits.PrimaryHDU(np.full((64, 64), 1000, np.uint16)).writeto(tmp_path / f"{k}.fits")
+    (tmp_path / "bad.txt").write_text("no elements")
+    assert main(["night", str(tmp_path), "--elements", str(tmp_path / "bad.txt")]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.count("\n") == 1
+    assert "bad.txt" in told.err

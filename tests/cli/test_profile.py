@@ -142,3 +142,10 @@ def test_a_damaged_file_is_one_sentence(newton, folder, content, capsys) -> None
     assert str(path) in err
     assert main(["profile", "list"]) == 1
     assert main(["profile", "save", newton, "--site", "50,8"]) == 2, "nothing else is lost by a guess"
+
+
+@pytest.mark.parametrize("words", [("--source", "telegraph"), ("--driver", "telegraph")])
+def test_a_kind_that_nobody_offers_is_not_saved(words, folder, capsys) -> None:
+    assert main(["profile", "save", "Newton 8", *words]) == 2
+    assert "telegraph" in capsys.readouterr().err
+    assert not [*folder.glob("*")]
