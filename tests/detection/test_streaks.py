@@ -1,13 +1,14 @@
 """Streaks drawn with known ends, a real satellite, and what only looks like one."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kochab.core.frame import Frame
+from kochab.core.frame import Detections, Frame
 from kochab.detection.auto import AutoDetector
-from kochab.detection.streaks import _spread, find_streaks
+from kochab.detection.streaks import Streak, _is_of_a_star, _spread, find_streaks
 from kochab.frames import read_frame
 from kochab.simulate.star_images import RenderedStar, Sensor, Sky, add_stars, expose, render
 from tests.workflows.night_sky import scattered
@@ -139,3 +140,32 @@ def test_a_slope_over_blocks_is_a_slope_over_their_pixels(shape) -> None:
     grid = 3.0 * middles[0][:, None] + 5.0 * middles[1]
     held = [np.clip(place, middle[0], middle[-1]) for place, middle in zip((y, x), middles, strict=True)]
     np.testing.assert_allclose(_spread(grid, shape), 3.0 * held[0][:, None] + 5.0 * held[1], atol=1e-9)
+
+
+def crossing(star_xy, ends, light):
+    """A streak, and one saturated round star."""
+    ends = np.array(ends, dtype=float)
+    way = ends[0] + np.linspace(0.0, 1.0, len(light))[:, None] * (ends[1] - ends[0])
+    streak = Streak(ends, (True, True), way, np.array(light, dtype=float), np.ones(len(light)), 3.0, 0.1)
+    star = Detections.from_list(np.array([star_xy], dtype=float), 1000, 800)
+    return streak, replace(star, saturated=np.array([True]), elongation=np.array([1.05]))
+
+
+EVEN, SPIKE = np.full(81, 40.0), 2000.0 / (1.0 + np.abs(np.arange(81) - 40.0)) ** 1.5
+
+
+@pytest.mark.parametrize(
+    ("star_xy", "ends", "light", "expected"),
+    [
+        ((300, 300), [(300, 100), (300, 500)], EVEN, True),  # bleeding runs along a column
+        ((300, 300), [(100, 300), (500, 300)], EVEN, True),  # or a row
+        ((300, 300), [(150, 160), (450, 440)], EVEN, False),  # a satellite over the star is as bright all along
+        ((300, 300), [(150, 160), (450, 440)], SPIKE, True),  # a spike is brightest at its star
+        ((300, 330), [(100, 300), (500, 300)], EVEN, False),  # the star is beside it
+        ((700, 300), [(100, 300), (500, 300)], EVEN, False),  # or beyond its end
+    ],
+)
+def test_light_that_a_saturated_star_throws_is_no_streak(star_xy, ends, light, expected) -> None:
+    assert _is_of_a_star(*crossing(star_xy, ends, light)) is expected
+    streak, star = crossing(star_xy, ends, light)
+    assert not _is_of_a_star(streak, replace(star, saturated=np.array([False])))

@@ -168,3 +168,13 @@ def test_quads_are_of_near_neighbours_but_for_those_whose_distance_would_be_nois
         assert ((0, 2, 3, 4) in quads) is passed_over
         assert all(len(set(quad)) == 4 for quad in quads)
     assert image_quads(xy[:3], 4, 1.0).shape == (0, 4)
+
+
+def test_a_search_that_ends_without_an_answer_tells_how_much_was_tried(method):
+    """Pointings tried are counted in the sentence, and as a number for programs."""
+    xy = np.random.default_rng(8).uniform(0.0, [1200.0, 800.0], (40, 2))
+    answer = run(method.identify(Detections.from_list(xy, 1200, 800)))
+    assert isinstance(answer, NoSolution)
+    pointings = answer.measured["pointings"]
+    assert pointings > 0
+    assert answer.tried.startswith(f"{pointings:.0f} pointings from ")

@@ -24,6 +24,7 @@ EQUIVALENT: dict[tuple[str, ...], str] = {
     ("kochab.gear.mounts.protocols.skywatcher", "16  ->  32", "for digit in digits"): "each is one hexadecimal digit",
     ("kochab.identification.triangles", "return []  ->  return None"): "nothing to go on with, either way",
     ("kochab.identification.verification", "3.0  ->  6.0", "closer = "): SHRINKS,
+    ("kochab.solver.window_ladder", "return False  ->  return None"): "either is no agreement",
     ("kochab.polar.report", "abs(x) > half  ->  abs(x) >= half"): "a measured place, which is never quite at the edge",
     ("kochab.pointing.encoders", "0.001  ->  0.002", "values[4:]"): WEAK,
     ("kochab.pointing.disagreement", "terms[4] * side  ->  terms[4] / side"): "a side is 1 or -1",
