@@ -19,6 +19,7 @@ EQUIVALENT: dict[tuple[str, ...], str] = {
     ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
     ("kochab.cli.solve", "1  ->  2", "args.workers > 1"): "two workers load for themselves what is loaded before",
     ("kochab.pointing.encoders", "2.0  ->  4.0", "starts = "): "where a search for the least begins",
+    ("kochab.detection.auto", "-1  ->  1", "eigvalsh"): "the last of two numbers",
     ("kochab.detection.windows", "-1  ->  1", "eigvalsh"): "the last of two numbers",
     ("kochab.identification.index_build", "len(waiting) > AT_ONCE  ->  len(waiting) >= AT_ONCE"): WORK,
     ("kochab.gear.mounts.protocols.skywatcher", "16  ->  32", "for digit in digits"): "each is one hexadecimal digit",

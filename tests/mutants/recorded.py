@@ -387,10 +387,22 @@ def wanted_lines(bug: Mutant) -> dict[str, frozenset[int]]:
     """The lines that have to be executed for a change to be noticed."""
     if not bug.name:
         return {bug.module: bug.lines}
-    names = "|".join(map(re.escape, bug.name.split("|")))
-    word, found = re.compile(rf"\b({names})\b"), {bug.module: bug.lines}
+    names = _carried_on(bug.module, frozenset(bug.name.split("|")))
+    word, found = re.compile(rf"\b({'|'.join(map(re.escape, sorted(names)))})\b"), {bug.module: bug.lines}
     for module, text in sources().items():
         numbers = frozenset(n for n, line in enumerate(text.splitlines(), start=1) if word.search(line))
         if numbers and (module == bug.module or bug.module in imports(module)):
             found[module] = numbers | found.get(module, frozenset())
     return found
+
+
+def _carried_on(module: str, names: frozenset[str]) -> frozenset[str]:
+    """These names and those that a module gives, outside of functions, to what holds one of them: a row of a table."""
+    found = set(names)
+    for node in tree(module).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            inside = {part.id for part in ast.walk(node.value) if isinstance(part, ast.Name)}
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            if inside & found:
+                found |= {part.id for part in ast.walk(target) if isinstance(part, ast.Name)}
+    return frozenset(found)
