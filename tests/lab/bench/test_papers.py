@@ -213,3 +213,13 @@ def test_directions_even_in_altitude_crowd_at_the_poles() -> None:
     near = (height > np.sin(np.radians(60.0))).mean(axis=1)
     assert near[0] == pytest.approx(1.0 - np.sin(np.radians(60.0)), abs=0.03)
     assert near[1] == pytest.approx(1.0 / 3.0, abs=0.03)
+
+
+@pytest.mark.parametrize("poles", [False, True])
+def test_random_pointings_are_even_on_the_sky_or_in_altitude(poles):
+    """On a sphere half of all directions lie within 30 deg of the equator; of even altitudes a third does."""
+    rng = np.random.default_rng(2)
+    pointings = np.array([fields.random_pointing(rng, poles) for _ in range(4000)])
+    np.testing.assert_allclose(np.linalg.norm(pointings, axis=1), 1.0)
+    assert np.abs(pointings.mean(axis=0)).max() < 0.04
+    assert (np.abs(pointings[:, 2]) < 0.5).mean() == pytest.approx(1.0 / 3.0 if poles else 0.5, abs=0.03)
