@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kochab.core.attitude import apart_deg, attitude_from, radec_deg
+from kochab.core.attitude import Attitude, apart_deg, attitude_from, radec_deg, small_rotation
 from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
-from kochab.core.solution import Identification, NoSolution, Reason, Solution
+from kochab.core.solution import Identification, Matches, NoSolution, Reason, Solution
 from kochab.frames import read_frame
 from kochab.identification.patterns import Patterns
 from kochab.lab.bench.reach import roof
@@ -38,6 +38,9 @@ REACHED = {
     "teuben__www_gallery_meteor_Meteor_20191028.png",
     "tjallsky__html_documentation_explanations_Stretch_20x10.png",
 }
+
+
+NO_MATCHES = Matches(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 3)))
 
 
 def test_no_window_of_a_frame_is_asked_twice_and_the_middle_ones_have_four_sizes() -> None:
@@ -160,6 +163,46 @@ def test_every_window_asked_is_one_more_chance_of_a_false_alarm(monkeypatch):
     found = run(window_ladder.climb(detections, YEAR))
     assert isinstance(found, Identification)
     assert found.log10_false_alarm == pytest.approx(min(bound + math.log10(asked) for asked, bound in bounds), abs=1e-9)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(
+    ("longer", "turned_deg", "focal", "agree"),
+    [
+        (1.0, 0.0, 1.0, True),
+        (1.3, 0.0, 1.0, True),
+        (1.4, 0.0, 1.0, False),
+        (0.7, 0.0, 1.0, True),
+        (0.6, 0.0, 1.0, False),
+        (1.0, 13.0, 1.0, True),
+        (1.0, -17.0, 1.0, False),
+        (1.0, 180.0, 1.0, False),
+        (1.0, 0.0, 1.5, True),
+        (1.0, 0.0, 1.7, False),
+        (1.0, 0.0, 1 / 1.7, False),
+    ],
+)
+def test_the_second_window_lies_where_the_first_looks_for_it(mirrored, longer, turned_deg, focal, agree):
+    """Half a radian to one side: to a third of the angle, 15 deg of its direction, and a factor of 1.6 of the lens."""
+    away, turn = 0.5, np.radians(turned_deg)
+    for step in ((1.0, 0.0), (0.0, -1.0), (-0.6, 0.8)):
+        across, down = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ step
+        seen = longer * away * np.array([-across if mirrored else across, down, 0.0])
+        looks = attitude_from(84.0, -2.0, 25.0)
+        other = Attitude(small_rotation(np.cross(seen, [0.0, 0.0, 1.0])) @ looks.matrix)
+        one, two = (
+            (
+                window_ladder._Window(np.array(middle), np.zeros(0, np.int64), Detections.from_list([], 100, 100)),
+                Identification(NO_MATCHES, Camera.centred(100, 100, focal_px, mirrored), attitude, -20.0, "test"),
+            )
+            for middle, focal_px, attitude in (
+                ((800.0, 500.0), 600.0 / focal**0.5, looks),
+                ((800.0 + 300.0 * step[0], 500.0 + 300.0 * step[1]), 600.0 * focal**0.5, other),
+            )
+        )
+        assert window_ladder._agree(one, two) is agree
+        flipped = replace(two[1], camera=replace(two[1].camera, mirrored=not mirrored))
+        assert window_ladder._agree(one, (two[0], flipped)) is False
 
 
 def test_two_windows_of_one_frame_agree_and_others_do_not():
