@@ -8,6 +8,7 @@ ROUND = "a circle, begun at its other side"
 WORK = "how much is done at once, or at most: no result of a real frame depends on it"
 SHRINKS = "how fast a radius shrinks to the residuals, not where it ends"
 SMALL_CONE = "a cone, which the prior holds far below the farthest place of an axis"
+BEGINS = "where a search for the least begins"
 WEAK = "a prior that only keeps an undetermined number finite"
 NEVER_EQUAL = "an angle and a magnitude as measured, which are never quite at the limit"
 
@@ -18,7 +19,9 @@ EQUIVALENT: dict[tuple[str, ...], str] = {
     ("kochab.sky.satellites", "TRAIL + 1  ->  TRAIL - 1"): DRAWN,
     ("kochab.sky.names", "len(rest) < 10  ->  len(rest) <= 10"): LONG,
     ("kochab.cli.solve", "1  ->  2", "args.workers > 1"): "two workers load for themselves what is loaded before",
-    ("kochab.pointing.encoders", "2.0  ->  4.0", "starts = "): "where a search for the least begins",
+    ("kochab.pointing.encoders", "2.0  ->  4.0", "starts = "): BEGINS,
+    ("kochab.pointing.encoders", "0.0  ->  1", "np.array([*rates"): BEGINS,
+    ("kochab.window.image.overlay", "4  ->  8", "IDENTIFIED_PX + 4"): "four pixels between a mark and its name",
     ("kochab.detection.auto", "-1  ->  1", "eigvalsh"): "the last of two numbers",
     ("kochab.detection.windows", "-1  ->  1", "eigvalsh"): "the last of two numbers",
     ("kochab.identification.index_build", "len(waiting) > AT_ONCE  ->  len(waiting) >= AT_ONCE"): WORK,

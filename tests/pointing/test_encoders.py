@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kochab.pointing.encoders import EncoderModel
+from kochab.pointing.encoders import EncoderModel, earth_fixed
 
 PUSHES = [(14.0, -6.0), (-25.0, 9.0), (40.0, 5.0), (11.0, -8.0), (-60.0, 4.0)]
 LATITUDE = 48.0
@@ -151,3 +151,19 @@ def test_an_equatorial_mount_is_pushed_through_its_pole() -> None:
     assert model.see(mount.attitude, mount.counts) is None
     mount.push(-10.0, 10.0)
     assert off_deg(model, mount) < 5.0 / 60.0
+
+
+def test_an_attitude_from_two_directions_looks_at_the_first_with_the_second_along_its_x() -> None:
+    """However far apart refraction has moved them."""
+    rng = np.random.default_rng(3)
+    for apart in (1e-4, 0.3, 1.2):
+        first, second = rng.normal(size=(2, 3))
+        first /= np.linalg.norm(first)
+        second = np.cos(apart) * first + np.sin(apart) * np.cross(first, second) / np.linalg.norm(
+            np.cross(first, second)
+        )
+        matrix = earth_fixed(np.stack([first, second]))
+        np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(matrix) == pytest.approx(1.0)
+        np.testing.assert_allclose(matrix @ first, [0.0, 0.0, 1.0], atol=1e-12)
+        np.testing.assert_allclose(matrix @ second, [np.sin(apart), 0.0, np.cos(apart)], atol=1e-9)
