@@ -128,6 +128,24 @@ def test_a_room_has_the_width_that_it_needs_beside_its_side(qtbot, opened):
     qtbot.waitUntil(lambda: window.pages.width() >= window.pages.page_px)
 
 
+def test_the_mount_s_frame_is_shown_from_a_side_in_its_place(qtbot, opened):
+    """The side spoke of an image that nobody saw, and its button showed the chart in place of the frame."""
+    window, commands = opened
+    commands.views.show("mount")
+    for _ in range(2):
+        resize(qtbot, window, 500, 350)
+    view, side = commands.views.docks["mount"].view, commands.views.docks["mount"].side
+    assert side.area.isVisible()
+    assert not view.picture.isVisible()
+    assert view.large.text() == "Show the frame"
+    view.large.click()
+    assert window.workspace.isVisible()
+    side.handle.click()
+    assert view.large.text() == "Show the chart"
+    view.large.click()
+    assert view.room.isVisible()
+
+
 def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbot, opened):
     window, commands = opened
     commands.views.show("polar")

@@ -88,7 +88,8 @@ class MountRoom(Page):
 
     def hideEvent(self, event: QHideEvent) -> None:
         super().hideEvent(event)
-        self.seen.emit(False)
+        if self.isHidden():  # and not all of the middle, whose place the side takes in a small window
+            self.seen.emit(False)
 
     def show_score(self, card: QWidget) -> None:
         """Lay how a practice went over the middle of the chart, in place of an older one."""

@@ -92,7 +92,7 @@ class MountView(View):
         self.meridian.setToolTip(tr(MERIDIAN_TIP))
         self.pointing = PointingCard()
         self.camera_picture = CameraPicture(self._services.session, self._services.jobs)
-        self.large = button("", lambda: self.frame_wanted.emit(self.room.isVisible()))
+        self.large = button("", lambda: self.frame_wanted.emit(not self.room.isHidden()))
         self.limits = LimitsBox()
         self.doubt = label("", "wrong", wrap=True)
         self.line, self.cannot = label("", "muted", wrap=True), label("", "muted", wrap=True)
