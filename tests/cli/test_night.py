@@ -393,7 +393,8 @@ def test_a_star_or_code_that_is_none_is_told_before_anything_is_measured(night, 
     assert not list(tmp_path.iterdir())
 
 
-def test_elements_that_cannot_be_read_are_told_before_anything_is_measured(tmp_path, capsys):
+def test_elements_that_cannot_be_read_are_told_before_anything_is_measured(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     for k in range(2):
         fits.PrimaryHDU(np.full((64, 64), 1000, np.uint16)).writeto(tmp_path / f"{k}.fits")
     (tmp_path / "bad.txt").write_text("no elements")
