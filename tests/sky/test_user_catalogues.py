@@ -15,6 +15,7 @@ from kochab.core.errors import CatalogueError
 from kochab.core.progress import run
 from kochab.sky import user_catalogues
 from kochab.sky.user_catalogues import Cone, Where, open_user_catalogue
+from kochab.sky.user_catalogues.astap_database import _half_width
 from kochab.sky.user_catalogues.index_files import open_tree
 from tests.sky import user_files
 
@@ -303,3 +304,14 @@ def test_astap_solves_with_the_files_that_our_writer_wrote(tmp_path, catalogue, 
 def test_the_area_of_a_cone_is_that_of_its_cap(radius_deg, square_degrees) -> None:
     cone = Cone(1.0, -0.4, np.radians(radius_deg))
     assert np.degrees(np.degrees(cone.area_sr)) == pytest.approx(square_degrees, rel=1e-4)
+
+
+@pytest.mark.parametrize("dec_deg", [0.0, -30.0, 50.0, 75.0])
+@pytest.mark.parametrize("radius_deg", [0.2, 3.0, 14.0])
+def test_a_cone_is_as_wide_in_right_ascension_as_its_edge(dec_deg, radius_deg) -> None:
+    """The edge is walked on the sphere; beside a pole it goes all the way round."""
+    dec, radius, turn = np.radians(dec_deg), np.radians(radius_deg), np.linspace(0.0, np.pi, 20001)
+    north = np.sin(dec) * np.cos(radius) + np.cos(dec) * np.sin(radius) * np.cos(turn)
+    ra = np.arctan2(np.sin(radius) * np.sin(turn) * np.cos(dec), np.cos(radius) - np.sin(dec) * north)
+    assert ra.max() <= _half_width(dec, radius) < ra.max() + 2e-3
+    assert _half_width(dec, np.pi / 2.0 - abs(dec)) == np.pi
