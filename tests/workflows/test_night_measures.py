@@ -13,6 +13,7 @@ import pytest
 from kochab.core.frame import Frame
 from kochab.detection.auto import AutoDetector
 from kochab.frames import read_frame
+from kochab.workflows.night import drawings
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.sharpness import CORNERS, LEAST_SNR, SIDES, night_field, sharpness
 from kochab.workflows.night.summary import advice_of, night_of
@@ -283,6 +284,12 @@ def test_psfex_finds_the_same_corner_and_the_same_widths_there(tmp_path):
     assert sorted(ours, key=ours.get) == sorted(theirs, key=theirs.get)
     # Resampling widens the narrowest of its stars by a tenth.
     assert list(ours.values()) == pytest.approx([theirs[name] for name in ours], rel=0.13)
+
+
+@pytest.mark.parametrize(("minutes", "least"), [(2, 2), (45, 4), (540, 4)])
+def test_a_night_however_short_has_times_below_its_drawings(minutes, least):
+    drawn_text = drawings._times(datetime(2026, 1, 1, 20, 0, 30, tzinfo=UTC), (0.0, minutes / 60), 10.0)
+    assert drawn_text.count('class="time"') >= least
 
 
 # -- Transparency ----------------------------------------------------------------------------------

@@ -7,8 +7,9 @@ import pytest
 from PySide6.QtCore import QUrl
 from PySide6.QtGui import QImage
 
+from kochab.core.progress import PREPARING, Progress
 from kochab.solver import SolveOptions
-from kochab.workflows.night.folder import measure_folder
+from kochab.workflows.night.folder import _as_one, measure_folder
 from kochab.workflows.night.page import night_page
 from kochab.workflows.night.table import night_csv
 from tests.cli.test_night import planted
@@ -101,6 +102,17 @@ def test_a_folder_without_frames_is_one_sentence(qtbot, view, tmp_path, name, wo
     assert words in view.status.text()
     assert view.night is None
     assert view.start.isEnabled()
+
+
+def test_half_a_minute_for_an_index_is_told_and_a_frame_keeps_its_place():
+    def one_frame():
+        yield Progress("detect", None, "stars")
+        yield Progress(PREPARING, 0.4, "quads")
+        return "measured"
+
+    steps = list(_as_one(one_frame(), Progress("night", 0.5, "Frame 2 of 4")))
+    assert [step.fraction for step in steps] == [0.5, 0.5]
+    assert [step.detail for step in steps] == ["Frame 2 of 4", "Building the small-field index: 40 %"]
 
 
 def test_a_frame_that_cannot_be_read_ends_no_night(folder):

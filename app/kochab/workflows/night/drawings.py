@@ -144,7 +144,7 @@ def _times(first: datetime | None, span: tuple[float, float], y: float) -> str:
         ticks = [(at, f"{at + 1:.0f}") for at in _ticks(*span) if at == int(at)]
         name = tr("frame")
     else:
-        step = next((s for s in (5, 10, 15, 30, 60, 120, 180) if 60.0 * (span[1] - span[0]) / s <= 8), 240)
+        step = next((s for s in (1, 2, 5, 10, 15, 30, 60, 120, 180) if 60.0 * (span[1] - span[0]) / s <= 8), 240)
         day = first.replace(hour=0, minute=0, second=0, microsecond=0)
         begun = (first - day).total_seconds() / 60.0
         minutes = np.arange(math.ceil((begun + 60 * span[0]) / step) * step, begun + 60.0 * span[1] + 1e-6, step)

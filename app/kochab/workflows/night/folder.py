@@ -5,7 +5,7 @@ from pathlib import Path
 
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Site
-from kochab.core.progress import Progress, Task
+from kochab.core.progress import PREPARING, Progress, Task
 from kochab.frames import frames_of
 from kochab.sky.elements import kept_elements
 from kochab.solver import SolveOptions
@@ -67,11 +67,15 @@ def half_done(into: Sequence[NightFrame], folder: Path) -> Night | None:
 
 
 def _as_one(task: Task[NightFrame], here: Progress) -> Task[NightFrame]:
-    """The same telling the place of the frame among all in place of its own steps."""
+    """The same telling the place of the frame among all in place of its own steps, but for an index that is made."""
     while True:
         try:
-            next(task)
+            step = next(task)
         except StopIteration as end:
             measured: NightFrame = end.value
             return measured
-        yield here
+        if step.stage == PREPARING and step.fraction is not None:
+            text = tr("Building the small-field index: {share:.0f} %", share=100 * step.fraction)
+            yield Progress(here.stage, here.fraction, text)
+        else:
+            yield here
