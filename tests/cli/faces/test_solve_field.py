@@ -4,7 +4,9 @@ import math
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +15,11 @@ from astropy.io import fits
 from astropy.wcs import WCS
 
 import kochab
-from kochab.cli.faces.solve_field import OUTPUTS
+from kochab.cli.faces.solve_field import OUTPUTS, _with_wcs
 from kochab.cli.main import main
+from kochab.core.attitude import attitude_from
+from kochab.core.camera import Camera
+from kochab.core.solution import Solution
 
 SAMPLES = Path(__file__).resolve().parents[3] / "resources" / "samples"
 CENTRE = (84.0, -1.5)
@@ -296,3 +301,14 @@ def test_a_file_that_is_solved_is_skipped_when_that_is_asked(orion, tmp_path, ca
     assert solve_field(*asked) == 0
     assert "orion.solved" in capsys.readouterr().out
     assert not (tmp_path / "orion.wcs").exists()
+
+
+@pytest.mark.parametrize(("asked", "off_px", "said"), [(True, 12.0, True), (True, 0.3, False), (False, 12.0, False)])
+def test_a_reference_point_that_stays_off_the_centre_is_said_to_who_asked_for_the_centre(
+    asked, off_px, said, capsys
+) -> None:
+    camera = replace(Camera.centred(1000, 800, 2000.0), cy=399.5 + off_px)
+    solution = Solution(camera, attitude_from(10.0, 20.0, 30.0), (), 0.2, -30.0, "test")
+    order = SimpleNamespace(options={"crpix-center": None} if asked else {})
+    assert _with_wcs(order, {"wcs": "", "new-fits": ""}, "a.png", None, solution) == []
+    assert ("12 px off the frame's centre" in "".join(capsys.readouterr())) is said
