@@ -23,7 +23,11 @@ from tests.cli.archive_inputs import CENTRES, archive, rows_of, write_lists
 from tests.cli.poisoned import ends_for_poison, told_as_lost
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-KOCHAB = [sys.executable, "-m", "kochab", "archive"]
+TOLD_AT_ONCE = (
+    "import sys, kochab.workflows.archive.run as run; run.STATE_S = 0\n"
+    "from kochab.__main__ import main; sys.exit(main())"
+)
+KOCHAB = [sys.executable, "-c", TOLD_AT_ONCE, "archive"]
 
 
 def begun(folder: Path, *arguments) -> subprocess.Popen:
@@ -61,8 +65,8 @@ def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list
 ) -> None:
     """A terminal sends it to the workers too; people press it twice."""
     lists, out = tmp_path / "lists.parquet", tmp_path / "out"
-    count = 60 * len(CENTRES)
-    write_lists(lists, CENTRES * 60)
+    count = 100 * len(CENTRES)
+    write_lists(lists, CENTRES * 100)
     process = begun(out, lists, "--workers", "2")
     seen: set[psutil.Process] = set()
     until = time.monotonic() + 100
