@@ -5,8 +5,10 @@ import signal
 import time
 
 from kochab.core.progress import Progress
+from kochab.identification import index_build
 from kochab.identification.index import fine_folder
 from kochab.identification.index_build import acquire
+from kochab.workflows.fine_patterns import make_here
 
 
 def a_quarter(steps):
@@ -36,3 +38,17 @@ def deaf(steps):
     folder.with_suffix(".part").mkdir()
     steps.send(Progress("patterns", 0.5))
     time.sleep(60)
+
+
+def within_a_step(steps, folder):
+    """Ended while a step is under way, as SciPy's threads search."""
+
+    def make():
+        try:
+            yield Progress("patterns", 0.5)
+            time.sleep(60)
+        finally:
+            (folder / "closed").touch()
+
+    index_build.make_fine = make
+    make_here(steps)

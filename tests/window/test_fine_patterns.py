@@ -1,8 +1,9 @@
 """The process that makes the patterns for small fields, with something quick in its place."""
 
 import os
+import signal
 import time
-from multiprocessing import active_children
+from multiprocessing import active_children, get_context
 
 import pytest
 
@@ -57,6 +58,20 @@ def test_a_process_that_does_not_listen_is_ended_soon_and_leaves_nothing(tmp_pat
     assert time.monotonic() - asked < 2.0
     assert not active_children()
     assert list((tmp_path / "cache").iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows ends a process without asking it")
+def test_an_ended_process_leaves_its_step_without_an_exception(tmp_path):
+    """SciPy's threads went on in arrays that were gone then, and crashed."""
+    context = get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=makers.within_a_step, args=(theirs, tmp_path))
+    process.start()
+    assert ours.recv().fraction == 0.5
+    process.terminate()
+    process.join(60.0)
+    assert process.exitcode == -signal.SIGTERM
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows ends a process without asking it")

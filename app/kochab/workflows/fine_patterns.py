@@ -6,7 +6,6 @@ second now and then. No Qt is imported there.
 
 import os
 import signal
-import sys
 from contextlib import suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -62,7 +61,9 @@ def _clear_up() -> None:
 
 def make_here(steps: "Connection[Progress | str, None]") -> None:
     """Make them, and send each step and at last why it went wrong, or nothing."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that half-made files are removed
+    # It ends at once when asked, and the window clears up: an exception within a search would take the arrays from
+    # under SciPy's threads, which crash.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches us too; the window decides
     if hasattr(os, "nice"):
         os.nice(10)
