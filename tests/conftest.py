@@ -4,29 +4,39 @@ import gc
 import logging
 import os
 import signal
+import sys
 import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
 
+from tests import workers
 from tests.patterns import REPOSITORY, choose_folder, make
 from tests.windows.lacking import skip_what_wine_lacks
 
+
+def folders_of_its_own() -> tempfile.TemporaryDirectory[str]:
+    """Folders for the settings of this process alone."""
+    home = tempfile.TemporaryDirectory(prefix="kochab-tests-")
+    for name in ("CONFIG", "CACHE", "DATA", "STATE"):
+        folder = Path(home.name, name.lower())
+        folder.mkdir()
+        os.environ[f"XDG_{name}_HOME"] = str(folder)
+    # Windows has one folder for all of these; platformdirs from 4.9 on takes it from here.
+    os.environ["WIN_PD_OVERRIDE_LOCAL_APPDATA"] = str(Path(home.name, "config"))
+    return home
+
+
 # Before anything imports Qt or asks where settings live.
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-_home = tempfile.TemporaryDirectory(prefix="kochab-tests-")
-for _name in ("CONFIG", "CACHE", "DATA", "STATE"):
-    _folder = Path(_home.name, _name.lower())
-    _folder.mkdir()
-    os.environ[f"XDG_{_name}_HOME"] = str(_folder)
-# Windows has one folder for all of these; platformdirs from 4.9 on takes it from here.
-os.environ["WIN_PD_OVERRIDE_LOCAL_APPDATA"] = str(Path(_home.name, "config"))
+_home = folders_of_its_own()
+_owner = os.getpid()
 
 choose_folder()
 
@@ -66,8 +76,12 @@ def _no_journal_stays_open():
 
 def pytest_configure() -> None:
     """Let astropy, the truth of many tests, fetch no tables, and use its own however old they are."""
+    global _home, _owner
     from astropy.utils import iers
 
+    if _owner != os.getpid():  # a fork of the process that imported the tests, whose folders stay its own
+        _home._finalizer.detach()
+        _home, _owner = folders_of_its_own(), os.getpid()
     gc.disable()  # while tests are collected: 26 times 0.1 to 0.26 s, for nothing
     iers.conf.auto_download = False
     iers.conf.auto_max_age = None
@@ -85,6 +99,18 @@ def pytest_xdist_auto_num_workers() -> int:
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(cores + 10, int(psutil.virtual_memory().available / 0.7e9)))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config, specs: list[Any]) -> None:
+    """Let the processes be forks of one that has imported the tests, where that is safe."""
+    if sys.platform != "linux" or len(specs) < 3:
+        return
+    stack = ExitStack()
+    config.add_cleanup(stack.close)
+    command = stack.enter_context(workers.forking(config.args))
+    for spec in specs:
+        spec.python = command
 
 
 @pytest.hookimpl(trylast=True)
