@@ -211,10 +211,30 @@ def test_the_camera_can_be_set_while_it_runs_and_a_refusal_is_a_warning() -> Non
     while capture.in_force.exposure_s != 5.0:
         next(live)
     capture.configure(CaptureSettings(exposure_s=100.0))
-    said = []
-    while not said:
-        said = [w for w in next(updates(live)).warnings if "at most 30 s" in w]
+    assert "at most 30 s" in told_at_last(live)
     assert capture.in_force.exposure_s == 5.0
+    live.close()
+
+
+def told_at_last(live):
+    """The first warning, whichever way it comes, or nothing."""
+    for step in islice(live, 500):
+        if isinstance(step, LiveUpdate) and step.warnings:
+            return step.warnings[0]
+        if isinstance(step, Progress) and step.stage == "warning":
+            return step.detail
+    return ""
+
+
+def test_a_refusal_outlives_the_frame_that_was_overtaken() -> None:
+    capture = Capture(lambda: Clockwork(every_s=0.005))
+    live = live_solve(capture, Told())
+    next(updates(live))
+    capture.configure(CaptureSettings(exposure_s=100.0))
+    dropped = capture.mailbox.dropped
+    while capture.mailbox.dropped < dropped + 5:
+        time.sleep(0.01)
+    assert "at most 30 s" in told_at_last(live)
     live.close()
 
 

@@ -82,7 +82,6 @@ class Shot:
     frame: Frame
     shutter_s: float
     received_s: float
-    warnings: tuple[str, ...] = ()
 
     @property
     def time_utc(self) -> datetime:
@@ -129,7 +128,7 @@ class Capture:
             self._thread.join(JOIN_S)
 
     def configure(self, settings: CaptureSettings) -> None:
-        """Set the camera before its next frame; a refusal comes with that as a warning.
+        """Set the camera before its next frame; a refusal comes as a warning, see :meth:`take_warnings`.
 
         May be called from any thread.
         """
@@ -215,4 +214,4 @@ class Capture:
                         since=-since_s,
                     )
                 )
-        return Shot(number, frame, received - ago, received, self.take_warnings())
+        return Shot(number, frame, received - ago, received)

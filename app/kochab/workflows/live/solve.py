@@ -74,7 +74,11 @@ class _Stream:
         self.looked_at += 1
         self._numbers.append((shot.received_s, shot.number))
         update = LiveUpdate(
-            shot, track, done, dropped=self._capture.mailbox.dropped, warnings=(*shot.warnings, *shot.frame.warnings)
+            shot,
+            track,
+            done,
+            dropped=self._capture.mailbox.dropped,
+            warnings=(*self._capture.take_warnings(), *shot.frame.warnings),
         )
         if track.solution is None:
             self._drift.forget()
