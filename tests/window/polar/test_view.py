@@ -191,6 +191,7 @@ def test_a_second_sweep_is_at_another_declination(qtbot, polar):
     nights = Nights()
     _, view = polar(nights)
     view.setup.frames.exposure.setValue(1.0)
+    view.room.frame.setUpdatesEnabled(False)  # drawn in the alignment by hand: half of all the work
     view.begin()
     assert view.buttons.second.isVisible()
     assert view.page.flexure.isEnabled()
@@ -656,6 +657,7 @@ def test_what_has_no_bolts_is_asked_for_as_hands_move_it(qtbot, polar, base, wor
     view.setup.axis.hand.setCurrentText(AxisTurnedBy.PERSON)
     view.setup.axis.base.setCurrentText(base)
     obeyed = []
+    view.room.frame.setUpdatesEnabled(False)  # drawn in the alignment by hand: half of all the work
     view.begin()
 
     def person():
@@ -680,6 +682,7 @@ def test_motors_turn_the_practice_telescopes_bolts_and_nobody_is_asked(qtbot, po
     view.setup.axis.motors.setChecked(True)
     assert not view.setup.form.isRowVisible(view.setup.axis.motor_port)  # the practice telescope's own
     asked, words = [], set()
+    view.room.frame.setUpdatesEnabled(False)  # drawn in the alignment by hand: half of all the work
     view.begin()
 
     def person():
