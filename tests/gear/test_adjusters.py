@@ -110,7 +110,7 @@ def test_a_motor_that_never_begins_is_stopped_before_that_is_told():
 
 
 def test_a_line_without_adjusters_is_told(monkeypatch):
-    monkeypatch.setattr("kochab.gear.adjusters.ANSWER_S", 0.1)
+    monkeypatch.setattr("kochab.gear.adjusters.HELLO_S", 0.1)
     board = quick()
     board.mute = True
     with BoardOnPty(board) as served, pytest.raises(NoAnswerError, match="No motorised adjusters answer"):

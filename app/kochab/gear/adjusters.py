@@ -20,7 +20,8 @@ from kochab.text.translation import tr_noop
 
 log = logging.getLogger(__name__)
 BAUD, FEED = 115200, 1000
-ANSWER_S, TRIES = 0.6, 8  # a board that begins anew when its port is opened needs some seconds
+HELLO_S, TRIES = 0.6, 8  # a board that begins anew when its port is opened needs some seconds
+ANSWER_S = 3.0  # a motion is not given up because this computer was busy
 POLL_S, STALLED_S, LONGEST_S = 0.2, 3.0, 180.0
 LONGEST_LINE = 200
 STATUS = re.compile(rb"<(\w+)[^|>]*\|[MW]Pos:([-+]?[\d.]+),([-+]?[\d.]+)[^>]*>")
@@ -47,7 +48,7 @@ class Adjusters:
         self._link, self._grbl = SerialLink(port, BAUD), False
         for _ in range(TRIES):
             with suppress(NoAnswerError):
-                self._look()
+                self._look(HELLO_S)
                 return
         self.close()
         raise NoAnswerError("No motorised adjusters answer on {port}.", port=port)
@@ -99,15 +100,16 @@ class Adjusters:
         """Give the port back."""
         self._link.close()
 
-    def _look(self) -> tuple[bytes, dict[AdjusterAxis, float]]:
+    def _look(self, within_s: float | None = None) -> tuple[bytes, dict[AdjusterAxis, float]]:
         """What the board is doing, and where its motors are."""
         self._link.discard()
         self._link.write(b"?\n")
-        end = time.monotonic() + ANSWER_S
+        within_s = ANSWER_S if within_s is None else within_s
+        end = time.monotonic() + within_s
         while time.monotonic() < end:
-            if found := STATUS.search(self._link.read_until(b"\n", LONGEST_LINE, ANSWER_S)):
+            if found := STATUS.search(self._link.read_until(b"\n", LONGEST_LINE, within_s)):
                 with suppress(NoAnswerError):
-                    self._link.read_until(b"\n", LONGEST_LINE, ANSWER_S)  # the line's own ok
+                    self._link.read_until(b"\n", LONGEST_LINE, HELLO_S)  # the line's own ok
                 azimuth, altitude = (float(text) for text in found.groups()[1:])
                 # Only GRBL itself reports its feed; it needs the jog cancel byte (module docstring).
                 self._grbl = b"|F" in found[0]

@@ -6,6 +6,7 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
+import shiboken6
 from PySide6.QtCore import QPoint, QPointF, Qt, QTimer
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import (
@@ -281,6 +282,15 @@ def test_escape_stops_a_slew_from_a_file_dialog_too(qtbot, opened):
         qtbot.waitUntil(lambda: at_rest(mount), timeout=10_000)
         assert "stop" in [e[0] for e in mount.telescope.log]
     assert not QApplication.testAttribute(native)
+
+
+def test_a_key_that_goes_with_its_window_leaves_the_systems_dialogs(qtbot):
+    native, window = Qt.ApplicationAttribute.AA_DontUseNativeDialogs, QWidget()
+    before = QApplication.testAttribute(native)
+    StopKey(lambda: None, window).listen(True)
+    assert QApplication.testAttribute(native)
+    shiboken6.delete(window)
+    assert QApplication.testAttribute(native) is before
 
 
 def test_stop_goes_out_while_an_answer_is_still_waited_for(qtbot, opened):

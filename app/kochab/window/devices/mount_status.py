@@ -1,8 +1,8 @@
 """The state of the mount and Stop in the bar above every view; Escape stops from anywhere."""
 
 from collections.abc import Callable
+from functools import partial
 from time import monotonic
-from weakref import WeakSet
 
 from PySide6.QtCore import QEvent, QObject, Qt, SignalInstance
 from PySide6.QtGui import QKeyEvent
@@ -18,7 +18,13 @@ from kochab.window.widgets import ElidedLabel, button, row, set_role
 
 KEY = "Esc"
 SAME_S = 0.1  # the events of one press come closer together
-_LISTENING: WeakSet["StopKey"] = WeakSet()  # the mount's and the adjusters'
+_LISTENING: set[int] = set()  # the mount's and the adjusters' keys
+
+
+def _count(key: int, on: bool) -> None:
+    """No key that is pressed in the system's own file dialog would come to a key that listens: then Qt's is shown."""
+    (_LISTENING.add if on else _LISTENING.discard)(key)
+    QApplication.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs, len(_LISTENING) > 0)
 
 
 class StopKey(QObject):
@@ -28,15 +34,14 @@ class StopKey(QObject):
         super().__init__(parent)
         self._stop = stop
         self._last = -1, 0.0  # stamp, and when it came
+        self.destroyed.connect(partial(_count, id(self), False))
 
     def listen(self, on: bool) -> None:
         """Watch every event of the program, also of file dialogs, only while a mount is connected."""
         if (app := QApplication.instance()) is not None:
             # Every event of the program passes through Python while the filter is installed.
             (app.installEventFilter if on else app.removeEventFilter)(self)
-            # No key that is pressed in the system's own file dialog would come here.
-            (_LISTENING.add if on else _LISTENING.discard)(self)
-            app.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs, len(_LISTENING) > 0)
+            _count(id(self), on)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() in (QEvent.Type.ShortcutOverride, QEvent.Type.KeyPress):
