@@ -9,7 +9,7 @@ from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
 from kochab.frames.fits_write import write_fits
-from kochab.lab.bench import reach
+from kochab.lab.bench import narrow_fields, reach
 from kochab.simulate.random_fields import FieldPlan, random_field, random_picture
 from kochab.sky import open_catalogue
 from kochab.solver.pipeline import solve_detections, solve_frame
@@ -20,6 +20,8 @@ def few(monkeypatch, tmp_path):
     monkeypatch.setattr(reach, "FIELDS_DEG", (120.0,))
     monkeypatch.setattr(reach, "QUICK_SPOILT", 2)
     monkeypatch.setattr(reach, "QUICK_LISTS", 2)
+    monkeypatch.setattr(narrow_fields, "FIELDS_DEG", (0.8, 1.4))
+    monkeypatch.setattr(narrow_fields, "QUICK_COUNT", 2)
     monkeypatch.setattr(reach.shutil, "which", lambda _: None)
     monkeypatch.setenv("KOCHAB_FRAMES_REACH", str(tmp_path))
     return tmp_path
@@ -42,7 +44,7 @@ def goals_of(result):
 
 def test_what_is_found_and_refused_is_counted(few, monkeypatch) -> None:
     # Three runs differ in their picture's truth alone.
-    for name in ("rendered_skies", "spoilt_fields", "stretched_fields"):
+    for name in ("rendered_skies", "spoilt_fields", "stretched_fields", "narrow_fields"):
         monkeypatch.setattr(reach, name, remembered(getattr(reach, name)))
     picture = random_picture(open_catalogue(), np.random.default_rng(3), FieldPlan(12.0, size_px=512))
     write_fits(picture.frame, few / "sky.fits")
@@ -56,12 +58,14 @@ def test_what_is_found_and_refused_is_counted(few, monkeypatch) -> None:
     elsewhere = {**there, "ra_deg": (ra + 40.0) % 360.0, "what": "whole sky"}
     (few / "truth.json").write_text(json.dumps({"sky.fits": there, "a-table.fits": {"what": "no place"}}))
     result = reach.run(True, lambda _: None)
-    assert [row["n"] for row in result.rows] == [1, 4, 2, 2, 2]
+    assert [row["n"] for row in result.rows] == [1, 4, 2, 2, 2, *[2] * 4]
     assert all(0.0 < row["median_cpu_s"] <= row["cpu_s_99"] for row in result.rows)
     goals = goals_of(result)
     assert goals["hard pictures found, %"].value == 100.0
     assert goals["centres within the 95 % radius of their middles', %"].value == 100.0
     assert goals["whole-sky pictures found, %"].met is None
+    assert goals["1.4 deg, blind, shipped patterns, found, %"].value == 100.0
+    assert goals["0.8 deg, blind, found, %"].met is None, "the index is made by whole benches alone"
     assert goals["wrong answers"].value == 0
     (few / "truth.json").write_text(json.dumps({"sky.fits": elsewhere}))
     goals = goals_of(reach.run(True, lambda _: None))

@@ -3,7 +3,8 @@
 Hard pictures with their truth lie in the folder that ``KOCHAB_FRAMES_REACH`` names, or beside the checkout; without
 them their goals are not measured. Debian's ``solve-field``, where it is installed, gets the stars that Kochab detects,
 unless the bench is quick.
-Whole skies are star lists of four projections; captions and roofs hide fields of 24 degrees, others are stretched.
+Whole skies are star lists of four projections; captions and roofs hide fields of 24 degrees, others are stretched;
+:mod:`kochab.lab.bench.narrow_fields` are solved with what is shipped, with what is made, and told where they are.
 Of each picture that is found it is also counted how many bright stars that shine have their names, and how far the
 centre lies from what the picture's middle alone says, in their sigmas.
 """
@@ -24,6 +25,7 @@ from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
 from kochab.frames import read_frame
 from kochab.lab.bench import BenchResult, Goal, Report, summary
+from kochab.lab.bench.narrow_fields import MADE, SHIPPED, TOLD, narrow_fields
 from kochab.lab.bench.peers import Place, astrometry_net, frames_folder, hostile_lists
 from kochab.simulate.random_fields import FieldPlan, random_field
 from kochab.simulate.whole_skies import RADII, whole_sky
@@ -66,6 +68,7 @@ def run(quick: bool, report: Report) -> BenchResult:
         "captions and roofs": spoilt,
         "stretched fields": stretched,
         "lists without truth": refused,
+        **dict(narrow_fields(quick, report)),
     }
     rows = [row(name, kept) for name, kept in groups.items() if kept]
     return BenchResult("reach", rows, goals({r["what"]: r for r in rows}, pictures))
@@ -92,6 +95,10 @@ def goals(rows: dict[str, dict[str, Any]], pictures: Sequence[dict[str, Any]]) -
             "centres within the 95 % radius of their middles', %",
             100.0 * float(np.mean(sigmas < WITHIN_95)) if len(sigmas) else None,
             95.0,
+        ),
+        *(
+            Goal.at_least(f"{name}, found, %", found.get(name), 99.0)
+            for name in (f"0.5 deg, {TOLD}", f"0.8 deg, {MADE}", f"1.4 deg, {SHIPPED}")
         ),
         Goal.at_most("wrong answers", sum(r["wrong"] for name, r in rows.items() if name != "whole-sky pictures"), 0),
         Goal.at_most("a refusal, median, processor s", refused["median_cpu_s"], 0.5),
