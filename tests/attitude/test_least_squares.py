@@ -439,8 +439,10 @@ def chance_of_k1(residual, slopes):
 
 
 @pytest.mark.parametrize(("chance_held_out", "fitted"), [(0.85e-4, True), (1.15e-4, False)])
-@pytest.mark.parametrize("seed", [1, 5])
-def test_a_term_stays_when_held_out_stars_would_want_it_by_chance_once_in_ten_thousand(chance_held_out, fitted, seed):
+@pytest.mark.parametrize(("seed", "rounds"), [(1, 4), (5, 4), (1, 2)])
+def test_a_term_stays_when_held_out_stars_would_want_it_by_chance_once_in_ten_thousand(
+    chance_held_out, fitted, seed, rounds
+):
     """Ten stars that only k1 may be tried with, bent just so much."""
     rng = np.random.default_rng(seed)
     xy = rng.uniform([0.0, 0.0], [2999.0, 1999.0], (10, 2))
@@ -455,7 +457,7 @@ def test_a_term_stays_when_held_out_stars_would_want_it_by_chance_once_in_ten_th
         low, high = (k1, high) if chance_now > chance_held_out else (low, k1)
     assert chance_of_k1(noise.ravel() + slopes[:, PARAMETERS.index("k1")] * k1, slopes)[1] < 1e-4
     seen = replace(CAMERA, k1=k1).project(vectors) - xy
-    fit = refine(matches(CAMERA, xy, noise + seen), CAMERA, TRUTH)
+    fit = refine(matches(CAMERA, xy, noise + seen), CAMERA, TRUTH, rounds=rounds)
     assert ("k1" in fit.terms) is fitted
 
 

@@ -29,6 +29,8 @@ EQUIVALENT: dict[tuple[str, ...], str] = {
     ("kochab.identification.triangles", "return []  ->  return None"): "nothing to go on with, either way",
     ("kochab.identification.verification", "3.0  ->  6.0", "closer = "): SHRINKS,
     ("kochab.solver.window_ladder", "return False  ->  return None"): "either is no agreement",
+    ("kochab.polar.flexure", "0.0  ->  1", "np.array([0.0, 0.0"): WEAK,
+    ("kochab.polar.flexure", "50.0  ->  100.0"): "odds of e^50 are certain, and e^100 is no overflow yet",
     ("kochab.polar.report", "abs(x) > half  ->  abs(x) >= half"): "a measured place, which is never quite at the edge",
     ("kochab.pointing.encoders", "0.001  ->  0.002", "values[4:]"): WEAK,
     ("kochab.pointing.disagreement", "terms[4] * side  ->  terms[4] / side"): "a side is 1 or -1",

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
+from scipy.stats import multivariate_normal
 
 from kochab.core.attitude import angle_between, rotation_vector
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.polar import axis_fit
 from kochab.polar.axis_fit import axis_of_two, chance_of, find_movement, fit_axis, merge_frames_of_one_place
 from kochab.polar.rotations import alt_az, tangents
 from tests.polar.mounts import ARCSEC, Mount
@@ -296,3 +299,39 @@ def test_a_movement_is_named_from_three_of_its_sigmas_and_half_an_arcminute_on(s
     assert (found is not None) is named
     if named:
         assert (found.what, found.angle_arcsec) == ("declination", pytest.approx(sigmas * unit, rel=0.02))
+
+
+@pytest.mark.parametrize("scatter", axis_fit.SCATTERS_ARCSEC)
+@pytest.mark.parametrize("wobble", [0.0, 25.0])
+def test_how_probable_frames_are_that_scatter_is_what_scipy_says_of_their_residuals(scatter, wobble):
+    """Where axis, turns and first place are unknown, what they cannot take up of the residuals is all that counts."""
+    mount, rng = Mount(40.0, 300.0, 200.0), np.random.default_rng(4)
+    frames = [
+        replace(f, matrix=f.matrix @ Rotation.from_rotvec(rng.normal(0.0, wobble * ARCSEC, 3)).as_matrix())
+        for f in mount.see([0, 15, 30, 45, 60], rng)
+    ]
+    fit = fit_axis(frames, mount.pole)
+    models = axis_fit._gradual(frames, fit)[-len(axis_fit.SCATTERS_ARCSEC) :]
+    found = models[axis_fit.SCATTERS_ARCSEC.index(scatter)]
+    across = np.stack(tangents(fit.axis))
+
+    def off(unknown):
+        """By how much the measured cameras are turned off a mount's, rotation vectors about their own axes."""
+        axis = fit.axis + unknown[:2] @ across
+        axis /= np.linalg.norm(axis)
+        first = Rotation.from_rotvec(unknown[2:5]).as_matrix() @ fit.reference
+        turns = fit.turns_rad + np.append(0.0, unknown[5:])
+        made = Rotation.from_rotvec(axis * turns[:, None]).as_matrix() @ first
+        return Rotation.from_matrix([f.matrix.T @ m for f, m in zip(frames, made, strict=True)]).as_rotvec().ravel()
+
+    step = 1e-4
+    slopes = [(off(step * one) - off(-step * one)) / (2.0 * step) for one in np.eye(len(frames) + 4)]
+    left = null_space(np.array(slopes)).T
+    density = [
+        multivariate_normal(cov=left @ np.diag(np.tile(sigma2, len(frames))) @ left.T).logpdf(left @ off(np.zeros(9)))
+        for own in (frames[0].covariance,)
+        for sigma2 in (np.diag(own), np.diag(own) + (scatter * ARCSEC) ** 2)
+    ]
+    still = -0.5 * fit.chi2  # as the evidence of a mount where nothing moved is counted
+    expected = density[1] - density[0] + np.log(axis_fit.SCATTERS)
+    assert found.evidence - still == pytest.approx(expected, abs=0.02)

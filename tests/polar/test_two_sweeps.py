@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from scipy.stats import multivariate_normal
 
 from kochab.core.mount import Direction
 from kochab.polar import plan
 from kochab.polar.error import PolarError
-from kochab.polar.flexure import CombinedSweeps, Droop, SweepResult, combine_sweeps, lever, rest_covariance
+from kochab.polar.flexure import CREEPS, CombinedSweeps, Droop, SweepResult, combine_sweeps, lever, rest_covariance
 from kochab.polar.measure import MeasureSettings, measure_local
 from kochab.polar.plan import Optics, SweepPath, away_from_axis, plan_second, weighted_arcsec
 from kochab.polar.pole import Pole
@@ -87,6 +89,31 @@ def test_sweeps_that_agree_are_not_made_surer_by_it():
     both = combine_sweeps([FIRST, same])
     _, _, noise, _ = by_hand([FIRST, same], Droop())
     np.testing.assert_allclose(both.error.covariance / ARCSEC**2, noise[:2, :2], rtol=1e-5)
+
+
+@pytest.mark.parametrize("before", [Droop(), Droop(-15.0, 5.0)])
+@pytest.mark.parametrize("second", [SECOND, replace(SECOND, error=replace(SECOND.error, axis=FIRST.error.axis))])
+def test_creep_counts_as_far_as_the_sweeps_are_probable_with_it(before, second):
+    """SciPy's densities of both sweeps at once, axis and droop integrated out as normal priors; the axis's is wide."""
+    crept = np.array([[400.0, 30.0], [30.0, 250.0]])
+    sweeps = [replace(s, error=replace(s.error, creep=CREEPS * crept * ARCSEC**2)) for s in (FIRST, second)]
+    levers = [-np.cos(np.radians(40.0)) * np.cos(s.rho_rad) for s in sweeps]
+    design = np.concatenate([[[1.0, 0.0, k], [0.0, 1.0, 0.0]] for k in levers])
+    seen = np.ravel([[UP @ (s.error.axis - MOUNT.axis), CLOCKWISE @ (s.error.axis - MOUNT.axis)] for s in sweeps])
+    prior = np.diag([1e4**2, 1e4**2, before.sigma_arcsec**2])
+    density = []
+    for share in (0.0, 1.0):
+        noise = block_diag(*(s.error.covariance / ARCSEC**2 + share * crept for s in sweeps))
+        mean = design @ [0.0, 0.0, before.arcsec]
+        density.append(multivariate_normal(mean, noise + design @ prior @ design.T).pdf(seen / ARCSEC))
+    probable = CREEPS * density[1] / (CREEPS * density[1] + (1.0 - CREEPS) * density[0])
+    assert 0.02 < probable < 0.98
+    noise = np.linalg.inv(block_diag(*(s.error.covariance / ARCSEC**2 for s in sweeps)))
+    inverse = np.linalg.inv(design.T @ noise @ design + np.diag([0.0, 0.0, before.sigma_arcsec**-2]))
+    gain = (inverse @ design.T @ noise)[:2]
+    whole = gain @ block_diag(crept, crept) @ gain.T
+    creep = combine_sweeps(sweeps, before).error.creep / ARCSEC**2
+    np.testing.assert_allclose(creep, probable * whole, rtol=2e-3, atol=1e-3)
 
 
 # -- Where the second sweep goes ------------------------------------------------------------------------

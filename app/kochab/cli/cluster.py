@@ -4,6 +4,7 @@ Dask starts, watches and restarts the workers, and gives a lost worker's chunk t
 takes it is found here: its chunk is parted, and the one input that kills a worker which has nothing else is told.
 """
 
+import logging
 import signal
 import time
 from collections.abc import Callable, Generator, Iterator
@@ -33,7 +34,7 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
     "distributed.worker.profile.enabled": False,  # it would look at the stack of the work every 10 ms
 }
-HERE = {"dashboard_address": "127.0.0.1:0", "silence_logs": 50, "memory_limit": 0}
+HERE = {"dashboard_address": "127.0.0.1:0", "silence_logs": logging.CRITICAL, "memory_limit": None}
 STARTS, POLL_S, LOOK_S, RESTART_S, LOST_S = 5, 0.02, 1.0, 10.0, 300.0
 KILLED = "Its worker process was ended from outside each time, most likely for lack of memory."
 

@@ -1,5 +1,6 @@
 """The lines of RA and Dec, or of azimuth and altitude, on a solved frame or on the part of it that is seen."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -7,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit_vectors, wrapped
+from kochab.core.attitude import radec_deg, unit_vectors, wrapped
 from kochab.core.solution import Solution
 from kochab.text.translation import tr, tr_noop
 
@@ -137,9 +138,9 @@ def grid_lines(
 
 def _bounds(sky: Floats, middle: Floats, reach: float) -> tuple[float, float, float, float]:
     """(dec0, dec1, ra0, ra1), degrees, that hold the view; all RA when a pole is in it."""
-    dec = np.degrees(np.arcsin(np.clip(sky[:, 2], -1, 1)))
+    dec = np.degrees(np.arctan2(sky[:, 2], np.hypot(sky[:, 0], sky[:, 1])))
     dec0, dec1 = float(dec.min()), float(dec.max())
-    middle_dec = float(np.arcsin(np.clip(middle[2], -1, 1)))
+    middle_dec = math.radians(radec_deg(middle)[1])
     if abs(middle_dec) + reach >= np.pi / 2:
         if middle_dec > 0:
             dec1 = 90.0

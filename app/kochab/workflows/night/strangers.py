@@ -27,7 +27,7 @@ from kochab.workflows.night.measure import Measure
 
 FEWEST_FRAMES, SHARE = 4, 0.5
 """Frames in which it has to be, and share of those that show its place."""
-REACH_SIGMAS, LEAST_REACH_PX = 4.0, 1.0
+REACH_SIGMAS = 4.0
 """How near to its place a detection counts."""
 FASTEST_ARCSEC_H = 3600.0
 """Faster ones leave a trail."""
