@@ -444,8 +444,14 @@ def shipped_volume_folder() -> Path:
 
 
 def fine_folder() -> Path:
-    """Where the volume of small fields lies, or will."""
+    """Where the volume of small fields lies, or will; see :func:`fine_folders`."""
     return cache_folder() / f"patterns-{FORMAT}-{catalogue_mark()[:12]}"
+
+
+def fine_folders() -> tuple[Path, Path]:
+    """Where it may lie: Windows removes no folder whose files are mapped, and a damaged volume may be."""
+    first = fine_folder()
+    return first, first.with_name(f"{first.name}-again")
 
 
 @lru_cache(maxsize=1)
@@ -459,23 +465,23 @@ def shipped() -> tuple[Volume, ...]:
 
 def fine() -> Volume | None:
     """The volume of small fields when it has been made and is whole, else None."""
-    folder = fine_folder()
-    try:
-        return _opened_fine(folder) if (folder / "index.json").exists() else None
-    except CatalogueError:  # it is made again
-        return None
+    for folder in fine_folders():
+        with suppress(CatalogueError):  # it is made again
+            if (folder / "index.json").exists():
+                return _opened_fine(folder)
+    return None
 
 
 def drop_fine(folder: Path) -> bool:
     """Whether ``folder`` is that of the volume of small fields, which is then made anew."""
-    if folder != fine_folder():
+    if folder not in fine_folders():
         return False
     (folder / "index.json").unlink(missing_ok=True)
     _opened_fine.cache_clear()
     return True
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=2)
 def _opened_fine(folder: Path) -> Volume:
     volume = open_volume(folder)
     if not is_shipped(volume):

@@ -37,6 +37,7 @@ from kochab.identification.index import (
     catalogue_mark,
     fine,
     fine_folder,
+    fine_folders,
     open_volume,
     pack,
     shipped,
@@ -465,8 +466,11 @@ def make_fine() -> Task[Volume]:
         for path in scratch.iterdir():  # on the disk itself: a name may get there before its content
             with path.open("rb+") as file:
                 os.fsync(file.fileno())
-        shutil.rmtree(folder, ignore_errors=True)
-        scratch.rename(folder)
+        for place in fine_folders():
+            shutil.rmtree(place, ignore_errors=True)
+            if not place.exists():
+                break
+        scratch.rename(place)
     except OSError as error:
         shutil.rmtree(scratch, ignore_errors=True)
         raise CatalogueError(
@@ -475,7 +479,7 @@ def make_fine() -> Task[Volume]:
     finally:
         drop_unless_begun(scratch)
         release(handle, lock)
-    return open_volume(folder)
+    return open_volume(place)
 
 
 def drop_unless_begun(scratch: Path) -> None:
@@ -514,10 +518,11 @@ def acquire(path: Path) -> int | None:
     handle = os.open(path, os.O_CREAT | os.O_RDWR)
     try:
         _lock(handle)
-    except (BlockingIOError, PermissionError):
-        os.close(handle)
-        return None
-    except OSError:
+    except OSError as error:
+        # the C library of Windows sets EACCES, Wine's none
+        if isinstance(error, BlockingIOError | PermissionError) or not error.errno:
+            os.close(handle)
+            return None
         return handle
     with suppress(FileNotFoundError):
         if os.path.samestat(os.fstat(handle), path.stat()):
