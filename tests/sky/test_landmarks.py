@@ -68,6 +68,12 @@ def test_constellations_are_astropys_but_for_places_on_a_boundary():
         (99.0, 7.5, 9.0, "Monoceros"),  # IC 447, which has a number alone, between the Rosette and the Cone
         (54.6, -35.4, 2.0, "NGC 1399 in Fornax"),
         (271.0, -23.7, 4.0, "M 8 in Sagittarius"),  # beside M 20, half as large
+        (21.0, 63.0, 23.0, "Cassiopeia"),  # the Heart Nebula, two degrees and a half at its edge
+        (81.5, -9.3, 27.0, "Orion"),  # all of it, the Belt a tenth
+        (38.2, 61.4, 12.0, "Heart Nebula in Cassiopeia"),
+        (94.2, 22.5, 1.5, "Jellyfish Nebula in Gemini"),
+        (246.4, -23.4, 1.5, "Rho Ophiuchi Nebula in Ophiuchus"),
+        (130.1, -53.0, 2.5, "Omicron Velorum Cluster in Vela"),
     ],
 )
 def test_what_a_field_is_called(ra_deg, dec_deg, wide_deg, name):

@@ -15,6 +15,7 @@ from kochab.text.translation import tr
 
 LEAST_SHARE = 0.04  # of the frame's shorter side: a smaller object does not name a frame
 WIDE_DEG, WIDE_SHARE = (10.0, 20.0), 0.1  # between such widths it grows to so much: a wide frame is of a constellation
+NAMED_SHARE = 0.2  # in its place for what has a name and no Messier number, which few look for in a wide frame
 BARE_DEG, BARE_SHARE = (3.0, 8.0), 0.15  # the same of objects that have a number alone
 AREA_MAG = 1.0  # by which an object that fills the frame counts as brighter than one a tenth as long
 MARGIN = 0.1  # of the frame's sides, where an object is not what the frame is of
@@ -127,18 +128,19 @@ def name_of_field(solution: Solution) -> str:
     around = known.vectors[near] @ solution.centre_vector > np.cos(np.radians(known.size_deg[near] / 2))
     whole = away + known.size_deg[near] / narrow <= LOOP_SHARE
     away = np.where(around, 0.0, away)
-    least = np.where(
-        known.fame_mag[near] > 0.0,
-        np.interp(wide, WIDE_DEG, (LEAST_SHARE, WIDE_SHARE)),
-        np.interp(wide, BARE_DEG, (LEAST_SHARE, BARE_SHARE)),
+    messier, called, bare = (
+        np.interp(wide, degrees, (LEAST_SHARE, share))
+        for degrees, share in ((WIDE_DEG, WIDE_SHARE), (WIDE_DEG, NAMED_SHARE), (BARE_DEG, BARE_SHARE))
     )
+    fame = known.fame_mag[near]
+    least = np.select([fame >= MESSIER_MAG, fame > 0.0], [messier, called], bare)
     seen = (known.size_deg[near] >= least * narrow) & (away < 1.0 - 2.0 * MARGIN)
     seen &= (wide <= WIDEST_NAMED_DEG) & (whole | ~known.loop[near])
     seen &= known.mag[near] <= FAINTEST_AT_1_DEG - 5.0 * np.log10(wide)
     constellation = constellation_at(solution.centre_vector)
     if seen.any():
         share = np.clip(known.size_deg[near] / narrow, LEAST_SHARE, 1.0)
-        score = np.maximum(known.mag[near], BRIGHTEST_MAG) - known.fame_mag[near] - AREA_MAG * np.log10(share)
+        score = np.maximum(known.mag[near], BRIGHTEST_MAG) - fame - AREA_MAG * np.log10(share)
         score += TO_EDGE_MAG * away**2
         best = int(np.argmin(np.where(seen, score, np.inf)))
         place = constellation_at(known.vectors[near[best]])
