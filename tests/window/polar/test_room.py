@@ -9,7 +9,8 @@ import pytest
 from astropy.coordinates import CIRS, ICRS, AltAz, EarthLocation, SkyCoord
 from astropy.time import Time
 from astropy.units import deg
-from PySide6.QtCore import QRectF
+from PySide6.QtCore import QPoint, QRectF
+from PySide6.QtGui import QImage
 
 from kochab.core.attitude import angle_between as separation
 from kochab.core.frame import Frame
@@ -256,6 +257,33 @@ def test_no_name_of_the_pole_s_sky_is_cut_by_the_edge_of_the_room(polar, qtbot):
         cut += [] if QRectF(view.room.rect()).contains(box) else [label.text]
     assert sky.width() > view.room.width()
     assert cut == []
+
+
+def pixels_of(image):
+    """Bytes of a picture's pixels, rows by columns by 4."""
+    image = image.convertToFormat(QImage.Format.Format_RGB32)
+    return np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), -1, 4).copy()  # the picture goes
+
+
+def test_the_pole_s_name_is_whole_or_not_there(polar, qtbot):
+    """At 800 x 520 its lower half was behind the buttons."""
+    commands, view = polar()
+    commands.window.resize(1366, 768)
+    sky, shown = view.room.sky, 0
+    qtbot.waitUntil(lambda: len(sky.overlay.labels) > 8)
+    for high in range(580, 490, -10):
+        commands.window.resize(800, high)
+        qtbot.wait(50)
+        marked = sky.grab().toImage()
+        sky.paint_marks = lambda *_: None
+        bare, ratio = sky.grab().toImage(), marked.devicePixelRatio()
+        del sky.paint_marks
+        covers = [over.geometry().translated(-sky.pos()) for over in (view.room.bar, view.room.first)]
+        changed = np.any(pixels_of(marked) != pixels_of(bare), axis=2)
+        drawn = [QPoint(int(x / ratio), int(y / ratio)) for y, x in np.argwhere(changed).tolist()]
+        assert not [at for at in drawn if any(cover.contains(at) for cover in covers)], high
+        shown += bool(drawn)
+    assert shown >= 5
 
 
 def test_a_frame_takes_the_place_of_the_pole_s_sky(polar, qtbot):

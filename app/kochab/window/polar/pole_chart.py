@@ -14,7 +14,7 @@ from kochab.text.translation import tr
 from kochab.window.atlas.chart import StarChart
 from kochab.window.atlas.mosaic import frame_at
 from kochab.window.atlas.sky_reading import read_sky
-from kochab.window.image.overlay import cross
+from kochab.window.image.overlay import HALO_PX, cross
 from kochab.window.services import Services
 from kochab.window.themes import theme_colours
 
@@ -22,6 +22,7 @@ FIELD_DEG = 44.0  # of the shorter side: the pole's constellation, and Kochab in
 UNKNOWN = Site(45.0, 0.0)  # whoever has said no site sees the northern pole
 ABOVE_RAD = 0.1  # what is so far above the pole tells which way the zenith is
 CROSS_PX = 6.0, 20.0  # the inner and outer end of a tick
+NAME_GAP_PX = 2  # between the cross and the edge of the name below it
 
 
 class PoleChart(StarChart):
@@ -64,16 +65,15 @@ class PoleChart(StarChart):
     def place(self, room: QRect, cards: QRect, bar: QRect) -> None:
         """Fill a room with the pole where the cards leave most free, beside them or between them and the bar."""
         beside = room.adjusted(cards.right(), 0, 0, 0)
-        below = QRect(room.left(), cards.bottom(), room.width(), bar.top() - cards.bottom())
+        reach, name = round(CROSS_PX[1]), self._name_box
+        # Cross and name in the middle between them: the name stands below its cross.
+        below = QRect(room.left(), cards.bottom(), room.width(), bar.top() - cards.bottom() - name.height())
         middle = max((beside, below), key=lambda free: min(free.width(), free.height())).center()
         wide = max(middle.x() - room.left(), room.right() - middle.x())
         high = max(middle.y() - room.top(), room.bottom() - middle.y())
         self.setGeometry(QRect(middle - QPoint(wide, high), QSize(2 * wide, 2 * high)))
-        reach, font = round(CROSS_PX[1]), self.fontMetrics()
-        aside = font.horizontalAdvance(self._name) // 2
-        mark = QRect(middle, middle).adjusted(-aside, -reach, aside, reach + 2 * font.height())
-        shown = mark.adjusted(0, 0, 0, -font.height())
-        self._marked = room.contains(shown) and not (shown.intersects(cards) or shown.intersects(bar))
+        mark = QRect(middle, middle).adjusted(-reach, -reach, reach, reach) | name.translated(middle)
+        self._marked = room.contains(mark) and not (mark.intersects(cards) or mark.intersects(bar))
         # Of the chart only the room is seen: a name that reached over its edges would be cut.
         all_of_it, right, low = self.geometry(), room.topRight() + QPoint(1, 0), room.bottomLeft() + QPoint(0, 1)
         edges = (
@@ -90,6 +90,13 @@ class PoleChart(StarChart):
         return tr("north celestial pole") if northern(self.site) else tr("south celestial pole")
 
     @property
+    def _name_box(self) -> QRect:
+        """Of the name below the cross, its dark edge included, from the pole."""
+        box, edge = self.fontMetrics().boundingRect(self._name), round(HALO_PX)
+        wide, high = box.width() + 2 * edge, box.height() + 2 * edge
+        return QRect(-wide // 2, round(CROSS_PX[1]) + NAME_GAP_PX, wide, high)
+
+    @property
     def ground_key(self) -> object:
         return self.pole.tobytes()
 
@@ -104,6 +111,4 @@ class PoleChart(StarChart):
         x, y = (self.sheet.pixels_of(self.pole[None])[0] + 0.5).tolist()
         brush.pen(colours.centre, 2.0)
         cross(brush, x, y, *CROSS_PX)
-        box, _ = brush.words(self._name, colours.centre)
-        at = QPointF(x - box.width() / 2.0, y + CROSS_PX[1] + box.height() / 2.0)
-        brush.draw(at, self._name, colours.centre)
+        brush.draw(QPointF(x, y) + self._name_box.topLeft() + QPointF(HALO_PX, HALO_PX), self._name, colours.centre)
