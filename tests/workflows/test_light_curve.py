@@ -12,7 +12,7 @@ from kochab.core.progress import run
 from kochab.frames import reading
 from kochab.sky.apparent import JD_UNIX
 from kochab.sky.catalogue import open_catalogue
-from kochab.workflows.night import chosen_stars
+from kochab.workflows.night import chosen_stars, sky_brightness
 from kochab.workflows.night.chosen_stars import ChosenStar, StarInFrame, chosen_star, stars_in_frame
 from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.light_curve import aavso_extended, light_curves, observer_code
@@ -124,6 +124,25 @@ def test_constant_stars_of_a_real_series_lie_within_their_sigmas():
         pulls += ((value - weight @ value) / sigma / np.sqrt(1.0 - weight)).tolist() if len(value) >= 5 else []
     assert len(pulls) > 60
     assert np.mean(np.abs(pulls) < 2.0) > 0.93
+
+
+def test_a_star_is_compared_with_stars_as_faint_as_it_is(monkeypatch):
+    """Of a frame full of stars the sky's brightness takes the brightest alone; with those a fainter one has no like."""
+    monkeypatch.setattr(sky_brightness, "MOST", 30)
+    frame, found, solution = rendered(20, vignette=0.0)
+    stars = stars_on_sky(frame, found, solution)
+    known = {star.id: star.mag for star in solution.stars}
+    inner = [star for star in solution.stars if 80 < star.x < SIZE - 80 and 80 < star.y < SIZE - 80]
+    faint = sorted(inner, key=lambda star: star.mag)[-15]
+    chosen = ChosenStar("faint", unit_vectors(faint.ra_deg, faint.dec_deg), faint.mag, np.nan)
+    (seen,) = stars_in_frame(frame, solution, stars, [chosen])
+    true = np.array([known[name] for name, _ in seen.checks])
+    assert faint.mag > stars.mag.max() + 0.3
+    assert faint.id not in dict(seen.checks)
+    assert len(true) == chosen_stars.CHECKS
+    assert np.median(true) == pytest.approx(faint.mag, abs=0.25)
+    assert (true > faint.mag).any(), "on both sides"
+    assert np.median(np.abs(true - [mag for _, mag in seen.checks])) < 0.05
 
 
 def test_the_check_star_is_one_of_the_catalogue_and_hardly_changes(night):

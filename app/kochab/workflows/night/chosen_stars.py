@@ -11,13 +11,14 @@ from datetime import UTC, datetime
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import unit_vectors
 from kochab.core.errors import UsageError
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.sky.catalogue import open_catalogue
 from kochab.sky.finder import NotFound, find
-from kochab.workflows.night.sky_brightness import COLOUR, OfColour, StarsOnSky, of_colour, photometry_at
+from kochab.workflows.night.sky_brightness import COLOUR, OfColour, StarsOnSky, colours_of, of_colour, photometry_at
 
 SAME_RAD = 1e-4
 """Within 20 arcsec of where a name is said to be the catalogue has the star."""
@@ -78,15 +79,35 @@ def stars_in_frame(
     chosen : sequence of ChosenStar
         Whom to measure.
     """
-    found = []
-    for star in chosen:
-        place = solution.pixels_of(star.vector[None])[0]
-        light, noise = photometry_at(frame, place, stars) or (0.0, 0.0)
+    found, others = [], _others(solution)
+    places = solution.pixels_of(np.array([star.vector for star in chosen]).reshape(-1, 3))
+    lights, noise = photometry_at(frame, places, stars)
+    for star, light in zip(chosen, lights.tolist(), strict=True):
         if light > 0.0:
             zero = _zero(stars, star.colour)
             mag = zero.value - 2.5 * math.log10(light)
-            found.append(StarInFrame(star.name, mag, 1.0857 * noise / light, zero.sigma, _checks(stars, star, mag)))
+            checks = _checks(frame, stars, others, star, mag)
+            found.append(StarInFrame(star.name, mag, 1.0857 * noise / light, zero.sigma, checks))
     return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Others:
+    """The catalogued stars that a solution found: identifiers, V, B-V (N,), vectors (N, 3) and places (N, 2) px."""
+
+    ids: tuple[str, ...]
+    mag: Floats
+    colour: Floats
+    vectors: Floats
+    places: Floats
+
+
+def _others(solution: Solution) -> _Others:
+    known = [star for star in solution.stars if math.isfinite(star.mag)]
+    vectors = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in known]).reshape(-1, 2).T)
+    colour = colours_of(known, solution)
+    mags = np.array([star.mag for star in known])
+    return _Others(tuple(star.id for star in known), mags, colour, vectors, solution.pixels_of(vectors))
 
 
 def _zero(stars: StarsOnSky, colour: float) -> OfColour:
@@ -95,14 +116,32 @@ def _zero(stars: StarsOnSky, colour: float) -> OfColour:
     return of_colour(values, stars.colour, COLOUR if math.isnan(colour) else colour)
 
 
-def _checks(stars: StarsOnSky, star: ChosenStar, mag: float) -> tuple[tuple[str, float], ...]:
-    """V of the stars most like one, beside itself, as this frame has them."""
-    colours = np.where(np.isfinite(stars.colour), stars.colour, COLOUR)
-    unlike = np.abs(stars.mag - mag) + 0.5 * np.abs(colours - (COLOUR if math.isnan(star.colour) else star.colour))
-    alike = np.argsort(unlike)[: CHECKS + 1]
+def _checks(
+    frame: Frame, stars: StarsOnSky, others: _Others, star: ChosenStar, mag: float
+) -> tuple[tuple[str, float], ...]:
+    """V of the stars most like one, beside itself, as this frame has them: as faint as it is, and measured as it is.
+
+    Parameters
+    ----------
+    frame : Frame
+        Its pixels.
+    stars : StarsOnSky
+        Its brightest stars, which tell what a count is.
+    others : _Others
+        All that are known in it.
+    star : ChosenStar
+        The one.
+    mag : float
+        Its V in this frame.
+    """
+    colours = np.where(np.isfinite(others.colour), others.colour, COLOUR)
+    unlike = np.abs(others.mag - mag) + 0.5 * np.abs(colours - (COLOUR if math.isnan(star.colour) else star.colour))
+    unlike[np.linalg.norm(others.vectors - star.vector, axis=1) < SAME_RAD] = np.inf  # itself
+    alike = np.argsort(unlike)[: 2 * CHECKS]
+    alike = alike[np.isfinite(unlike[alike])]
+    light, _ = photometry_at(frame, others.places[alike], stars)
+    alike, light = alike[light > 0.0][:CHECKS], light[light > 0.0][:CHECKS]
     zero = _zero(stars, math.nan)
     tint = 0.0 if math.isnan(zero.slope) else zero.slope * (colours[alike] - COLOUR)
-    own = zero.value + tint - 2.5 * np.log10(stars.light[alike])
-    itself = np.linalg.norm(stars.vectors[alike] - star.vector, axis=1) < SAME_RAD
-    kept = [(stars.ids[k], float(v)) for k, v, same in zip(alike.tolist(), own, itself, strict=True) if not same]
-    return tuple(kept[:CHECKS])
+    own = zero.value + tint - 2.5 * np.log10(light)
+    return tuple((others.ids[k], float(v)) for k, v in zip(alike.tolist(), own, strict=True))

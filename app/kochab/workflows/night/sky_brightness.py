@@ -137,7 +137,7 @@ def stars_on_sky(frame: Frame, detections: Detections, solution: Solution) -> St
         tuple(star.id for star, good in zip(stars, kept, strict=True) if good),
         unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in stars])[kept].T),
         np.array([star.mag for star in stars])[kept],
-        _colours(stars, solution)[kept],
+        colours_of(stars, solution)[kept],
         light[kept],
         level[kept],
         _areas(solution, detections.xy[rows])[kept],
@@ -207,31 +207,31 @@ def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Float
     return light, whole, level, cell * noise
 
 
-def photometry_at(frame: Frame, place: Floats, stars: StarsOnSky) -> tuple[float, float] | None:
-    """Light of a star at a place (2,) px as that of the frame's others was measured, and its noise by the sky, counts.
+def photometry_at(frame: Frame, places: Floats, stars: StarsOnSky) -> tuple[Floats, float]:
+    """Light (N,) of stars at places (N, 2) px as that of the frame's others was measured, and its noise, counts.
 
-    None beside the edge, and where a pixel of it is saturated.
+    The light is NaN beside the edge, and where a pixel of it is saturated; the noise is the sky's.
 
     Parameters
     ----------
     frame : Frame
         Its pixels.
-    place : Floats
-        Where the star is to be (2,), px.
+    places : Floats
+        Where the stars are to be (N, 2), px.
     stars : StarsOnSky
         The others.
     """
-    half = math.ceil(OUTER * stars.fwhm_px) + 2
-    x, y = place.tolist()
-    if not (half + 2 < x < frame.width - half - 3 and half + 2 < y < frame.height - half - 3):
-        return None
-    near = math.ceil(stars.fwhm_px)
-    peak = frame.pixels[round(y) - near : round(y) + near + 1, round(x) - near : round(x) + near + 1].max()
-    if frame.saturation is not None and peak >= FULL * frame.saturation:
-        return None
-    light, *_ = _photometry(frame, place[None], stars.fwhm_px, half)
-    noise = stars.noise * math.sqrt(math.pi) * APERTURE * stars.fwhm_px
-    return float(light[0]) * 10.0 ** (0.4 * stars.left_out_mag), noise
+    half, near = math.ceil(OUTER * stars.fwhm_px) + 2, math.ceil(stars.fwhm_px)
+    inside = ((places > half + 2) & (places < np.array([frame.width, frame.height]) - half - 3)).all(axis=1)
+    good = np.flatnonzero(inside)
+    if frame.saturation is not None:
+        around, (x, y) = np.arange(-near, near + 1), np.rint(places[good]).astype(np.int64).T
+        peaks = frame.pixels[y[:, None, None] + around[:, None], x[:, None, None] + around].max(axis=(1, 2))
+        good = good[peaks < FULL * frame.saturation]
+    light = np.full(len(places), np.nan)
+    if len(good):
+        light[good] = _photometry(frame, places[good], stars.fwhm_px, half)[0] * 10.0 ** (0.4 * stars.left_out_mag)
+    return light, stars.noise * math.sqrt(math.pi) * APERTURE * stars.fwhm_px
 
 
 def _sky(ring: Floats) -> tuple[Floats, Floats]:
@@ -276,7 +276,7 @@ def _moments(sums: Floats, squares: Floats, first: Ints, last: Ints) -> tuple[Fl
     return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
-def _colours(stars: Sequence[NamedStar], solution: Solution) -> Floats:
+def colours_of(stars: Sequence[NamedStar], solution: Solution) -> Floats:
     """B-V (N,) of stars, NaN where the shipped catalogue has none."""
     from scipy.spatial import cKDTree
 
