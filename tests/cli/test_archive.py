@@ -24,8 +24,8 @@ from kochab.cli.main import main
 from kochab.solver import SolveOptions
 from kochab.workflows.archive.dataset import Dataset
 from kochab.workflows.archive.inputs import SCHEMA as INPUTS
-from kochab.workflows.archive.row import Recipe
-from kochab.workflows.archive.run import Run
+from kochab.workflows.archive.row import Recipe, Session
+from kochab.workflows.archive.run import SESSIONS, Outcome, Run
 from tests.cli.archive_inputs import CENTRES, SIZE, archive, rows_of, stars_of, write_lists
 from tests.cli.test_night import CENTRE, DRIFT, MINUTES, planted
 
@@ -465,20 +465,40 @@ def test_ctrl_c_leaves_what_is_done_and_the_next_run_goes_on(frames, tmp_path, c
 # -- How far it is -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("workers", [2, 16])
-def test_workers_end_together(tmp_path, workers) -> None:
-    """Chunks go to the worker that has least before it, each with two in hand, as Dask gives them out."""
-    urls = [f"{k:05d}" for k in range(1250 * workers)]
+def run_of(folder, urls, **how) -> Run:
+    """The run over inputs of which none is done."""
     one = {"url": "", "stamp": "1", "size_bytes": 9, "table_row": -1, "width": 0, "height": 0}
     left = pa.Table.from_pylist([one | {"url": url} for url in urls], INPUTS).append_column(
         "known", pa.nulls(len(urls))
     )
     index = pa.table({"url": pa.array([], pa.string()), "content": pa.array([], pa.string())})
-    run = Run(Dataset.at(str(tmp_path)), Recipe(SolveOptions()), len(left), left, index, hands=workers, _mean_s=0.007)
+    return Run(Dataset.at(str(folder)), Recipe(SolveOptions()), len(left), left, index, **how)
+
+
+def test_a_folder_goes_on_from_its_own_last_frame_and_the_longest_unused_is_forgotten(tmp_path) -> None:
+    """One chunk a folder, for as many folders as are known at once and one more; then each folder's second frame."""
+    folders = [f"/{k:05d}" for k in range(SESSIONS + 1)]
+    run = run_of(tmp_path, [f"{folder}/{k}.fits" for k in range(2) for folder in folders])
+    chunks = run.chunks()
+    for number, folder in enumerate(folders):
+        chunk = next(chunks)
+        assert (chunk.items[0].folder, chunk.session) == (folder, None)
+        run.take(Outcome(folder, [], Session((90, 60), "", 2.0 + number, (1.0, 2.0), 3.0)))
+        if number == SESSIONS - 1:  # the first folder is used again before there is one too many
+            run.take(Outcome(folders[0], [], Session((90, 60), "", 1.0, (1.0, 2.0), 3.0)))
+    known = [chunk.session and chunk.session.scale_arcsec_px for chunk in chunks]
+    assert known == [1.0, None, *(2.0 + number for number in range(2, SESSIONS + 1))]
+
+
+@pytest.mark.parametrize("workers", [2, 16])
+def test_workers_end_together(tmp_path, workers) -> None:
+    """Chunks go to the worker that has least before it, each with two in hand, as Dask gives them out."""
+    urls = [f"{k:05d}" for k in range(1250 * workers)]
+    run = run_of(tmp_path, urls, hands=workers, _mean_s=0.007)
     chunks, lanes, given = run.chunks(), [[] for _ in range(workers)], []
     ends = [0.0] * workers
     while any(lanes) or not given:
-        while len(given) < len(left) and min(map(len, lanes)) < 2:
+        while len(given) < len(urls) and min(map(len, lanes)) < 2:
             chunk = next(chunks)
             given += [item.url for item in chunk.items]
             min(lanes, key=len).append(0.007 * len(chunk.items))

@@ -177,3 +177,12 @@ def test_processes_are_born_deaf_to_ctrl_c(monkeypatch, tmp_path, capsys) -> Non
     assert capsys.readouterr().out.count("too few stars") == 2
     assert heard == [signal.SIG_IGN, signal.SIG_IGN]
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGINT is sent to a process of POSIX")
+def test_a_process_that_was_born_hearing_leaves_ctrl_c_to_its_parent() -> None:
+    """As every one of Windows is, and one that a program starts which has made Ctrl-C its own."""
+    told = "import os, signal; from kochab.cli.batch import _begin; signal.signal(signal.SIGINT, signal.SIG_DFL)"
+    told += "; _begin(None); os.kill(os.getpid(), signal.SIGINT); print('at work')"
+    done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "at work\n", "")

@@ -386,3 +386,58 @@ def test_it_ends_with_the_worker(worker, number):
     worker.send_signal(number)
     worker.wait(20)
     until(lambda: not Path(f"/proc/{child}").exists() or "Z" in Path(f"/proc/{child}/stat").read_text().split()[2])
+
+
+class Noting(socket.socket):
+    """A socket that notes how long it is told to wait."""
+
+    def settimeout(self, value) -> None:
+        self.__dict__.setdefault("waits_s", []).append(value)
+        super().settimeout(value)
+
+
+@pytest.mark.parametrize(("size", "answer"), [(8_000_000, OTHER_VERSION), (8_000_001, None)])
+def test_a_request_of_more_than_eight_megabytes_is_none_and_nobody_is_waited_for_longer_than_five_seconds(
+    monkeypatch, size, answer
+) -> None:
+    """Sent whole by another version, which is told that it is one where the request is read."""
+    from kochab.server import worker
+
+    came, recv_fds = [], socket.recv_fds
+
+    def received(*arguments):
+        found = recv_fds(*arguments)
+        came.extend(found[1])
+        return found
+
+    monkeypatch.setattr(socket, "recv_fds", received)
+    ours, theirs = socket.socketpair(socket.AF_UNIX)
+
+    def send() -> None:
+        with contextlib.suppress(OSError):  # it is closed unread
+            socket.send_fds(ours, [MAGIC + size.to_bytes(4, "big")], [0, 1, 2, 0])
+            ours.sendall(b"older\nworld\0".ljust(size, b"x"))
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with Noting(fileno=theirs.detach()) as line:
+        assert worker._received(line, b"newer\nworld") == answer
+        assert line.waits_s == [5.0, None]
+    sender.join()
+    ours.close()
+    for descriptor in came:
+        os.close(descriptor)
+
+
+@pytest.mark.parametrize(("at_work", "served"), [(63, True), (64, False)])
+def test_sixty_four_commands_are_at_work_at_once_and_no_more(runtime, monkeypatch, at_work, served) -> None:
+    from kochab.server import worker
+
+    mine = worker.Worker(hand_over.place(), lambda arguments: 0, 60.0)
+    mine._children = set(range(at_work))
+    forked = []
+    monkeypatch.setattr(os, "fork", lambda: forked.append(1) or 4_000_000)
+    with hand_over.connected(hand_over.place().path):
+        mine._take()
+    mine.close()
+    assert bool(forked) is served

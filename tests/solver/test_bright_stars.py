@@ -1,15 +1,17 @@
 """After a solve the catalogue's stars are looked for at their places: saturated, beside nebulae, or missed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
-from kochab.core.frame import Frame
+from kochab.core.frame import Detections, Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
 from kochab.sky import open_catalogue
-from kochab.solver import SolveOptions
+from kochab.solver import SolveOptions, bright_stars
 from kochab.solver.pipeline import examine_frame
 
 from .fields import YEAR
@@ -88,3 +90,41 @@ def test_behind_leaves_as_bright_as_stars_no_star_is_looked_for() -> None:
     result = solved(orion(leaves=3000))
     assert len(result.stars) > 20
     assert result.seen == ()
+
+
+SIDES = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
+
+
+def seen_in_the_light(lights: list[tuple[float, float, float]], reach_px: float = 4.0) -> bool:
+    """Whether a star at (60, 60) is seen among lights at places from there, px, of so many times 1500 of flux."""
+    pixels = np.tile(np.random.default_rng(2).normal(300.0, 5.0, (12, 12)), (10, 10))  # alike in windows 12 px apart
+    for x, y, times in lights:
+        pixels += light(pixels.shape, 60.0 + x, 60.0 + y, 1500.0 * times)
+    frame = Frame(pixels.astype(np.float32))
+    one = np.ones(1)
+    detections = replace(Detections.from_list(np.array([[5.0, 5.0]]), 120, 120), fwhm_px=2.6 * one)
+    place = np.array([[60.0, 60.0]])
+    expected = bright_stars._Expected(np.zeros(1, int), np.zeros((1, 3)), place, one, reach_px * one)
+    return bool(np.isfinite(bright_stars._in_the_light(frame, detections, np.empty((0, 2)), expected)).all())
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_light_at_a_star_s_place_that_is_as_bright_beside_it_is_no_star(side) -> None:
+    """Beside: three half windows, of 4 px each, to any of eight sides, and anywhere in the middle of that window."""
+    x, y = (12.0 * s for s in side)
+    assert seen_in_the_light([(0.0, 0.0, 1.0)])
+    assert seen_in_the_light([(0.0, 0.0, 1.0), (x, y, 0.35)])
+    assert not seen_in_the_light([(0.0, 0.0, 1.0), (x, y, 0.7)])
+    for off in ((-1.5, -1.5), (-1.5, 1.5), (1.5, -1.5), (1.5, 1.5)):
+        assert not seen_in_the_light([(0.0, 0.0, 1.0), (x + off[0], y + off[1], 2.0)]), off
+
+
+@pytest.mark.parametrize(("away_px", "is_the_star"), [(7.9, True), (8.1, False)])
+def test_a_detection_as_bright_as_the_star_may_be_twice_its_reach_away(away_px: float, is_the_star: bool) -> None:
+    xy = np.array([[500.0, 500.0], [1000.0 + 0.6 * away_px, 1000.0 + 0.8 * away_px]])
+    detections = Detections.from_list(xy, 2000, 2000)
+    star = bright_stars._Expected(
+        np.zeros(1, int), np.zeros((1, 3)), np.full((1, 2), 1000.0), np.ones(1), np.full(1, 4.0)
+    )
+    found = bright_stars._among_detections(detections, np.full(2, 1.0), np.array([1.0, np.inf]), star)
+    assert bool(np.isfinite(found).all()) is is_the_star

@@ -209,6 +209,7 @@ def test_a_removed_profile_comes_back_whole(qtbot, opened, dialog):
 def test_nothing_that_a_mount_does_is_undone_and_its_equipment_stays(qtbot, opened):
     _, commands = opened
     commands.equipment.choose("Newton")
+    commands.equipment.keep(focal_length_mm=750.0)
     commands.equipment.choose("RedCat")
     said = []
     commands.equipment.refused.connect(said.append)
@@ -221,6 +222,11 @@ def test_nothing_that_a_mount_does_is_undone_and_its_equipment_stays(qtbot, open
         assert said == [LOCKED]
         assert current_profile(commands.settings).name == "RedCat"
         assert not commands.actions["redo"].isEnabled()  # nothing was undone
+        assert commands.actions["undo"].text() == "&Undo: change the equipment"  # in the other profile
+        commands.actions["undo"].trigger()
+        assert said == [LOCKED, LOCKED]
+        assert load_profile("Newton").focal_length_mm == 750.0
+        assert not commands.actions["redo"].isEnabled()
         assert mount.telescope.parked
         assert not mount.telescope.log
     assert commands.actions["undo"].text() == "&Undo: use Newton"
