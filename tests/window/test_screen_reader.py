@@ -23,9 +23,7 @@ def absent():
     return subprocess.run([SYSTEM, "-c", asked], capture_output=True).returncode and "gir1.2-atspi-2.0 and python3-gi"
 
 
-CRASH = "Fatal Python error: Segmentation fault"
-"""Qt 6.11 died so in one of some eight runs on a machine with a load of 15, in its event loop, with no call of ours on
-the stack; in none of 21 in which a debugger or cores were ready. A program that always crashes does so twice."""
+CRASH = "Fatal Python error"  # of any process: the window's, or one that it has started
 
 
 def read_aloud(environment):  # noqa: F811
@@ -39,14 +37,13 @@ def read_aloud(environment):  # noqa: F811
     )
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(300)
 def test_a_screen_reader_solves_and_finds_a_name_for_every_control(environment):  # noqa: F811
     if missing := absent():
         pytest.skip(f"a screen reader needs {missing}")
     done = read_aloud(environment)
-    if CRASH in done.stderr:
-        done = read_aloud(environment)
-    assert done.returncode == 0, done.stderr[-8000:]  # where every thread was, if it crashed
+    assert done.returncode == 0, done.stderr[-8000:]
+    assert CRASH not in done.stderr, done.stderr[-8000:]  # where every thread was
     report = json.loads(done.stdout[done.stdout.index("{") :])  # after what the bus says of itself
     ra, dec = report["pointing"][:2]
     assert ra.startswith("05h 3")
