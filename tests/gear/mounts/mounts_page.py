@@ -62,7 +62,7 @@ moves behind the same guard: horizon, Sun, meridian, length, read-back, Stop.
   `python -m tests.gear.mounts.indi_sequences 60` at INDI's telescope simulator and at EQMod's simulated board.
   They cannot know a mount that was switched off and on where it stands *before* Kochab connects: it says that it is at home, and nothing
   in its language tells otherwise. Sync on a solved frame first.
-- **Killed in a nudge** (`kill -9`, `tests/gear/mounts/test_killed.py`): at all 17 drivers a nudge of 5° ended by itself within 2°, and a move
+- **Killed in a nudge** (`kill -9`, `tests/gear/mounts/test_killed.py`): at all drivers a nudge of 5° ended by itself within 2°, and a move
   at a rate that a person chose ran on at all but `skywatcher`, `celestronaux` and `alpaca`, as Kochab says before it moves. A nudge by
   goto ends within 2°, not always within a second: a mount of 1°/s takes two.
 - **Celestron's Wi-Fi** also met the simulator of INDI's celestronaux driver (`nse_simulator.py`, no part of this repository; a

@@ -33,6 +33,15 @@ def test_f1_opens_the_first_page(book):
     assert book.list.count() == len(pages()) == len(files) + 1  # and what is new
 
 
+def test_the_tenth_page_stands_after_the_ninth(tmp_path, monkeypatch):
+    (tmp_path / "help").mkdir()
+    for number, name in enumerate(("image", "many", "live", "mount", "polar", "lab", "night", "sky", "dome", "moon")):
+        (tmp_path / "help" / f"{number + 1}-{name}.md").write_text(f"# {name}\n")
+    monkeypatch.setattr("kochab.window.shell.help_book.data_folder", lambda _: tmp_path)
+    named = [page.name for page in pages.__wrapped__()]
+    assert named == ["image", "many", "live", "mount", "polar", "lab", "night", "sky", "dome", "moon"]
+
+
 @pytest.mark.parametrize("mode", VIEWS)
 def test_f1_opens_the_page_of_the_mode(qtbot, opened, mode):
     window, commands = opened

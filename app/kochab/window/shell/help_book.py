@@ -42,12 +42,19 @@ class HelpPage:
         return all(word in self.text.casefold() for word in words.casefold().split())
 
 
+def _number(page: Path) -> int:
+    return int(page.name.partition("-")[0])
+
+
 @cache
 def pages() -> list[HelpPage]:
     """The pages in ``resources/help`` by their numbers, and the changelog."""
     folder = data_folder("resources") / "help"
     own = folder / QLocale().name().partition("_")[0]
-    files = [p if (p := own / english.name).exists() else english for english in sorted(folder.glob("[0-9]*.md"))]
+    files = [
+        p if (p := own / english.name).exists() else english
+        for english in sorted(folder.glob("[0-9]*.md"), key=_number)
+    ]
     texts = {path.stem.partition("-")[2]: path.read_text(encoding="utf-8") for path in files}
     # In the wheel it stands beside the pages, in a checkout at the root.
     news = next((p for p in (folder / "CHANGELOG.md", folder.parents[1] / "CHANGELOG.md") if p.exists()), None)
