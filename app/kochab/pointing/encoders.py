@@ -13,6 +13,7 @@ model leaves out (flexure, axes not square) counts only for the way since then.
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -28,6 +29,8 @@ POINTING_DEG, ROLL_DEG = 1.0 / 60.0, 5.0 / 60.0
 """What a solve and the counts of its moment agree to: half a step, flexure and solving."""
 FEWEST_IN_A_TURN = 200.0
 KILO = 1000.0
+METHOD: Literal["lm"] = "lm"
+"""MINPACK's Levenberg and Marquardt; SciPy's own method needs its LAPACK, which the .deb leaves out."""
 NEW_PLACE_DEG, MOST_SIGHTINGS = 1.0, 20
 SLIP_DEG, SLIP_SIGMAS = 10.0 / 60.0, 4.0
 CREEP_DEG_S = 1.0 / 3600.0
@@ -182,7 +185,7 @@ class EncoderModel:
             return np.asarray(rotation_vectors((new.attitude @ fit.anchored(last, counts).T)[None])[0])
 
         starts = [(x, y) for x in (0.0, 2.0, -2.0) for y in (0.0, 1.0, -1.0)]
-        found = min((least_squares(left, start) for start in starts), key=lambda one: float(one.cost))
+        found = min((least_squares(left, start, method=METHOD) for start in starts), key=lambda one: float(one.cost))
         if math.degrees(float(np.linalg.norm(left(found.x)[:2]))) > SLIP_DEG:
             return False
         first, second = (found.x / rates).tolist()
@@ -205,7 +208,7 @@ class EncoderModel:
                 priors = [*values[:2] / widest, *np.degrees(values[2:4]) / LEAN_DEG, math.degrees(cone) / CONE_DEG]
                 return np.concatenate([(off * weight).ravel(), priors, values[4:] * 1e-3])
 
-            found = least_squares(left, start.values, x_scale="jac")
+            found = least_squares(left, start.values, method=METHOD, x_scale="jac")
             slope = np.asarray(found.jac)
             return _Fit(base, start.mounting, found.x, np.linalg.pinv(slope.T @ slope), float(found.cost))
 

@@ -188,9 +188,9 @@ def _counted(centres: Floats, stars: Floats, tree: Any, chord: float, half: floa
 
     if chord > WIDE:
         return np.array([_in_square(c[None], stars, half).sum() for c in centres])
-    near = cKDTree(centres).sparse_distance_matrix(tree, chord, output_type="coo_matrix")
-    inside = _in_square(centres[near.row], stars[near.col], half)
-    return np.bincount(near.row[inside], minlength=len(centres))
+    near = cKDTree(centres).sparse_distance_matrix(tree, chord, output_type="ndarray")
+    inside = _in_square(centres[near["i"]], stars[near["j"]], half)
+    return np.bincount(near["i"][inside], minlength=len(centres))
 
 
 def _in_square(centre: Floats, star: Floats, half: float) -> NDArray[np.bool_]:

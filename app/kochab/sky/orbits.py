@@ -12,6 +12,8 @@ OBLIQUITY = np.radians(84381.448 / 3600.0)
 
 PLANETS = tuple(name for name in GM if name != "sun")
 MASSES = np.array([GM[name] for name in PLANETS])
+SLOPE_DAYS = 1e-3
+"""Either side of a moment, for a planet's velocity: Mercury's is then off by 1e-10 au/day."""
 
 
 def state_at_perihelion(q_au: Floats, e: Floats, i_deg: Floats, node_deg: Floats, peri_deg: Floats) -> Floats:
@@ -141,14 +143,19 @@ def carried(
     first, span = (from_jd[:1], days[:1]) if same_span else (from_jd, days)
 
     from scipy.integrate import DOP853  # a third of a second, which the window's start need not take
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import CubicHermiteSpline
 
-    # A day apart, between which a cubic misses Mercury by 3e-8 au: one look each step in place of nine.
+    # A day apart, between which a cubic misses Mercury by 3e-8 au: one look each step in place of nine. Its slopes are
+    # those of the ephemeris: to solve for them takes SciPy's LAPACK, which the .deb leaves out.
     begun = min(float(from_jd.min()), to_jd)
     end = max(float(from_jd.max()), to_jd)
     nodes = np.linspace(begun, end, max(8, round(end - begun) + 1))
-    sun = ephemeris("sun", nodes)
-    planets = CubicSpline(nodes - begun, np.stack([ephemeris(name, nodes) - sun for name in PLANETS], axis=1))
+    before = np.maximum(nodes - SLOPE_DAYS, ephemeris.first_jd)
+    after = np.minimum(nodes + SLOPE_DAYS, ephemeris.last_jd)
+    times = np.concatenate([nodes, before, after])
+    sun = ephemeris("sun", times)
+    at, earlier, later = np.split(np.stack([ephemeris(name, times) - sun for name in PLANETS], axis=1), 3)
+    planets = CubicHermiteSpline(nodes - begun, at, (later - earlier) / (after - before)[:, None, None])
 
     def slope(share: float, flat: Floats) -> Floats:
         now = flat.reshape(-1, 6)
