@@ -146,8 +146,6 @@ NEVER_CALLED = {
     # On arm64 each module fills pages of 64 kB, so that small ones count.
     "SciPy's eigenvalues of sparse matrices, hulls, distances, old integrators and other minimizers": (
         *(f"scipy/sparse/linalg/{name}.*.so" for name in ("_eigen/arpack/_arpacklib", "_propack")),
-        *(f"scipy/linalg/{name}.*.so" for name in ("_decomp_interpolative", "_solve_toeplitz")),
-        *(f"scipy/linalg/_matfuncs_{name}.*.so" for name in ("expm", "schur_sqrtm", "sqrtm_triu")),
         *(
             f"scipy/spatial/{name}.*.so"
             for name in ("_qhull", "_distance_pybind", "_distance_wrap", "_hausdorff", "_voronoi")
@@ -159,6 +157,13 @@ NEVER_CALLED = {
         *(f"scipy/optimize/{name}.*.so" for name in ("_pava_pybind", "_group_columns", "_direct")),
         *(f"scipy/integrate/{name}.*.so" for name in ("_vode", "_odepack", "_lsoda", "_quadpack", "_dop")),
         *(f"scipy/interpolate/{name}.*.so" for name in ("_interpnd", "_rbfinterp_pythran", "_rgi_cython")),
+    ),
+    # What Kochab calls of SciPy asks NumPy's BLAS and LAPACK, so that SciPy's OpenBLAS can go (`stub`). The tables of
+    # pointers that Cython links, cython_blas and cython_lapack, stay.
+    "SciPy's linear algebra, sparse matrices' arithmetic, some splines and Fourier transforms": (
+        *("scipy/linalg/*.py", "scipy/linalg/[!c]*.so", "scipy/interpolate/_dierckx.*.so"),
+        *("scipy/optimize/_hessian_update_strategy.py", "scipy/optimize/_lsq/givens_elimination.*.so"),
+        *("scipy/sparse/_sparsetools.*.so", "scipy/sparse/_csparsetools.*.so", "scipy/fft/_pocketfft/pypocketfft.*.so"),
     ),
     "Pillow's colour profiles, morphology and Tk": (
         "PIL/_imagingcms.*.so",
@@ -222,6 +227,7 @@ def stub(site: Path, arch: str, scratch: Path) -> Counter[str]:
     """Replace libraries that are linked but never used with empty ones."""
     left: Counter[str] = Counter()
     returns = {"amd64": "xor %eax, %eax; ret", "arm64": "mov x0, #0; ret"}[arch]
+    stops = {"amd64": "ud2", "arm64": "brk #0"}[arch]  # rather than leave an answer unwritten
     (icu,) = site.glob("PySide6/Qt/lib/libicudata.so.*")
     (entry,) = (name for name in symbols(icu, "OBJECT") if name.startswith("icudt"))
     # A data file of ICU without any item: header of 32 bytes, then a table of contents that counts none.
@@ -232,15 +238,14 @@ def stub(site: Path, arch: str, scratch: Path) -> Counter[str]:
     left["ICU's rules for sorting and old encodings (an empty library in their place)"] += replace(
         icu, data, arch, scratch
     )
-    for what, library, asking, prefix in (
-        ("x265, for writing HEIC, which Kochab only reads", "*.libs/libx265*", "*.libs/libheif*", "x265_"),
-        ("X11's library for Pillow's picture of the screen", "pillow.libs/libxcb*", "PIL/_imaging.*", "xcb_"),
+    for what, library, asking, prefix, does in (
+        ("x265, for writing HEIC, which Kochab only reads", "*.libs/libx265*", "*.libs/libheif*", "x265_", returns),
+        ("X11's library for Pillow's picture of the screen", "pillow.libs/libxcb*", "PIL/_imaging.*", "xcb_", returns),
+        ("SciPy's OpenBLAS; NumPy's stays", "scipy.libs/libscipy_openblas*", "scipy/**/*.so", "scipy_", stops),
     ):
         for path in site.glob(library):
             asked = {name for one in site.glob(asking) for name in symbols(one, "UND") if name.startswith(prefix)}
-            code = "".join(
-                f".text\n.globl {name}\n.type {name}, %function\n{name}: {returns}\n" for name in sorted(asked)
-            )
+            code = "".join(f".text\n.globl {name}\n.type {name}, %function\n{name}: {does}\n" for name in sorted(asked))
             left[f"{what} (an empty library in its place)"] += replace(path, code, arch, scratch)
     return left
 
