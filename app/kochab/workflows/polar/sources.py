@@ -368,7 +368,8 @@ class RestWatch:
             if turned >= least_deg and last is not None and at_rest(last, now):
                 return now
             if turn_deg:
-                yield PolarUpdate("turn", min(1.0, turned / turn_deg), f"{turned:.0f}° of {turn_deg:.0f}°")
+                told = tr("{turned:.0f}° of {whole:.0f}°", turned=turned, whole=turn_deg)
+                yield PolarUpdate("turn", min(1.0, turned / turn_deg), told)
             last = now
 
     def rest(self, first: LocalAttitude, place: int, frames: int) -> Task[list[LocalAttitude]]:
