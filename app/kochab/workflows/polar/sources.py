@@ -368,8 +368,8 @@ class RestWatch:
             if turned >= least_deg and last is not None and at_rest(last, now):
                 return now
             if turn_deg:
-                told = tr("{turned:.0f}° of {whole:.0f}°", turned=turned, whole=turn_deg)
-                yield PolarUpdate("turn", min(1.0, turned / turn_deg), told)
+                how_far = tr("{turned:.0f}° of {whole:.0f}°", turned=turned, whole=turn_deg)
+                yield PolarUpdate("turn", min(1.0, turned / turn_deg), how_far)
             last = now
 
     def rest(self, first: LocalAttitude, place: int, frames: int) -> Task[list[LocalAttitude]]:
