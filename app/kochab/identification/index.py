@@ -149,8 +149,13 @@ def ways(nearest: int) -> Ints:
     return np.array([np.array((0, *three))[ORDERS] for three in threes(nearest)]).reshape(-1, 4)
 
 
+def first_neighbours(offsets: Ints, nearest: Ints) -> Ints:
+    """Where in ``neighbours`` those of each level begin, and all end (L + 1,), of levels (L + 1,) with so many (L,)."""
+    return np.concatenate([[0], np.cumsum(np.diff(offsets) * nearest)])
+
+
 def threes(nearest: int) -> list[tuple[int, ...]]:
-    """Any three of so many, counted from one; those of fewer come first."""
+    """All choices of three of so many, counted from one; those of the first few come first."""
     return sorted(combinations(range(1, nearest + 1), 3), key=lambda three: three[::-1])
 
 
@@ -310,7 +315,7 @@ class Volume:
         way = ways(int(self.nearest.max()))
         star, number = (found.astype(np.int64) for found in np.divmod(self.quads[quad], np.uint32(len(way))))
         level = self.level_of(star)
-        begin = np.concatenate([[0], np.cumsum(np.diff(self.offsets) * self.nearest)])
+        begin = first_neighbours(self.offsets, self.nearest)
         if level.max(initial=0) >= len(self.nearest):
             raise DamagedPatternsError(self.folder)
         which = way[number]
@@ -378,7 +383,7 @@ def _read_volume(folder: Path) -> Volume:
     counts = dict.fromkeys(ARRAYS, int(facts["quads"]))
     counts |= dict.fromkeys(("stars", "rows", "keys"), int(offsets[-1])) | {"cells": grid.cells + 1}
     nearest = np.array(facts["nearest"], dtype=np.int64)
-    counts["neighbours"] = int(np.diff(offsets) @ nearest)
+    counts["neighbours"] = int(first_neighbours(offsets, nearest)[-1])
     mapped = {name: _mapped(folder / f"{name}.npy", name, counts[name]) for name in ARRAYS}
     return Volume(
         grid,
@@ -420,7 +425,7 @@ def _is_consistent(volume: Volume) -> bool:
     )
 
 
-# -- The installation's volumes: two shipped ones and one for small fields, made once -----------
+# -- The installation's volumes: three shipped ones and one for small fields, made once ---------
 # ``wide``, ``coarse`` and ``small`` lie in ``catalogs/patterns`` and serve fields from about 1.2 degrees up.
 # ``fine`` serves smaller ones; it is several times as large, so it is made from the shipped
 # catalogue when first needed (:mod:`kochab.identification.index_build`) and kept in the user's cache.

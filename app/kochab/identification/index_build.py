@@ -38,6 +38,7 @@ from kochab.identification.index import (
     fine,
     fine_folder,
     fine_folders,
+    first_neighbours,
     open_volume,
     pack,
     shipped,
@@ -331,7 +332,7 @@ def build_volume(
         "mark": mark,
     }
     nearest = [min(max(both), len(xyz) - 1) for both, xyz in zip(neighbours, stars, strict=True)]
-    n_ways, first = len(ways(max(nearest))), np.cumsum([0, *(np.diff(offsets) * nearest)]).tolist()
+    n_ways, first = len(ways(max(nearest))), first_neighbours(np.array(offsets), np.array(nearest)).tolist()
     begun = _begun(folder, plan)
     with (
         (folder / "neighbours.npy").open("r+b" if begun["levels"] else "wb") as neighbours_file,
@@ -349,6 +350,7 @@ def build_volume(
             neighbours_file.seek(HEADER_BYTES + STEP.itemsize * first[i])
             neighbours_file.write(level.steps_on(nearest[i]).astype(STEP).tobytes())
             neighbours_file.flush()
+            os.fsync(neighbours_file.fileno())
             tasks = (
                 (grid, xyz[part].astype(np.float64), part[:, 0] + np.int64(offsets[i]), three, n_ways)
                 for part, three in level.parts()
@@ -357,7 +359,7 @@ def build_volume(
                 found.add(*encoded)
                 done += len(encoded[0])
                 yield Progress("patterns", begin + width * (1.0 + 1.5 * done / wanted))
-            # `kept` has the scratch files on the disk before their sizes are; replaced whole, it is never half a file
+            # all of it is on the disk before that is told, as `kept` sees to; replaced whole, it is never half a file
             whole = {"plan": plan, "levels": i + 1, "sizes": found.kept(), "quads": found.quads}
             (folder / "begun.new").write_text(json.dumps(whole), "utf-8")
             (folder / "begun.new").replace(folder / BEGUN)

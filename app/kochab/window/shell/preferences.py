@@ -339,13 +339,15 @@ class Preferences(QDialog):
 def data_text() -> Task[str]:
     """Which star data there is, and that nothing is fetched."""
     yield Progress("data")
-    from kochab.identification.index import fine, fine_folder
+    from kochab.identification.index import fine
     from kochab.sky import open_catalogue
 
     stars = tr("{count:,} stars, J2000 with proper motions.", count=len(open_catalogue()))
-    ready = tr("Small-field index: ready, in {folder}.", folder=fine_folder())
-    missing = tr("Small-field index: not built yet; Kochab builds it while it is open.")
-    return f"{stars}\n{ready if fine() else missing}\n{tr(OFFLINE)}"
+    if index := fine():
+        small = tr("Small-field index: ready, in {folder}.", folder=index.folder)
+    else:
+        small = tr("Small-field index: not built yet; Kochab builds it while it is open.")
+    return f"{stars}\n{small}\n{tr(OFFLINE)}"
 
 
 def _fill(page: QWidget, *parts: Part) -> None:
