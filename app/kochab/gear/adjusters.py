@@ -58,14 +58,14 @@ class Adjusters:
 
         Raises RefusedError when the board refuses, or the motor stands still or stops short of it.
         """
-        begun = self._look()[1][axis]
+        begun = self._look(ANSWER_S)[1][axis]
         resting, gone, moved_at, began_at = False, 0.0, time.monotonic(), time.monotonic()
         try:
             self._order(f"$J=G91G21{axis}{amount:.3f}F{FEED}".encode())
             while not resting:
                 yield Progress("turn", min(1.0, abs(gone / amount)) if amount else 1.0)
                 time.sleep(POLL_S)
-                state, at = self._look()
+                state, at = self._look(ANSWER_S)
                 now, before, gone = time.monotonic(), gone, at[axis] - begun
                 moved_at = moved_at if gone == before else now
                 if now - moved_at > STALLED_S or now - began_at > LONGEST_S:
@@ -90,7 +90,7 @@ class Adjusters:
             for _ in range(round(STALLED_S / POLL_S)):
                 self.stop()
                 time.sleep(POLL_S)
-                state, at = self._look()
+                state, at = self._look(ANSWER_S)
                 if state == b"Idle" and at == before:
                     return
                 before = at
@@ -100,11 +100,10 @@ class Adjusters:
         """Give the port back."""
         self._link.close()
 
-    def _look(self, within_s: float | None = None) -> tuple[bytes, dict[AdjusterAxis, float]]:
+    def _look(self, within_s: float) -> tuple[bytes, dict[AdjusterAxis, float]]:
         """What the board is doing, and where its motors are."""
         self._link.discard()
         self._link.write(b"?\n")
-        within_s = ANSWER_S if within_s is None else within_s
         end = time.monotonic() + within_s
         while time.monotonic() < end:
             if found := STATUS.search(self._link.read_until(b"\n", LONGEST_LINE, within_s)):
