@@ -19,6 +19,15 @@ def resize(qtbot, window, width, height=600):
     qtbot.wait(30)
 
 
+def beside(qtbot, opened, name, width, height):
+    """The window in a mode, as small as that, and the dock of what stands beside the image."""
+    window, commands = opened
+    commands.views.show(name)
+    for _ in range(2):
+        resize(qtbot, window, width, height)
+    return window, commands.views.docks[name]
+
+
 @pytest.mark.parametrize("name", VIEWS)
 def test_a_tool_beside_a_frame_fits_on_1024_by_600(qtbot, opened, name):
     window, commands = opened
@@ -89,11 +98,8 @@ def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, name
 
 @pytest.mark.parametrize("name", ["details", *VIEWS])
 def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtbot, opened, name):
-    window, commands = opened
-    commands.views.show(name)
-    for _ in range(2):
-        resize(qtbot, window, 500, 350)
-    dock = commands.views.docks[name]
+    _, commands = opened
+    window, dock = beside(qtbot, opened, name, 500, 350)
     if name == "last_night":  # as narrow as it is, both have room
         assert window.pages.isVisible()
         assert dock.side.area.isVisible()
@@ -130,11 +136,8 @@ def test_a_room_has_the_width_that_it_needs_beside_its_side(qtbot, opened):
 
 def test_the_mount_s_frame_is_shown_from_a_side_in_its_place(qtbot, opened):
     """The side spoke of an image that nobody saw, and its button showed the chart in place of the frame."""
-    window, commands = opened
-    commands.views.show("mount")
-    for _ in range(2):
-        resize(qtbot, window, 500, 350)
-    view, side = commands.views.docks["mount"].view, commands.views.docks["mount"].side
+    window, dock = beside(qtbot, opened, "mount", 500, 350)
+    view, side = dock.view, dock.side
     assert side.area.isVisible()
     assert not view.picture.isVisible()
     assert view.large.text() == "Show the frame"
@@ -147,11 +150,8 @@ def test_the_mount_s_frame_is_shown_from_a_side_in_its_place(qtbot, opened):
 
 
 def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbot, opened):
-    window, commands = opened
-    commands.views.show("polar")
-    for _ in range(2):
-        resize(qtbot, window, 911, 512)
-    view = commands.views.docks["polar"].view
+    _, dock = beside(qtbot, opened, "polar", 911, 512)
+    view = dock.view
     text = view.room.strip.text
     for sentence in SENTENCES.values():
         for hand in HANDS.values():
@@ -160,11 +160,8 @@ def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbo
 
 
 def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, opened):
-    window, commands = opened
-    commands.views.show("polar")
-    for _ in range(2):
-        resize(qtbot, window, 500, 350)
-    view, side = commands.views.docks["polar"].view, commands.views.docks["polar"].side
+    _, dock = beside(qtbot, opened, "polar", 500, 350)
+    view, side = dock.view, dock.side
     assert not view.setup.isVisible()
     view.buttons.set_up.trigger()
     assert view.setup.isVisible()
@@ -173,11 +170,8 @@ def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, opened):
 
 
 def test_the_number_stays_whole_in_a_room_of_a_few_lines_and_the_cards_scroll(qtbot, opened):
-    window, commands = opened
-    commands.views.show("polar")
-    for _ in range(2):
-        resize(qtbot, window, 512, 350)
-    view = commands.views.docks["polar"].view
+    window, dock = beside(qtbot, opened, "polar", 512, 350)
+    view = dock.view
     view.alignment.state = AlignmentState("done", "12″", error=error(10.0, 5.0))
     view._show()
     room = view.room
