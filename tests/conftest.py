@@ -93,7 +93,7 @@ def pytest_xdist_auto_num_workers() -> int:
 
     All tests compute for 1,100 s and wait for about 4,000 s: for lines, exposures, screens and INDI's drivers. Two cores
     that serve eight processes of such are idle for a quarter of the time by the theory of queues, for a fifth as
-    measured; twelve leave 5 % idle. Each costs 5 s of processor before its first test, and up to 0.7 GB.
+    measured; twelve leave 5 % idle. Each costs a second of processor before its first test, and up to 0.7 GB.
     """
     import psutil
 

@@ -30,7 +30,7 @@ from tests.patterns import REPOSITORY
 KEPT = REPOSITORY / ".pytest_cache" / "mutants"
 PRELOADED = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 LONGEST_TEST_S, LONGEST_FILE_S = 6.0, 60.0
-"""A test that takes the processor longer judges no change; so much of it for the tests of one file, in their order."""
+"""Processor time of a test, above which it judges no change; and of the tests of one file that are recorded."""
 PATIENCE_S = 60.0  # for one test, on the clock of a busy machine
 MOST_FILES = 24  # of one group, the smallest
 FAR = ("window", "lab/bench")  # tests that look at other rooms from far above
@@ -62,7 +62,7 @@ class Copy:
 
     @contextmanager
     def changed(self, module: str, text: str) -> Iterator[None]:
-        """Have a module's text changed; then it is as before, to the time by which its bytecode is known."""
+        """Change a module's text for a while; then it is as before, its time of modification included."""
         file = self.app / path_of(module)
         before, at = file.read_bytes(), file.stat()
         file.write_text(text, encoding="utf-8")

@@ -58,5 +58,5 @@ def test_thin_air_lifts_less():
     [(90.0, 0.9997), (60.0, 1.154), (30.0, 1.994), (10.0, 5.59), (5.0, 10.31), (0.0, 37.92), (-3.0, 37.92)],
 )
 def test_air_masses_are_those_of_kasten_and_young(altitude_deg, expected) -> None:
-    """To three or four figures; below the horizon there is no more air than at it."""
+    """To three or four figures; below the horizon it is that of the horizon."""
     assert air_masses(np.array([altitude_deg])) == pytest.approx([expected], rel=1e-3)

@@ -91,7 +91,7 @@ class PoleChart(StarChart):
 
     @property
     def _name_box(self) -> QRect:
-        """Of the name below the cross, its dark edge included, from the pole."""
+        """Where the name below the cross is drawn, with its dark edge, as seen from the pole."""
         box, edge = self.fontMetrics().boundingRect(self._name), round(HALO_PX)
         wide, high = box.width() + 2 * edge, box.height() + 2 * edge
         return QRect(-wide // 2, round(CROSS_PX[1]) + NAME_GAP_PX, wide, high)

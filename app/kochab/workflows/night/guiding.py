@@ -17,7 +17,7 @@ SETTLING_S = 15.0
 """After a dither the star is not yet where it is to be."""
 LEAST_FRAMES = 20
 SHOWN_ARCSEC, SHOWN_SHARE = 1.0, 0.3
-"""The sigma of a backlash that is told, or its share of it."""
+"""A backlash is told where its sigma is below this, or below this share of it."""
 ALIKE_MOST = 0.95
 """Neighbours are never taken to be more alike than that."""
 
