@@ -9,12 +9,13 @@
 """
 
 import os
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
 from kochab.core import __version__
 
+TYPE_CHECKING = False  # as in `kochab.cli.faces`
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike
 
     from kochab.core.attitude import Attitude
@@ -64,7 +65,9 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
+    from importlib import import_module
+
     for module, names in _HOMES.items():
         if name in names:
             # Kept in the module, so that the next use finds the name without coming here.
@@ -85,7 +88,7 @@ def solve(
     method: str = "patterns",
     detector: str = "auto",
     timeout: float | None = 30.0,
-    **options: Any,
+    **options: "Any",
 ) -> "Solution | NoSolution":
     """Plate solve a frame: detect its stars, identify them, fit the pointing and the camera.
 
@@ -150,7 +153,7 @@ def identify(
     near: tuple[float, float, float] | None = None,
     method: str = "patterns",
     timeout: float | None = 30.0,
-    **options: Any,
+    **options: "Any",
 ) -> "Solution | NoSolution":
     """Plate solve a list of stars that another program has detected.
 
@@ -190,7 +193,7 @@ def identify(
     return run(solve_detections(stars, _options(fov, scale, near, timeout, method=method, **options)))
 
 
-def detect(source: "FrameLike", detector: str = "auto", **options: Any) -> "Detections":
+def detect(source: "FrameLike", detector: str = "auto", **options: "Any") -> "Detections":
     """Find the stars of a frame, given as for :func:`solve`, brightest first.
 
     ``options`` are those of the ``detector``. Raises FrameError and UsageError as :func:`solve`.
@@ -234,7 +237,7 @@ def _options(
     scale: float | None,
     near: tuple[float, float, float] | None,
     timeout: float | None,
-    **options: Any,
+    **options: "Any",
 ) -> "SolveOptions":
     from kochab.core.errors import UsageError
     from kochab.core.frame import Hint

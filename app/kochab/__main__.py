@@ -1,16 +1,19 @@
 """``kochab`` and ``python -m app``: the window, or the command that was named."""
 
+import atexit
 import gc
 import os
 import sys
 import warnings
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 
 from kochab.cli.faces import face_of, named_face
-from kochab.cli.warm import is_for_worker
+from kochab.cli.warm import is_for_worker, is_short
 
+TYPE_CHECKING = False  # as in `kochab.cli.faces`
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
     from kochab.server.phone_page import PhonePage
     from kochab.server.telescope.offer import Offer
     from kochab.simulate.practice import PracticeNight
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
     from kochab.workflows.telescope.offered import OfferedTelescope
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: "Sequence[str] | None" = None) -> int:
     """Open the window for nothing or for files, with ``--language de`` in German; leave all else to the commands.
 
     Returns the exit code: 2 when the window cannot open, with one sentence that says what to do.
@@ -35,6 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         if (code := hand_over(arguments)) is not None:
             return code
+    if argv is None and is_short(arguments):
+        gc.disable()  # what is imported is no rubbish, and a frame leaves little: a batch collects again
     # Our matrices are small: threads of the linear algebra would cost a third of a short command, and gain nothing.
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -58,12 +63,28 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _window(arguments, spoken)
         from kochab.cli.main import main as cli_main
 
-        code = cli_main(arguments)
-        if argv is None:  # the process ends: nothing has to be found that could be freed
-            gc.freeze()
-        return code
+        return cli_main(arguments)
     except KeyboardInterrupt:  # while still starting
         return 130
+
+
+def run_process() -> int:
+    """Run :func:`main` as the whole process: a short command ends at once.
+
+    Taking the interpreter apart would cost a twentieth of its time; what was registered for the end is done.
+    """
+    from contextlib import suppress
+
+    code = main()
+    watched = sys.getprofile() or sys.gettrace()  # a profiler wants its own end
+    if is_short(_own_arguments()) and not watched:
+        atexit._run_exitfuncs()
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                with suppress(OSError, ValueError):  # said where it was written
+                    stream.flush()
+        os._exit(code)
+    return code
 
 
 def _own_arguments() -> list[str]:
@@ -101,7 +122,7 @@ def _window(paths: list[str], language: str = "") -> int:
     return run(paths, wiring, language)
 
 
-def _to_record(update: "LiveUpdate") -> dict[str, Any]:
+def _to_record(update: "LiveUpdate") -> "dict[str, Any]":
     from kochab.cli.live import finite_json
 
     return finite_json(update)
@@ -119,7 +140,7 @@ def _offer_telescope(telescope: "OfferedTelescope", lan: bool, stellarium_remote
     return Offer(telescope, {}, lan, stellarium_remote)
 
 
-def _practise(**wishes: Any) -> "PracticeNight":
+def _practise(**wishes: "Any") -> "PracticeNight":
     """A simulated telescope, see :func:`kochab.simulate.practice.practise` for the wishes."""
     from kochab.simulate.practice import practise
 
@@ -127,4 +148,4 @@ def _practise(**wishes: Any) -> "PracticeNight":
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_process())

@@ -19,6 +19,6 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    from kochab.__main__ import main as run
+    from kochab.__main__ import run_process
 
-    return run()
+    return run_process()

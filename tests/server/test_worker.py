@@ -192,7 +192,7 @@ def test_the_command_itself_loads_nothing_heavy(shared_worker):
         "import sys; sys.argv[1:] = sys.argv[1:]\n"
         "from kochab.__main__ import main\n"
         "code = main()\n"
-        "heavy = {'numpy', 'argparse', 'json', 'logging', 'pathlib'} & set(sys.modules)\n"
+        "heavy = {'numpy', 'argparse', 'json', 'logging', 'pathlib', 'typing', 're', 'socket', 'signal'} & set(sys.modules)\n"
         "print('LOADED', code, sorted(heavy), file=sys.stderr)"
     )
     done = subprocess.run(
@@ -437,7 +437,7 @@ def test_sixty_four_commands_are_at_work_at_once_and_no_more(runtime, monkeypatc
     mine._children = set(range(at_work))
     forked = []
     monkeypatch.setattr(os, "fork", lambda: forked.append(1) or 4_000_000)
-    with hand_over.connected(hand_over.place().path):
+    with contextlib.closing(hand_over.connected(hand_over.place().path)):
         mine._take()
     mine.close()
     assert bool(forked) is served

@@ -59,6 +59,8 @@ def run_batch(work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json
     workers : int
         Processes at most; with 1 the work is done in this one.
     """
+    if len(items) > 1:
+        gc.enable()  # a short command starts without
     with closing(outcomes_of(work, items, workers)) as outcomes:
         return max((_print(outcome, as_json) for outcome in outcomes), default=0)
 

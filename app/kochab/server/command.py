@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -301,5 +301,5 @@ def _process(where: Place) -> int:
     connection = connected(where.path)
     if connection is None:
         return 0
-    with connection:
+    with closing(connection):
         return peer(connection)[0]

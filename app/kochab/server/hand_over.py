@@ -1,22 +1,25 @@
 """A command's side of the worker (:mod:`kochab.server.worker`): find it, hand the command over, return its exit code.
 
-Loaded before anything heavy, with the standard library alone. The socket lies in a folder that only its owner may
-enter; its name stands for what must be equal on both sides: this installation, and the variables that change what
-Kochab reads and how it writes. The command's own streams and folder are handed over: nothing is copied, a terminal
-stays a terminal.
+Loaded before anything heavy, with the standard library alone, and of its `socket` and `signal` with the compiled
+halves: the others make enumerations, which takes longer than all that is done here. The socket lies in a folder that
+only its owner may enter; its name stands for what must be equal on both sides: this installation, and the variables
+that change what Kochab reads and how it writes. The command's own streams and folder are handed over: nothing is
+copied, a terminal stays a terminal.
 
 Whatever goes wrong before the command has written anything, the command is done here, as without a worker.
 """
 
+import _signal  # type: ignore[import-not-found]  # typeshed has none
 import os
 import sys
-from collections.abc import Sequence
+from collections import namedtuple
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
 from zlib import crc32
 
+TYPE_CHECKING = False  # as in `kochab.cli.faces`
 if TYPE_CHECKING:
-    import socket
+    import _socket
+    from collections.abc import Sequence
 
 MAGIC = b"kochab-worker-1\n"
 WRITTEN, OTHER_VERSION, DONE = b"w", b"v", b"d"
@@ -29,11 +32,8 @@ OWN = ("OPENBLAS_NUM_THREADS",)
 """What a process of ours sets for itself."""
 
 
-class Place(NamedTuple):
-    """Where this user's worker listens, and what it must be: its version, installation and variables."""
-
-    path: str
-    identity: bytes
+Place = namedtuple("Place", "path identity")
+"""Where this user's worker listens, and what it must be: its version, installation and variables, as bytes."""
 
 
 def place() -> Place:
@@ -63,19 +63,19 @@ def _version() -> str:
     return f"{core.__version__} {os.stat(core.__file__).st_mtime_ns}"
 
 
-def connected(path: str) -> "socket.socket | None":
+def connected(path: str) -> "_socket.socket | None":
     """The connection to our own worker; None when there is none, or what is there may be another user's."""
     try:
         inside, around = os.lstat(path), os.stat(os.path.dirname(path))
     except (OSError, ValueError):
         return None
-    import socket
+    import _socket
     import stat
 
     private = stat.S_ISSOCK(inside.st_mode) and not around.st_mode & 0o077
     if not private or inside.st_uid != os.geteuid() or around.st_uid != os.geteuid():
         return None
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
     connection.settimeout(CONNECT_S)
     try:
         connection.connect(path)
@@ -87,22 +87,22 @@ def connected(path: str) -> "socket.socket | None":
     return None
 
 
-def peer(connection: "socket.socket") -> tuple[int, int]:
+def peer(connection: "_socket.socket") -> tuple[int, int]:
     """Process and user at the other end, as the system tells them.
 
     Where it does not (macOS), they are 0 and this process's own user: the folder alone guards.
     """
-    import socket
+    import _socket
     import struct
 
-    if not hasattr(socket, "SO_PEERCRED"):
+    if not hasattr(_socket, "SO_PEERCRED"):
         return 0, os.geteuid()
-    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    credentials = connection.getsockopt(_socket.SOL_SOCKET, _socket.SO_PEERCRED, struct.calcsize("3i"))
     process, user, _ = struct.unpack("3i", credentials)
     return process, user
 
 
-def hand_over(arguments: Sequence[str]) -> int | None:
+def hand_over(arguments: "Sequence[str]") -> int | None:
     """The exit code of a command that the worker has done; None when it is to be done here."""
     if sys.platform == "win32":  # no fork, and no streams through a socket
         return None
@@ -110,18 +110,21 @@ def hand_over(arguments: Sequence[str]) -> int | None:
     connection = connected(where.path)
     if connection is None:
         return None
-    with connection:
+    try:
         try:
             _send_request(connection, where.identity, arguments)
         except OSError:
             return None
         return _awaited(connection)
+    finally:
+        connection.close()
 
 
-def _send_request(connection: "socket.socket", identity: bytes, arguments: Sequence[str]) -> None:
+def _send_request(connection: "_socket.socket", identity: bytes, arguments: "Sequence[str]") -> None:
     """Send the command with its streams, folder, variables and limits; OSError when that cannot be."""
+    import _socket
     import resource
-    import socket
+    import struct
 
     here = os.open(".", os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     try:
@@ -132,7 +135,8 @@ def _send_request(connection: "socket.socket", identity: bytes, arguments: Seque
         variables = [f"{name}={value}" for name, value in os.environ.items()]
         body = b"\0".join([identity, *(os.fsencode(text) for text in (*head, *arguments, *variables))])
         # OSError where one of the three is closed, which a child would have to imitate.
-        socket.send_fds(connection, [MAGIC + len(body).to_bytes(4, "big")], [0, 1, 2, here])
+        streams = (_socket.SOL_SOCKET, _socket.SCM_RIGHTS, struct.pack("4i", 0, 1, 2, here))
+        connection.sendmsg([MAGIC + len(body).to_bytes(4, "big")], [streams])
         connection.sendall(body)
     finally:
         os.close(here)
@@ -146,10 +150,8 @@ def limit_numbers() -> list[int]:
     return [getattr(resource, name) for name in names]
 
 
-def _awaited(connection: "socket.socket") -> int | None:
+def _awaited(connection: "_socket.socket") -> int | None:
     """The exit code; signals that would end the command are passed on meanwhile."""
-    import signal
-
     relayed = 0
 
     def relay(number: int, frame: object) -> None:
@@ -158,8 +160,8 @@ def _awaited(connection: "socket.socket") -> int | None:
         with suppress(OSError):  # it is just ending
             connection.send(bytes([number]))
 
-    asked = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
-    before = {n: signal.signal(n, relay) for n in asked if signal.getsignal(n) is not signal.SIG_IGN}
+    asked = [_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP]
+    before = {n: _signal.signal(n, relay) for n in asked if _signal.getsignal(n) != _signal.SIG_IGN}
     connection.settimeout(None)
     written = False
     try:
@@ -175,7 +177,7 @@ def _awaited(connection: "socket.socket") -> int | None:
         pass
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            _signal.signal(number, handler)
     if relayed:  # the command ended as the signal has it, and so do we
         os.kill(os.getpid(), relayed)
         return 128 + relayed

@@ -244,6 +244,7 @@ class Worker:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         for number in PASSED - {signal.SIGINT}:
             signal.signal(number, signal.SIG_DFL)
+        gc.disable()  # as the command's own process does
         over = threading.Event()
         threading.Thread(target=_follow, args=(connection, over), daemon=True).start()
         try:

@@ -5,8 +5,10 @@ first argument. ``kochab -f FILE ...`` is ASTAP's as well.
 """
 
 import os
-import re
-from collections.abc import Sequence
+
+TYPE_CHECKING = False  # importing typing takes a third of a handed over command's time
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 FACES = {
     "astap": "kochab.cli.faces.astap:run",
@@ -22,15 +24,17 @@ FACES = {
 def named_face(program: str) -> str | None:
     """The face that a program's path names: ``astap_cli`` for ``/opt/bin/astap_cli`` and ``astap_cli.exe``."""
     name = os.path.basename(program).lower().removesuffix(".exe")
-    name = re.sub(r"^(platesolve[23])\.\d+$", r"\1", name)  # PlaneWave's have a version in their names
+    program, _, version = name.rpartition(".")
+    if program in ("platesolve2", "platesolve3") and version.isdecimal():  # PlaneWave's have a version in their names
+        name = program
     return name if name in FACES else None
 
 
-def face_of(arguments: Sequence[str]) -> str | None:
+def face_of(arguments: "Sequence[str]") -> str | None:
     """The face that a command line is for; None for Kochab's own commands."""
     if not arguments:
         return None
     if arguments[0] in FACES:
         return arguments[0]
     # ASTAP's words have one dash.
-    return "astap" if "-f" in arguments and re.match("-[a-z]", arguments[0]) else None
+    return "astap" if "-f" in arguments and arguments[0][:1] == "-" and "a" <= arguments[0][1:2] <= "z" else None
