@@ -3,6 +3,7 @@
 Each test starts a cluster of real processes, which takes two seconds: there are few.
 """
 
+import gc
 import json
 import os
 import signal
@@ -14,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from kochab.cli.cluster import cluster, on_cluster
+from kochab.cli.cluster import WAITING, cluster, on_cluster
 from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
@@ -105,6 +106,19 @@ def test_what_kills_every_worker_is_told_and_costs_no_other_its_row() -> None:
     rows = [row for outcome in outcomes for row in outcome.rows]
     assert sorted(row["url"] for row in rows) == sorted(names)
     assert [row["url"] for row in rows if "error" in row] == ["poison"]
+
+
+def test_chunks_that_are_done_are_held_by_nobody() -> None:
+    """Else a run grows by its inputs: Dask keeps what it sent last, for whoever looks for faults in it."""
+    recipe, count, most = Recipe(SolveOptions()), 200, 0
+    chunks = (Chunk((Item(f"held {k}", "", 0),), ("",), recipe) for k in range(count))
+    with cluster(None, 2) as workers:
+        for done, _ in enumerate(on_cluster(workers, chunks, ends_for_poison, told_as_lost), 1):
+            if done % 20 == 0:
+                gc.collect()
+                most = max(most, sum(type(one) is Item and one.url.startswith("held") for one in gc.get_objects()))
+    assert done == count
+    assert most <= 4 * WAITING * 2  # those in hand, and what Dask is about to let go
 
 
 def test_a_scheduler_of_somebody_elses_is_used(tmp_path, capsys) -> None:
