@@ -49,7 +49,10 @@ REACH_SIGMA = 6.0
 PRIOR_COUNTS = (1.0, 10.0)
 """Wrong and right matches assumed beforehand, counted as so many stars seen."""
 # Gauss-Laguerre: the expectation over r^2 / 2 sigma^2, which has an exponential law, is a weighted sum.
-_NODES, _WEIGHTS = np.polynomial.laguerre.laggauss(40)
+# From the Jacobi matrix (Golub & Welsch 1969): to import numpy.polynomial for it takes as long as to fit a frame.
+_row = np.arange(40)
+_NODES, _vectors = np.linalg.eigh(np.diag(2.0 * _row + 1.0) + np.diag(_row[1:], 1) + np.diag(_row[1:], -1))
+_WEIGHTS = _vectors[0] ** 2
 
 
 def match_probability(scaled: Floats, outlier_fraction: float) -> tuple[Floats, float]:

@@ -156,7 +156,7 @@ def solve_one(
     number : int or None
         The frame of a video, counted from 1; None for the first.
     """
-    from kochab.sky.layer import MOST
+    from kochab.sky.object_index import MOST
     from kochab.workflows.solve_frame import SolvedFrame, solve_file, solve_star_list
 
     more, most = tables_of(elements), LISTED if request.objects is None else MOST

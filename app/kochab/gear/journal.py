@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 from time import gmtime
@@ -51,20 +52,10 @@ def open_journal(folder: Path | None = None, terminal: bool = False) -> Path | N
     warnings go to standard error as well, as they do without a journal, and the packages' versions are left out:
     asking for them delays the start.
     """
-    from logging.handlers import RotatingFileHandler
-
-    class JournalFile(RotatingFileHandler):
-        def doRollover(self) -> None:  # noqa: N802 - logging's own name
-            with suppress(OSError):  # Windows: another Kochab has it open; it grows until that ends
-                super().doRollover()
-
-        def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's own name
-            """A full disk must not stop a mount from being stopped, nor fill the terminal."""
-
     path = (folder or journal_folder()) / FILE
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        file = JournalFile(path, maxBytes=FILE_BYTES, backupCount=FILES - 1, encoding="utf-8")
+        file = JournalFile(path, encoding="utf-8")
     except OSError:
         return None
     layout = "%(asctime)s.%(msecs)03dZ %(levelname)s %(name)s %(message)s"
@@ -80,6 +71,33 @@ def open_journal(folder: Path | None = None, terminal: bool = False) -> Path | N
     _log_uncaught_faults()
     logger.info("started: %s", ", ".join(f"{name} {version}" for name, version in versions(not terminal).items()))
     return path
+
+
+class JournalFile(logging.FileHandler):
+    """A file that makes way for a new one when it is full, as :class:`logging.handlers.RotatingFileHandler`.
+
+    That one brings sockets and queues along, a fiftieth of a short command.
+    """
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record; then let the files move on by one if this one is full."""
+        super().emit(record)
+        with suppress(OSError):  # Windows: another Kochab has it open; it grows until that ends
+            if self.stream is not None and os.fstat(self.stream.fileno()).st_size >= FILE_BYTES:
+                self.stream.close()
+                self._rotate()
+
+    def _rotate(self) -> None:
+        names = [self.baseFilename, *(f"{self.baseFilename}.{n}" for n in range(1, FILES))]
+        try:
+            for newer, older in reversed([*pairwise(names)]):
+                if os.path.exists(newer):
+                    os.replace(newer, older)
+        finally:
+            self.stream = self._open()
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's own name
+        """A full disk must not stop a mount from being stopped, nor fill the terminal."""
 
 
 class JournalFormatter(logging.Formatter):

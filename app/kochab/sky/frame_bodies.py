@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Solution
 from kochab.sky.apparent import julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue
-from kochab.sky.layer import BODY_MAG, Mark
-from kochab.sky.small_bodies import bodies_near
-from kochab.sky.solar_system import Body, BodyKind, Moving
+
+if TYPE_CHECKING:  # what follows is loaded by those who need it: a cold solve of an undated frame does not
+    from kochab.sky.layer import Mark
+    from kochab.sky.solar_system import Body, Moving
 
 COMPLETE_TO_V = 9.5
 """The catalogue lacks no star to V 10; half a magnitude is for the frame's colours."""
@@ -38,7 +40,7 @@ TRAIL_POINTS = 16
 class BodyInFrame:
     """A body at its pixel; ``seen`` when a detection that is no star lies within three sigma of it."""
 
-    body: Body
+    body: "Body"
     x: float
     y: float
     seen: bool
@@ -76,7 +78,7 @@ def bodies_in_frame(
     time_utc: datetime | None,
     site: Site | None,
     catalogue: Catalogue,
-    more: Sequence[Moving] = (),
+    more: "Sequence[Moving]" = (),
     exposure_s: float = 0.0,
 ) -> Task[FrameBodies]:
     """The bodies within a solved frame, no fainter than its faintest matched star, and what remains unnamed.
@@ -104,6 +106,8 @@ def bodies_in_frame(
     faintest = max((star.mag for star in solution.stars), default=0.0)
     near: Sequence[Body] = ()
     if time_utc is not None:
+        from kochab.sky.small_bodies import bodies_near
+
         near = yield from bodies_near(time_utc, site, solution.centre_vector, radius, faintest, more, exposure_s)
     matched = _matched(detections.xy, px)
     free = np.ones(len(detections), dtype=bool)
@@ -120,7 +124,7 @@ def bodies_in_frame(
         its = (
             free
             & (np.hypot(*(detections.xy - (x, y)).T) <= reach)
-            & (body.sigma_arcsec <= SEEN_ARCSEC or body.kind is BodyKind.MOON)
+            & (body.sigma_arcsec <= SEEN_ARCSEC or body.kind == "moon")
         )
         # a detection belongs to one body: the brightest, as bodies come in that order
         free &= ~its
@@ -158,7 +162,7 @@ def _matched(detected: Floats, stars: Floats) -> tuple[Ints, Ints]:
     return row[same], star[same]
 
 
-def _clipped_to_frame(solution: Solution, body: Body) -> Body:
+def _clipped_to_frame(solution: Solution, body: "Body") -> "Body":
     """A satellite at the middle of its trail through the frame, with that part alone; the same when it is outside."""
     xy = solution.pixels_of(np.array([unit_vectors(*place) for place in body.trail]))
     size = (solution.camera.width - 0.5, solution.camera.height - 0.5)
@@ -171,8 +175,8 @@ def _clipped_to_frame(solution: Solution, body: Body) -> Body:
 
 
 def body_marks(
-    frame: Frame, solution: Solution, site: Site | None = None, more: Sequence[Moving] = ()
-) -> Task[tuple[Mark, ...]]:
+    frame: Frame, solution: Solution, site: Site | None = None, more: "Sequence[Moving]" = ()
+) -> "Task[tuple[Mark, ...]]":
     """The bodies of a frame that says when it was taken, for the sky layer; discs as outlines.
 
     Parameters
@@ -195,7 +199,7 @@ def body_marks(
     return tuple(body_mark(solution, one.body, k, np.array([one.x, one.y])) for k, one in enumerate(found.bodies))
 
 
-def body_mark(solution: Solution, body: Body, row: int, xy: Floats) -> Mark:
+def body_mark(solution: Solution, body: "Body", row: int, xy: Floats) -> "Mark":
     """A body with its disc or its trail, as a mark of the sky layer.
 
     Parameters
@@ -209,6 +213,8 @@ def body_mark(solution: Solution, body: Body, row: int, xy: Floats) -> Mark:
     xy : Floats
         Its pixel (2,).
     """
+    from kochab.sky.layer import BODY_MAG, Mark
+
     turn = np.linspace(0.0, 2.0 * np.pi, 49)
     radius = body.diameter_arcsec / 2.0 / solution.camera.scale_arcsec_px
     shape = xy + radius * np.column_stack([np.cos(turn), np.sin(turn)])

@@ -14,7 +14,7 @@ import numpy as np
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
 from kochab.core.solution import Solution
-from kochab.sky.object_index import holding
+from kochab.sky.object_index import MOST, holding, inside
 from kochab.sky.sky_tables import EPOCH, SkyTables
 from kochab.text.translation import tr
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 BODY_MAG = 60.0  # by which a body of the Solar System ranks before all else
 BODIES = -20.0  # the rank down to which all are bodies
-MOST, MOST_OUTLINES = 1500, 200  # objects of one frame, and outlines of one view, the best known
+MOST_OUTLINES = 200  # of one view, the best known
 Magnitude = TypeVar("Magnitude", float, Floats)
 NUMBERED, FIRST = 2.0, 1.5  # ranks by which a star with only a number is named later, and one of one word earlier
 NAMELESS = 7.0  # the rank that a frame's first name has at least: no solved frame is without one
@@ -208,13 +208,6 @@ def around_text(tables: SkyTables, solution: Solution) -> str:
 def in_reach(vectors: Floats, centre: Floats, reach_rad: float) -> Bools:
     """Which unit vectors (N, 3) are within ``reach_rad`` of the centre."""
     return np.asarray(vectors @ centre > np.cos(min(reach_rad, np.pi)))
-
-
-def inside(solution: Solution, xy: Floats) -> Bools:
-    """Which pixels (N, 2) the frame has."""
-    size = np.array([solution.camera.width, solution.camera.height])
-    with np.errstate(invalid="ignore"):
-        return np.asarray(((xy > -0.5) & (xy < size - 0.5)).all(axis=1))
 
 
 def _objects(tables: SkyTables, solution: Solution, centre: Floats, reach: float) -> Iterable[Mark]:

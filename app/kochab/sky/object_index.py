@@ -10,14 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.core.solution import Solution
 from kochab.sky.catalogue import shipped_folder
 from kochab.sky.catalogue_file import TURN, Container
 from kochab.sky.names import SkyObjects, objects_of_rows
 
 INDEX, TABLE = "objects.kcat", "objects.tsv"
+MOST = 1500  # objects of one frame, the best known
 
 
 class ObjectIndex:
@@ -69,3 +71,10 @@ def holding(objects: "ObjectIndex | SkyObjects", centre: Floats, radius_rad: flo
 def object_index() -> ObjectIndex:
     """That of the shipped table; `CatalogueError` where it is missing or belongs to another table."""
     return ObjectIndex(shipped_folder())
+
+
+def inside(solution: Solution, xy: Floats) -> Bools:
+    """Which pixels (N, 2) the frame has."""
+    size = np.array([solution.camera.width, solution.camera.height])
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((xy > -0.5) & (xy < size - 0.5)).all(axis=1))

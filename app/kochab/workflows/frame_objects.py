@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite, isnan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,14 +11,13 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
-from kochab.frames.export import csv_text, ds9_regions
-from kochab.sky.frame_bodies import BodyInFrame, body_marks
-from kochab.sky.kinds import FAMILIES
-from kochab.sky.layer import DOT_PX, MOST, inside
 from kochab.sky.names import MAG_SOURCES, SkyObjects
-from kochab.sky.object_index import holding, object_index
-from kochab.sky.solar_system import Body, Moving
+from kochab.sky.object_index import MOST, holding, inside, object_index
 from kochab.workflows.solution_json import Json
+
+if TYPE_CHECKING:  # what follows is loaded by those who need it: a cold solve of an undated frame does not
+    from kochab.sky.frame_bodies import BodyInFrame
+    from kochab.sky.solar_system import Body, Moving
 
 NAN = float("nan")
 
@@ -47,17 +48,19 @@ class FrameObject:
     moves: bool = False
 
 
-def objects_of(frame: Frame, solution: Solution, more: Sequence[Moving] = ()) -> list[FrameObject]:
+def objects_of(frame: Frame, solution: Solution, more: "Sequence[Moving]" = ()) -> list[FrameObject]:
     """The bodies and deep-sky objects of the frame, the best known first, then those that are larger than it.
 
     Bodies need the frame's time; ``more`` are tables of them beside the shipped one's.
     """
+    from kochab.sky.frame_bodies import body_marks
+
     marks = run(body_marks(frame, solution, more=more)) if frame.hint.taken_utc is not None else ()
     bodies = [_body(mark.body, *mark.xy.tolist()) for mark in marks if mark.body is not None]
     return [*bodies, *deep_sky_of(solution)[0]]
 
 
-def all_of(solution: Solution, bodies: Sequence[BodyInFrame], most: int = MOST) -> tuple[list[FrameObject], int]:
+def all_of(solution: Solution, bodies: "Sequence[BodyInFrame]", most: int = MOST) -> tuple[list[FrameObject], int]:
     """The frame's bodies and at most ``most`` of its deep-sky objects; how many of these were left out."""
     found, left_out = deep_sky_of(solution, most)
     return [*(_body(one.body, one.x, one.y) for one in bodies), *found], left_out
@@ -81,7 +84,7 @@ def deep_sky_of(solution: Solution, most: int = MOST) -> tuple[list[FrameObject]
     return sorted(found, key=lambda one: one.larger), len(seen) - len(shown)
 
 
-def _body(body: Body, x: float, y: float) -> FrameObject:
+def _body(body: "Body", x: float, y: float) -> FrameObject:
     wide = (body.diameter_arcsec / 60.0 or NAN, NAN)
     place = (x, y, body.ra_deg, body.dec_deg)
     return FrameObject(body.name, (), str(body.kind), *place, body.magnitude, "V", "", wide, NAN, moves=True)
@@ -99,6 +102,10 @@ def _object(objects: SkyObjects, row: int, x: float, y: float, larger: bool) -> 
 
 def objects_json(found: Sequence[FrameObject]) -> list[Json]:
     """The stable JSON form; what is not known is null."""
+
+    def known(value: float) -> float | None:
+        return value if isfinite(value) else None
+
     return [
         {
             "name": one.name,
@@ -106,13 +113,13 @@ def objects_json(found: Sequence[FrameObject]) -> list[Json]:
             "kind": one.kind,
             "ra_deg": one.ra_deg,
             "dec_deg": one.dec_deg,
-            "x": one.x,
-            "y": one.y,
-            "magnitude": one.magnitude,
-            "band": one.band if np.isfinite(one.magnitude) else "",
+            "x": known(one.x),
+            "y": known(one.y),
+            "magnitude": known(one.magnitude),
+            "band": one.band if isfinite(one.magnitude) else "",
             "magnitude_source": one.source,
-            "size_arcmin": None if np.isnan(one.size_arcmin[0]) else [s for s in one.size_arcmin if np.isfinite(s)],
-            "position_angle_deg": one.position_angle_deg,
+            "size_arcmin": None if isnan(one.size_arcmin[0]) else [s for s in one.size_arcmin if isfinite(s)],
+            "position_angle_deg": known(one.position_angle_deg),
             "where": "larger" if one.larger else "inside",
         }
         for one in found
@@ -121,6 +128,8 @@ def objects_json(found: Sequence[FrameObject]) -> list[Json]:
 
 def objects_csv(found: Sequence[FrameObject]) -> str:
     """A line an object: px, ICRS degrees, magnitude and band, sizes in arcmin, position angle in degrees."""
+    from kochab.frames.export import csv_text
+
     head = ("name", "names", "type", "x", "y", "ra_deg", "dec_deg", "mag", "band", "source", "major_arcmin")
     rows: list[tuple[object, ...]] = [(*head, "minor_arcmin", "pa_deg", "where")]
     for one in found:
@@ -140,6 +149,9 @@ def sky_regions(solution: Solution, found: Sequence[FrameObject]) -> str:
 
     DS9 counts an ellipse's angle from west over north, 90 degrees more than the position angle.
     """
+    from kochab.frames.export import ds9_regions
+    from kochab.sky.kinds import FAMILIES
+    from kochab.sky.layer import DOT_PX
     from kochab.workflows.annotated_image import INKS
 
     lines, least = [], DOT_PX * solution.camera.scale_arcsec_px

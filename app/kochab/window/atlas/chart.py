@@ -31,8 +31,9 @@ from kochab.core.solution import Solution
 from kochab.frames.sky_grid import pieces
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.frame_bodies import body_mark
-from kochab.sky.layer import FIRST, MARKS, Layers, Mark, inside, named_to, star_rank
+from kochab.sky.layer import FIRST, MARKS, Layers, Mark, named_to, star_rank
 from kochab.sky.milky_way import MilkyWay
+from kochab.sky.object_index import inside
 from kochab.sky.sky_tables import SkyTables
 from kochab.sky.solar_system import Body, BodyKind
 from kochab.text.translation import tr
