@@ -121,7 +121,7 @@ def test_names_and_numbers_are_carried(built):
     assert objects.vector[objects.messier == "M31"][0] == pytest.approx(unit_vectors(10.685, 41.269), abs=1e-4)
     with pytest.raises(UsageError):
         catalogue.find("NGC 1A")
-    row = catalogue.bright_row(catalogue.find("vega"))
+    row = catalogue.bright_rows(np.array([catalogue.find("vega")]))[0]
     assert catalogue.names.bright.column("parallax")[row] == 13020
 
 

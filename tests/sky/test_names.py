@@ -150,7 +150,7 @@ def test_every_hipparcos_star_leads_to_a_deep_row_and_back(catalogue):
 
 
 def test_numbers_of_vega(catalogue):
-    bright, row = catalogue.names.bright, catalogue.bright_row(catalogue.find("Vega"))
+    bright, row = catalogue.names.bright, catalogue.bright_rows(np.array([catalogue.find("Vega")]))[0]
     assert [int(bright.column(name)[row]) for name in ("hip", "hd", "hr", "sao")] == [91262, 172167, 7001, 67174]
     assert bright.column("parallax")[row] / 1e2 == pytest.approx(130.23, abs=0.1)
     assert bright.column("pm_ra")[row] / 1e2 == pytest.approx(200.94, abs=0.01)

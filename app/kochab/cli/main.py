@@ -155,11 +155,10 @@ def build_parser(arguments: Sequence[str]) -> Parser:
     )
     parser.add_argument(NO_WORKER, action="store_true", help="do the work here though kochab serve runs")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, (place, text) in COMMANDS.items():
-        # The others appear in --help with their one line and cost no import.
-        if arguments and arguments[0] == name:
-            module, _, function = place.partition(":")
-            getattr(import_module(module), function)(subparsers)
-        else:
+    if arguments and arguments[0] in COMMANDS:
+        module, _, function = COMMANDS[arguments[0]][0].partition(":")
+        getattr(import_module(module), function)(subparsers)
+    else:  # what they do appears in --help, and costs no import
+        for name, (_, text) in COMMANDS.items():
             subparsers.add_parser(name, help=text)
     return parser

@@ -231,25 +231,26 @@ class Catalogue:
 
         A star that Hipparcos lacks is named by its position, ``("J183656.3+384701", "")``.
         """
-        bright = [self.bright_row(row) for row in rows.tolist()]
         return [
-            (position_name(place), "") if star is None else self.names.label(star)
-            for star, place in zip(bright, self.vectors(rows), strict=True)
+            (position_name(place), "") if star < 0 else self.names.label(star)
+            for star, place in zip(self.bright_rows(rows).tolist(), self.vectors(rows), strict=True)
         ]
 
     def label(self, row: int) -> tuple[str, str]:
         """The same of one star."""
         return self.labels(np.array([row]))[0]
 
-    def bright_row(self, row: int) -> int | None:
-        """The row of the bright list that ``row`` leads to (its brightest part), or None."""
-        if not int(self._flag[row]) & HIPPARCOS:
-            return None
-        deep = self.container.column("link_deep")
-        at = deep.searchsorted(deep.dtype.type(row))  # a number of its own type: nothing is copied
-        if at == len(deep) or deep[at] != row:
+    def bright_rows(self, rows: Ints) -> Ints:
+        """The rows of the bright list that ``rows`` (N,) lead to (their brightest parts), -1 where there is none."""
+        deep, bright = self.container.column("link_deep"), self.container.column("link_bright")
+        known = (self._flag[rows] & HIPPARCOS) != 0
+        asked = rows[known].astype(deep.dtype)  # numbers of its own type: the column is not copied
+        at = deep.searchsorted(asked)
+        if (at >= len(deep)).any() or (deep[at] != asked).any():
             raise self._damaged()
-        return int(self.container.column("link_bright")[at])
+        found = np.full(len(rows), -1, dtype=np.int64)
+        found[known] = bright[at]
+        return found
 
     def deep_row(self, bright_row: int) -> int:
         """The row of this list that holds a row of the bright list."""
