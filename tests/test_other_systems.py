@@ -57,10 +57,12 @@ def test_windows_has_one_folder_for_all_that_a_person_keeps(tmp_path, monkeypatc
     import platformdirs
     from platformdirs.windows import Windows
 
+    from kochab import folders
     from kochab.folders import cache_folder, config_folder
     from kochab.gear.journal import journal_folder
     from kochab.sky.catalogue_import import user_folder
 
+    monkeypatch.setattr(folders, "_user_cache", folders._user_cache.__wrapped__)
     monkeypatch.setattr(platformdirs, "PlatformDirs", Windows)
     monkeypatch.setattr("platformdirs.windows.get_win_folder", lambda name: str(tmp_path / name))
     monkeypatch.delenv("KOCHAB_CACHE", raising=False)

@@ -2,6 +2,7 @@
 
 import os
 import re
+from functools import cache
 from pathlib import Path
 
 
@@ -14,11 +15,16 @@ def data_folder(name: str) -> Path:
 
 def cache_folder() -> Path:
     """Where all that is made once lies: ``KOCHAB_CACHE`` or the user's cache."""
+    base = os.environ.get("KOCHAB_CACHE")
+    return Path(base) if base else _user_cache()
+
+
+@cache  # every blind frame asks for it
+def _user_cache() -> Path:
     # Imported here: this module loads at every start, and most commands need no folder.
     from platformdirs import user_cache_path
 
-    base = os.environ.get("KOCHAB_CACHE")
-    return Path(base) if base else user_cache_path("kochab", appauthor=False)
+    return user_cache_path("kochab", appauthor=False)
 
 
 def state_folder() -> Path:

@@ -131,26 +131,28 @@ def test_a_search_announces_what_it_reads(toy_volume):
     assert set(open_volume(toy_volume.folder).ahead) == set(index.SCATTERED)
 
 
-def test_the_quick_look_finds_the_stars_of_each_box_in_one_zone_or_two(toy_volume):
-    """Counted by hand: boxes of a fifth of a zone's height, in which the whole of a touched zone counts."""
+def test_the_quick_look_finds_the_stars_around_each_place_in_one_zone_or_two(toy_volume):
+    """By all distances: reaches of 0.15 of a zone's height, so that many places have stars in two zones."""
     rng, level, count = np.random.default_rng(4), 2, 200
     xy, focal, zones = rng.uniform(-400.0, 400.0, (12, 2)), 900.0, toy_volume.zones[level]
     matrix, flip = Rotation.random(count, random_state=5).as_matrix(), np.arange(count) % 2 == 1
     proposers = np.tile([0, 1, 9, 10], (count, 1))
     found = Hypotheses(matrix, np.full(count, focal), flip, np.full(count, level), proposers, proposers)
-    reach = 0.1 * np.pi / zones
+    reach = 0.15 * np.pi / zones
     stars = toy_volume.stars[slice(*toy_volume.offsets[level : level + 2])].astype(float)
-    ra, zone = np.arctan2(stars[:, 1], stars[:, 0]) % (2 * np.pi), (np.arcsin(stars[:, 2]) / np.pi + 0.5) * zones // 1
-    expected = np.zeros((count, len(xy)), dtype=bool)
+    ra = np.arctan2(stars[:, 1], stars[:, 0]) % (2 * np.pi)
+    expected, in_the_zone_alone = np.zeros((2, count, len(xy)), dtype=bool)
     for h in range(count):
         seen = np.column_stack([xy * [-1.0 if flip[h] else 1.0, 1.0] / focal, np.ones(len(xy))]) @ matrix[h]
-        x, y, z = seen.T / np.linalg.norm(seen, axis=1)
-        wide = np.abs(ra - (np.arctan2(y, x) % (2 * np.pi))[:, None]) * np.sqrt(1.0 - z * z)[:, None] < reach
-        edges = (np.arcsin(z)[:, None] / np.pi + 0.5) * zones + np.array([-0.1, 0.1])
-        expected[h] = (wide & (zone >= edges[:, :1] // 1) & (zone <= edges[:, 1:] // 1)).any(axis=1)
+        seen /= np.linalg.norm(seen, axis=1)[:, None]
+        near = np.linalg.norm(seen[:, None] - stars, axis=2) < reach
+        near &= np.abs(ra - (np.arctan2(*seen[:, 1::-1].T) % (2 * np.pi))[:, None]) < 3.0  # not across RA 0h
+        zone, own = ((np.arcsin(v[:, 2]) / np.pi + 0.5) * zones // 1 for v in (stars, seen))
+        expected[h], in_the_zone_alone[h] = near.any(axis=1), (near & (zone == own[:, None])).any(axis=1)
+    assert 0.05 < expected.mean() < 0.6
+    assert expected.sum() > 1.04 * in_the_zone_alone.sum()
     expected[:, [0, 1, 9, 10]] = False
     first, second = (support(toy_volume, xy[k : k + 6], found, reach * focal, first=k) for k in (0, 6))
-    assert 0.05 < expected.mean() < 0.6
     np.testing.assert_array_equal(first, expected[:, :6].sum(axis=1))
     np.testing.assert_array_equal(second, expected[:, 6:].sum(axis=1))
 

@@ -16,7 +16,7 @@ import mmap
 import sys
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations, permutations
 from pathlib import Path
 from typing import Any
@@ -114,10 +114,13 @@ MOST_IN_CELL = 1 << 16  # a hundred times what any cell holds
 ALL_FOUR = np.uint32(0x01010101)  # four true bytes
 # corners of a box in code space: along which of the four axes it is the upper of two cells
 CORNERS = (np.arange(16)[:, None] >> np.arange(4) & 1).astype(bool)
-CORNER_BITS = CORNERS.T.astype(np.int64)
+AXES = np.array([1, 2, 4, 8])
+# by the axes along which a box is in two cells, in binary: which corners step along none of the others
+TOUCHED = (np.arange(16)[:, None] | np.arange(16)) == np.arange(16)[:, None]
 FINENESS = 4  # of 256 parts of a cell: the two lowest bits of a code's bytes hold the size
 PLACE = np.uint32(0xFCFCFCFC)
 IM_REACH = 0.875  # |Im z| never exceeds sqrt(3)/2 while the base is the longest side
+CORNER = np.array([0.0, 0.0, IM_REACH, IM_REACH])  # what makes a code positive
 ORDERS = np.array(list(permutations(range(4))))
 SIZE_MIN_RAD, SIZE_STEPS = 1e-4, 127.0  # base length from 20 arcsec to pi rad in 127 steps
 SIZE_LOG = float(np.log(np.pi / SIZE_MIN_RAD))
@@ -159,13 +162,13 @@ def threes(nearest: int) -> list[tuple[int, ...]]:
     return sorted(combinations(range(1, nearest + 1), 3), key=lambda three: three[::-1])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Grid:
     """How code space is cut: ``steps`` cells over [0, 1] of the real parts."""
 
     steps: int
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int, int, int]:
         """Cells of Re zc (which stays below 1/2), Re zd, Im zc, Im zd."""
         imag = int(np.ceil(2 * IM_REACH * self.steps))
@@ -178,13 +181,18 @@ class Grid:
 
     def scaled(self, code: Floats) -> Floats:
         """Codes (Q, 4) in units of a cell, from the grid's corner."""
-        return np.asarray((code + np.array([0.0, 0.0, IM_REACH, IM_REACH])) * self.steps)
+        return np.asarray((code + CORNER) * self.steps)
 
     def number(self, cell: Ints) -> Ints:
         """Flat cell numbers of integer cells (Q, 4), which are clipped into the grid."""
-        return np.asarray(np.clip(cell, 0, np.array(self.shape) - 1) @ self.strides)
+        return np.asarray(np.clip(cell, 0, self.last) @ self.strides)
 
-    @property
+    @cached_property
+    def last(self) -> Ints:
+        """The last cell along each axis (4,)."""
+        return np.array(self.shape) - 1
+
+    @cached_property
     def strides(self) -> Ints:
         """What one step along each axis adds to a flat cell number (4,)."""
         s = self.shape
@@ -197,15 +205,14 @@ class Grid:
         the query, the corner (a row of ``CORNERS``) and the flat number of each cell touched, and
         the lowest cell (Q, 4) of each query.
         """
-        last = np.array(self.shape) - 1
-        low = np.clip(np.floor(place - reach).astype(np.int64), 0, last)
-        high = np.clip(np.floor(place + reach).astype(np.int64), 0, last)
+        # a conversion to integers cuts towards zero, which below zero is the first cell as well
+        low = np.minimum(np.maximum(place - reach, 0.0), self.last).astype(np.int64)
+        high = np.minimum(np.maximum(place + reach, 0.0), self.last).astype(np.int64)
         differs = high > low
-        strides = self.strides
-        number = (low @ strides)[:, None] + (differs * strides) @ CORNER_BITS
         # a corner that steps along an axis on which the box stays in one cell would be counted twice
-        query, corner = np.nonzero((~differs).astype(np.int64) @ CORNER_BITS == 0)
-        return query, corner, number[query, corner], low
+        query, corner = TOUCHED[differs @ AXES].nonzero()
+        number = (low @ self.strides)[query] + (CORNERS[corner] @ self.strides)
+        return query, corner, number, low
 
 
 class ReadAhead:

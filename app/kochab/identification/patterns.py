@@ -9,7 +9,7 @@ whatever found it.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,16 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
 from kochab.identification import with_places
 from kochab.identification.index import LEVEL_FIELDS_DEG, PER_FIELD, Volume, drop_fine, fine, shipped
-from kochab.identification.quads import SUPPOSED, FieldStars, Hypotheses, QuadQuery, image_quads, propose, quad_marks
+from kochab.identification.quads import (
+    SUPPOSED,
+    FieldStars,
+    Hypotheses,
+    QuadQuery,
+    QuadShapes,
+    image_quads,
+    propose,
+    quad_marks,
+)
 from kochab.identification.verification import ACCEPT_LOG10, FEWEST, CandidatePointing, Verdict, support, verify
 from kochab.text.translation import tr, tr_n
 
@@ -92,7 +101,9 @@ class Search:
         self.n_searches = 1  # so many searches may answer: each gets its share of the false alarms
         self.least = 0.0  # the smallest false-alarm bound of any pointing, log10
         self.asked = 0
-        self.done: dict[tuple[int, tuple[float, ...]], Ints] = {}
+        # what each volume was asked so far, and by that what the next stage asks of any volume alike
+        self.history: dict[tuple[int, tuple[float, ...]], tuple[SearchStage, ...]] = {}
+        self.shapes: dict[tuple[SearchStage, ...], tuple[QuadShapes | None, Ints]] = {}
         # fields of 127 down to 0.32 deg when nothing is known
         self.scale = (hint.focal_px if hint else None) or (0.25 * self.side, 180.0 * self.side)
         self.centre = None
@@ -152,27 +163,16 @@ class Search:
 
     def round(self, volume: Volume, stage: SearchStage) -> Iterator[Verdict]:
         """Accepted verdicts of one stage in one volume, best first."""
-        noise = stage.noise * self.side / 1000.0
-        quads = self._new_quads(stage, noise)
-        focal = None
-        if stage.focal:
-            supposed = np.array(stage.focal) * self.side
-            supposed = supposed[(supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])]
-            # one in the middle stands for all of them: a third of the time saved at 20 to 60 deg
-            if len(supposed) > 1 and self.scale[1] <= self.scale[0] * SUPPOSED**2:
-                supposed = np.array([math.sqrt(self.scale[0] * self.scale[1])])
-            focal = np.repeat(supposed, len(quads))
-            quads = np.tile(quads, (len(supposed), 1))
-        if len(quads) == 0:
-            return
         view = FieldStars(self.xy, self.half, self.scale)
-        per_field = self._per_field(stage)
-        found = propose(volume, view, QuadQuery(quads, focal, noise, stage.slack, per_field))
+        shapes = self._shapes(view, stage)
+        if shapes is None:
+            return
+        found = propose(volume, view, shapes)
         if self.centre is not None:
             found = found.take(self.allows(found.matrix[:, 2], found.focal))
         # all of them, before the quick look drops most: each was a chance of error
         self.tried += len(found)
-        self.asked += len(quads)
+        self.asked += shapes.quads
         yield from self._check(volume, view, stage, found)
 
     def _per_field(self, stage: SearchStage) -> tuple[float, float]:
@@ -186,16 +186,41 @@ class Search:
         low = density / stage.spread if n >= 2 * stage.stars else 0.3
         return low, density * stage.spread
 
-    def _new_quads(self, stage: SearchStage, noise: float) -> Ints:
+    def _shapes(self, view: FieldStars, stage: SearchStage) -> QuadShapes | None:
+        """What ``stage`` asks that no stage before it has asked of its volume; None where that is nothing."""
+        key = (stage.volume, stage.focal)
+        before = self.history.get(key, ())
+        now = self.history[key] = (*before, replace(stage, volume=0))
+        if now not in self.shapes:
+            old = self.shapes[before][1] if before else np.zeros(0, dtype=np.int64)
+            quads = self._quads(stage)
+            marks = quad_marks(quads)
+            new = ~np.isin(marks, old)
+            self.shapes[now] = self._asked(view, stage, quads[new]), np.concatenate([old, marks[new]])
+        return self.shapes[now][0]
+
+    def _quads(self, stage: SearchStage) -> Ints:
         # a poor frame is asked about in every way there is: its few stars cost little
         neighbours = stage.neighbours if len(self.xy) > POOR_SEARCH or stage.focal else 9
-        quads = image_quads(self.xy[: stage.stars], neighbours, 12.0 * noise)
-        marks = quad_marks(quads)
-        key = (stage.volume, stage.focal)
-        old = self.done.get(key, np.zeros(0, dtype=np.int64))
-        new = ~np.isin(marks, old)
-        self.done[key] = np.concatenate([old, marks[new]])
-        return quads[new]
+        return image_quads(self.xy[: stage.stars], neighbours, 12.0 * self._noise_px(stage))
+
+    def _noise_px(self, stage: SearchStage) -> float:
+        return stage.noise * self.side / 1000.0
+
+    def _asked(self, view: FieldStars, stage: SearchStage, quads: Ints) -> QuadShapes | None:
+        focal = None
+        if stage.focal:
+            supposed = np.array(stage.focal) * self.side
+            supposed = supposed[(supposed * SUPPOSED >= self.scale[0]) & (supposed / SUPPOSED <= self.scale[1])]
+            # one in the middle stands for all of them: a third of the time saved at 20 to 60 deg
+            if len(supposed) > 1 and self.scale[1] <= self.scale[0] * SUPPOSED**2:
+                supposed = np.array([math.sqrt(self.scale[0] * self.scale[1])])
+            focal = np.repeat(supposed, len(quads))
+            quads = np.tile(quads, (len(supposed), 1))
+        if len(quads) == 0:
+            return None
+        query = QuadQuery(quads, focal, self._noise_px(stage), stage.slack, self._per_field(stage))
+        return QuadShapes.of(view, query)
 
     def _check(self, volume: Volume, view: FieldStars, stage: SearchStage, found: Hypotheses) -> Iterator[Verdict]:
         reach = 0.010 * self.side

@@ -45,14 +45,20 @@ def planar(vectors: Floats) -> NDArray[np.complex128]:
     The plane's axes are arbitrary but right-handed looking outwards, as a camera's x and y are.
     """
     centre = vectors.sum(axis=1)
-    centre /= np.linalg.norm(centre, axis=1, keepdims=True)
+    centre /= lengths(centre)
     flat = vectors / np.einsum("qij,qj->qi", vectors, centre)[:, :, None]
-    e1 = flat[:, 1] - flat[:, 0]
-    e1 /= np.maximum(np.linalg.norm(e1, axis=1, keepdims=True), 1e-30)
-    e2 = cross(centre, e1)
     rel = flat - flat[:, :1]
-    out: NDArray[np.complex128] = np.einsum("qij,qj->qi", rel, e1) + 1j * np.einsum("qij,qj->qi", rel, e2)
+    e1 = rel[:, 1]
+    e1 = e1 / np.maximum(lengths(e1), 1e-30)
+    out = np.empty(flat.shape[:2], dtype=np.complex128)
+    out.real = np.einsum("qij,qj->qi", rel, e1)
+    out.imag = np.einsum("qij,qj->qi", rel, cross(centre, e1))
     return out
+
+
+def lengths(vectors: Floats) -> Floats:
+    """Lengths (N, 1) of vectors (N, K); numpy's own costs three times as much for few rows."""
+    return np.asarray(np.sqrt(np.einsum("nk,nk->n", vectors, vectors))[:, None])
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -156,14 +162,50 @@ class QuadQuery:
         return planar(directions(self.focal[:, None], p)), self.focal
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class QuadShapes:
+    """What a :class:`QuadQuery` asks of every volume alike: V codes, the variants among them.
+
+    ``codes`` have their detections in ``detections`` (V, 4), ``length_px`` (V,) is the base's length, ``tolerance``
+    (V,) the error allowed in a code, ``focal`` the lowest and the highest (V,) that its quad allows, px, ``quads``
+    the number of quads, and ``per_field`` as in the query.
+    """
+
+    quads: int
+    codes: Codes
+    detections: Ints
+    length_px: Floats
+    tolerance: Floats
+    focal: tuple[Floats, Floats]
+    per_field: tuple[float, float]
+
+    @classmethod
+    def of(cls, view: FieldStars, ask: QuadQuery) -> "QuadShapes":
+        """The shapes of the quads asked about."""
+        z, unit = ask.shape(view.xy)
+        span = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]]).max(axis=1)
+        codes = with_variants(z, ask.noise_px / np.maximum(span * unit, 1e-9) + ask.slack)
+        length_px = codes.base * unit[codes.quad]
+        low, high = np.full(len(length_px), view.scale[0]), np.full(len(length_px), view.scale[1])
+        if ask.focal is not None:
+            supposed = ask.focal[codes.quad]
+            low, high = np.maximum(low, supposed / SUPPOSED), np.minimum(high, supposed * SUPPOSED)
+        # codes are in units of the base: the longer it is, the less a pixel matters
+        tolerance = ask.noise_px / np.maximum(length_px, 1e-9) + ask.slack
+        detections = ask.quads[codes.quad[:, None], codes.order]
+        return cls(len(ask.quads), codes, detections, length_px, tolerance, (low, high), ask.per_field)
+
+
 SUPPOSED = 1.16  # a supposed focal length stands for all within this factor
 
 
 def directions(focal: Floats, xy: Floats) -> Floats:
     """Unit vectors (..., 3) of pixels (..., 2) for focal lengths that broadcast to (...)."""
     uv = xy / focal[..., None]
-    length = np.sqrt(uv[..., :1] ** 2 + uv[..., 1:] ** 2 + 1.0)
-    return np.concatenate([uv / length, 1.0 / length], axis=-1)
+    out = np.ones((*uv.shape[:-1], 3))
+    out[..., :2] = uv
+    out /= np.sqrt(np.einsum("...k,...k->...", out, out))[..., None]
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,47 +231,39 @@ class Hypotheses:
         return Hypotheses(*(getattr(self, f.name)[index] for f in fields(self)))
 
 
-def propose(volume: Volume, view: FieldStars, ask: QuadQuery) -> Hypotheses:
+def propose(volume: Volume, view: FieldStars, ask: QuadShapes) -> Hypotheses:
     """All pointings that the quads asked about suggest through one index volume."""
-    z, unit = ask.shape(view.xy)
-    span = np.abs(z[:, [0, 0, 0, 1, 1, 2]] - z[:, [1, 2, 3, 2, 3, 3]]).max(axis=1)
-    codes = with_variants(z, ask.noise_px / np.maximum(span * unit, 1e-9) + ask.slack)
-    length_px = codes.base * unit[codes.quad]
-    low, high = np.full(len(length_px), view.scale[0]), np.full(len(length_px), view.scale[1])
-    if ask.focal is not None:
-        low = np.maximum(low, ask.focal[codes.quad] / SUPPOSED)
-        high = np.minimum(high, ask.focal[codes.quad] * SUPPOSED)
-    size = np.stack([length_px / high * 0.97, length_px / low * 1.03], axis=1)
-    # codes are in units of the base: the longer it is, the less a pixel matters
-    tolerance = ask.noise_px / np.maximum(length_px, 1e-9) + ask.slack
-    query, entry = volume.lookup(codes.code, tolerance, size)
+    low, high = ask.focal
+    size = np.stack([ask.length_px / high * 0.97, ask.length_px / low * 1.03], axis=1)
+    query, entry = volume.lookup(ask.codes.code, ask.tolerance, size)
     stars = volume.members(entry)
     sky = volume.directions(stars)
     w = planar(sky)
     w = (w[:, 2:] - w[:, :1]) / (w[:, 1] - w[:, 0])[:, None]
     # parity is not in the code: it is whether the sky's quad and the frame's were mirrored alike to reach it
     turned = w.imag.sum(axis=1) < 0
-    mirrored = turned != codes.mirrored[query]
-    detections = ask.quads[codes.quad[query, None], codes.order[query]]
-    arc = np.linalg.norm(sky[:, 1] - sky[:, 0], axis=1)
-    plane = 2.0 * np.tan(np.arcsin(np.clip(arc / 2.0, 0, 1)))  # AB in the quad's tangent plane
-    focal = length_px[query] / plane
+    tolerance = ask.tolerance[query]
+    # the index keeps shapes coarsely: those that only seemed near enough would count as chances of error
+    off = np.concatenate([w.real, np.where(turned[:, None], -w.imag, w.imag)], axis=1) - ask.codes.code[query]
+    good = (np.abs(off) <= tolerance[:, None]).all(axis=1)
+    side = sky[:, 1] - sky[:, 0]
+    half2 = np.minimum(np.einsum("ij,ij->i", side, side) / 4.0, 1.0 - 1e-15)
+    # AB in the quad's tangent plane is 2 tan of the half angle, whose sine is half the chord
+    focal = ask.length_px[query] / (2.0 * np.sqrt(half2 / (1.0 - half2)))
+    # a scale known better than a quad's places is not for the quad to contradict
+    room = 1.0 + tolerance
+    good &= (focal * room >= view.scale[0]) & (focal <= view.scale[1] * room)
+    focal = np.minimum(np.maximum(focal, view.scale[0]), view.scale[1])
+    good &= (focal >= low[query]) & (focal <= high[query])
     level = volume.level_of(stars[:, 0])
     frame_field = 2.0 * np.degrees(np.arctan(np.sqrt(view.half[0] * view.half[1]) / focal))
     ratio = volume.fields_deg[level] / frame_field
-    # a scale known better than a quad's places is not for the quad to contradict
-    room = 1.0 + tolerance[query]
-    good = (focal * room >= view.scale[0]) & (focal <= view.scale[1] * room)
-    # the index keeps shapes coarsely: those that only seemed near enough would count as chances of error
-    imag = np.where(turned[:, None], -w.imag, w.imag)
-    off = np.concatenate([w.real, imag], axis=1) - codes.code[query]
-    good &= (np.abs(off) <= tolerance[query, None]).all(axis=1)
-    np.clip(focal, *view.scale, out=focal)
-    if ask.focal is not None:
-        good &= (focal >= low[query]) & (focal <= high[query])
     good &= (ratio > ask.per_field[0]) & (ratio < ask.per_field[1])
-    matrix = pointings(view.xy, detections[good], sky[good], focal[good], mirrored[good])
-    return Hypotheses(matrix, focal[good], mirrored[good], level[good], detections[good], stars[good])
+    kept = good.nonzero()[0]
+    query, focal, stars = query[kept], focal[kept], stars[kept]
+    mirrored, detections = turned[kept] != ask.codes.mirrored[query], ask.detections[query]
+    matrix = pointings(view.xy, detections, sky[kept], focal, mirrored)
+    return Hypotheses(matrix, focal, mirrored, level[kept], detections, stars)
 
 
 def pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored: Bools) -> Floats:
@@ -250,7 +284,7 @@ def pointings(xy: Floats, detections: Ints, sky: Floats, focal: Floats, mirrored
     """
     p = xy[detections[:, :2]]
     p[mirrored, :, 0] *= -1.0
-    seen = directions(np.broadcast_to(focal[:, None], p.shape[:2]), p)
+    seen = directions(focal[:, None], p)
     camera, icrs = triad_axes(seen[:, 0], seen[:, 1]), triad_axes(sky[:, 0], sky[:, 1])
     return np.asarray(camera @ icrs.transpose(0, 2, 1))
 
@@ -260,9 +294,11 @@ def triad_axes(a: Floats, b: Floats) -> Floats:
     # what the two separations differ by is shared equally by both stars
     m, d = a + b, b - a
     n = cross(m, d)
-    m = m / np.linalg.norm(m, axis=1, keepdims=True)
-    n = n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-30)
-    return np.stack([m, cross(n, m), n], axis=2)
+    m = m / lengths(m)
+    n = n / np.maximum(lengths(n), 1e-30)
+    out = np.empty((len(m), 3, 3))
+    out[..., 0], out[..., 1], out[..., 2] = m, cross(n, m), n
+    return out
 
 
 def image_quads(xy: Floats, neighbours: int, smallest_px: float) -> Ints:

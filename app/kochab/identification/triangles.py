@@ -389,7 +389,7 @@ class KnownSearch:
         gaps = closest.tolist()
         alarm, radius = with_crowding(
             lambda crowd: self._alarm(gaps, b, c, reach, crowd),
-            np.delete(self.xy, [b, c], axis=0),
+            self.xy[[k for k in range(len(self.xy)) if k != b and k != c]],
             places.view(np.float64).reshape(-1, 2),
             self.half,
             self.density,

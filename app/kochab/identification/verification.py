@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import small_rotation
 from kochab.core.pairing import mutual_nearest_of_few
-from kochab.identification.index import RA_STEPS, Volume
+from kochab.identification.index import RA_STEPS, Volume, ranges
 from kochab.identification.quads import FieldStars, Hypotheses, directions
 
 T = TypeVar("T")
@@ -33,50 +32,50 @@ def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float, firs
     found : Hypotheses
         The pointings to try, H of them.
     reach_px : float
-        Half-width of the box that is nearby.
+        How far is nearby, px.
     first : int
         The number of the first detection in ``xy``, by which the proposers are known.
     """
-    h, d = len(found), len(xy)
-    p = np.broadcast_to(xy, (h, d, 2)).copy()
+    d = len(xy)
+    p = xy.repeat(len(found), axis=0).reshape(d, -1, 2).transpose(1, 0, 2).copy()
     p[found.mirrored, :, 0] *= -1.0
     # transposed product: camera to ICRS
-    sky = directions(np.broadcast_to(found.focal[:, None], (h, d)), p) @ found.matrix
-    hit = np.zeros((h, d), dtype=bool)
-    reach = reach_px / found.focal
-    for level in sorted(set(found.level.tolist())):
-        rows = np.nonzero(found.level == level)[0]
-        hit[rows] = _occupied(volume, level, sky[rows], reach[rows, None])
+    sky = directions(found.focal[:, None], p) @ found.matrix
+    hit = _occupied(volume, found.level, sky, (reach_px / found.focal)[:, None])
     proposer = (found.detections[:, :, None] == np.arange(first, first + d)).any(axis=1)
     return np.asarray((hit & ~proposer).sum(axis=1))
 
 
-def _occupied(volume: Volume, level: int, sky: Floats, reach: Floats) -> Bools:
-    """Whether the box around each direction (H, D, 3) holds a star of the level."""
-    a, b = int(volume.offsets[level]), int(volume.offsets[level + 1])
-    zones = int(volume.zones[level])
-    keys = volume.keys[a:b]
-    z = np.clip(sky[..., 2], -1.0, 1.0)
-    dec = np.arcsin(z)
+def _occupied(volume: Volume, level: Ints, sky: Floats, reach: Floats) -> Bools:
+    """Whether a star of its ``level`` (H,) lies within ``reach`` (H, 1) rad of each direction (H, D, 3)."""
+    zones = volume.zones[level][:, None]
+    z = np.minimum(np.maximum(sky[..., 2], -1.0), 1.0)
     ra = np.arctan2(sky[..., 1], sky[..., 0]) % (2 * np.pi) * (RA_STEPS / (2 * np.pi))
-    half = reach * (RA_STEPS / (2 * np.pi)) / np.maximum(np.sqrt(1.0 - z * z), 1e-3)
+    half = reach * (RA_STEPS / (2 * np.pi)) / np.sqrt(np.maximum(1.0 - z * z, 1e-6))
     left = np.maximum(ra - half, 0.0).astype(np.int64)
-    right = np.minimum(ra + half, RA_STEPS - 1).astype(np.int64) + 1
-    middle = (dec / np.pi + 0.5) * zones
-    reach = reach * (zones / np.pi)
-    low = np.maximum(middle - reach, 0.0).astype(np.int64)
-    high = np.minimum(middle + reach, zones - 1).astype(np.int64)
-    found = _has_key(keys, low * RA_STEPS + left, right - left)
-    across = (high > low).nonzero()  # few: a zone is many times as high as a box
-    found[across] |= _has_key(keys, high[across] * RA_STEPS + left[across], (right - left)[across])
-    return found
-
-
-def _has_key(keys: NDArray[np.uint32], first: Ints, count: Ints) -> Bools:
-    """Whether one of the sorted ``keys`` is among the ``count`` numbers from ``first`` on."""
-    first = first.astype(np.uint32)
-    at = np.minimum(keys.searchsorted(first), len(keys) - 1)
-    return np.asarray(keys[at] - first < count)  # unsigned: one below ``first`` is far above
+    width = np.minimum(ra + half, RA_STEPS - 1).astype(np.int64) + 1 - left
+    middle = (np.arcsin(z) / np.pi + 0.5) * zones
+    margin = reach * (zones / np.pi)
+    low = np.maximum(middle - margin, 0.0).astype(np.int64)
+    # few are in two zones: a zone is many times as high as the reach
+    across = (np.minimum(middle + margin, zones - 1).astype(np.int64) > low).nonzero()
+    number = np.arange(low.size).reshape(low.shape)
+    start = np.concatenate([(low * RA_STEPS + left).ravel(), (low * RA_STEPS + left)[across] + RA_STEPS])
+    width = np.concatenate([width.ravel(), width[across]])
+    asked = np.concatenate([number.ravel(), number[across]])
+    edges = np.stack([start, start + width]).astype(np.uint32)
+    of = level[asked // max(1, low.shape[1])]
+    for one in sorted(set(level.tolist())):
+        a, b = volume.offsets[one], volume.offsets[one + 1]
+        edges[:, of == one] = volume.keys[a:b].searchsorted(edges[:, of == one]) + a
+    count = edges[1].astype(np.int64) - edges[0]
+    asked = asked.repeat(count)
+    # a zone holds stars far above and below as well
+    gap = volume.stars[ranges(edges[0], count)] - sky.reshape(-1, 3)[asked]
+    near = np.einsum("ij,ij->i", gap, gap) < (reach * reach).ravel()[asked // max(1, low.shape[1])]
+    found = np.zeros(low.size, dtype=bool)
+    found[asked[near]] = True
+    return found.reshape(low.shape)
 
 
 # -- How likely chance alone is to give so good an agreement -----------------------------------
