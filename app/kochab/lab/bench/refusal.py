@@ -17,7 +17,7 @@ import numpy as np
 
 from kochab.core.progress import run as drive
 from kochab.core.solution import Identification
-from kochab.identification.index import SHIPPED, Volume, fine_folder, open_volume, shipped_volume_folder
+from kochab.identification.index import SHIPPED, Volume, open_volume, shipped_volume_folder
 from kochab.identification.index_build import make_fine
 from kochab.identification.patterns import Patterns
 from kochab.lab.bench import BenchResult, Goal, Report, summary, timed
@@ -33,14 +33,16 @@ BUSY = 1.5  # processes that run or wait for the disk, this one among them
 def run(quick: bool, report: Report) -> BenchResult:
     """Refuse random lists; print the slowest by the clock and by the processor."""
     free = idle()
-    drive(make_fine(), lambda p: report(f"patterns for small fields: {p.detail}"))
+    made = drive(make_fine(), lambda p: report(f"patterns for small fields: {p.detail}"))
+    # the installation's volumes, in the order a search knows them
+    folders = [*(shipped_volume_folder() / name for name in SHIPPED), made.folder]
     rng, lists = np.random.default_rng(SEED), QUICK_LISTS if quick else LISTS
-    drive(Patterns(opened()).identify(random_points(rng, 60)))  # what is imported for it
+    drive(Patterns(opened(folders)).identify(random_points(rng, 60)))  # what is imported for it
     rows: dict[str, list[dict[str, float]]] = {"from the disk": [], "from memory": []}
     for number in range(lists):
         points = random_points(rng, int(rng.integers(POINTS[0], POINTS[1] + 1)))
-        forget()
-        volumes = opened()
+        forget(folders)
+        volumes = opened(folders)
         for kept in rows.values():
             started = time.process_time()
             answer, wall_s = timed(partial(drive, Patterns(volumes).identify(points)), time.perf_counter)
@@ -76,21 +78,16 @@ def goals(rows: Sequence[dict[str, Any]], free: bool) -> list[Goal]:
     return asked
 
 
-def folders() -> list[Path]:
-    """Where the installation's volumes lie, in the order a search knows them."""
-    return [*(shipped_volume_folder() / name for name in SHIPPED), fine_folder()]
+def opened(folders: Sequence[Path]) -> tuple[Volume, ...]:
+    """The volumes in ``folders``, opened anew."""
+    return tuple(open_volume(folder) for folder in folders)
 
 
-def opened() -> tuple[Volume, ...]:
-    """The installation's volumes, opened anew."""
-    return tuple(open_volume(folder) for folder in folders())
-
-
-def forget() -> None:
+def forget(folders: Sequence[Path]) -> None:
     """Take the patterns' files out of the page cache, where the system lets one ask for that."""
     if not hasattr(os, "posix_fadvise"):
         return
-    for folder in folders():
+    for folder in folders:
         for path in folder.glob("*.npy"):
             with path.open("rb") as file:
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
