@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 import pyarrow as pa
 import pytest
 
-from kochab.lab.bench import archive
+from kochab.lab.bench import Only, archive, measure_rows
 from kochab.lab.bench.archive import Ran, archived, goals, row, write_lists
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
@@ -42,9 +42,10 @@ def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
     rows = [
         one("star lists", 1, 100.0, 9.0, 2.0),
         one("star lists", 2, 190.0, 9.5, 1.0),
+        one("star lists", 1, 90.0, 9.1, 2.0),  # a turn that was disturbed
         one("1.5 MP frames", 1, 20.0, 40.0, 2.0),
         one("1.5 MP frames", 2, 25.0, 50.0, 80.0),
-        one("star lists, workers killed", 2, 1.0, 1.0, 0.0, kills=20, count=100_000, astray=1),
+        one(archive.KILLED, 2, 1.0, 1.0, 0.0, kills=20, count=100_000, astray=1),
     ]
     found = {goal.name: (goal.value, goal.met) for goal in goals(rows)}
     assert found["star lists: two workers, times as fast as one"] == (1.9, True)
@@ -52,6 +53,20 @@ def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
     assert found["1.5 MP frames: the same by processor time"] == (1.6, False)
     assert found["of these without exactly one row"] == (1.0, False)
     assert found["frames on S3 without exactly one row"] == (None, None)
+
+
+def test_rows_are_measured_alone(monkeypatch) -> None:
+    asked = []
+
+    def archived(given, out, workers, storage=None):
+        asked.append((given.name, workers))
+        return Ran(1.0, 1.0, 1.0, table([f"u{k}" for k in range(10)]), 0.0)
+
+    monkeypatch.setattr(archive, "archived", archived)
+    monkeypatch.setattr(archive, "QUICK_LISTS", 2)
+    result = measure_rows("archive", True, lambda line: None, Only(("star lists",)))
+    assert asked == [("few.parquet", 1), ("few.parquet", 2)] * archive.TURNS
+    assert {one["inputs"] for one in result.rows} == {"star lists"}
 
 
 def test_a_small_archive_is_measured(tmp_path) -> None:
