@@ -60,7 +60,7 @@ class NightFrame:
 
     ``error`` is why it could not be read at all, ``reason`` why there is no solution; ``light`` is None for frames
     whose numbers are not proportional to light (finished 8 bit pictures), ``on_sky`` for those too. ``thumbnail`` is a
-    JPEG; ``dark`` the level of a calibration frame.
+    JPEG; ``dark`` the level of a calibration frame. ``reported_deg`` is where the header has the mount, RA and Dec.
     """
 
     file: str
@@ -90,6 +90,7 @@ class NightFrame:
     on_sky: StarsOnSky | None = None
     dark: DarkLevel | None = None
     chosen: tuple[StarInFrame, ...] = ()
+    reported_deg: tuple[float, float] | None = None
 
 
 def measure_frame(
@@ -175,6 +176,7 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
         on_sky=stars_on_sky(frame, found.detections, result) if _linear(frame) else None,
         sky=sky,
         site=there,
+        reported_deg=hint.centre_deg[:2] if hint.centre_deg and "CTYPE1" not in frame.header else None,
         sighting=Sighting.of(result, hint.taken_utc, Path(found.path).name) if hint.taken_utc else None,
     )
 

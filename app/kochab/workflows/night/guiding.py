@@ -10,14 +10,13 @@ import numpy as np
 
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import FrameError
+from kochab.workflows.night.backlash import told_backlash
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log, response_of
 
 SETTLING_S = 15.0
 """After a dither the star is not yet where it is to be."""
 LEAST_FRAMES = 20
-SHOWN_ARCSEC, SHOWN_SHARE = 1.0, 0.3
-"""A backlash is told where its sigma is below this, or below this share of it."""
 ALIKE_MOST = 0.95
 """Neighbours are never taken to be more alike than that."""
 
@@ -85,8 +84,7 @@ def _backlash(run: GuidedRun) -> Measure | None:
     found = response_of(run)
     if found is None or not math.isfinite(found.backlash):
         return None
-    size = Measure(run.scale * found.backlash, run.scale * found.backlash_sigma)
-    return size if size.sigma < max(SHOWN_ARCSEC, SHOWN_SHARE * size.value) else None
+    return told_backlash(run.scale * found.backlash, run.scale * found.backlash_sigma)
 
 
 def _settled(time: Floats, dither: Floats) -> Iterator[Ints]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kochab.text.angle_text import AngleStyle, angle_text, false_alarm_text, radec_text
 from kochab.text.translation import number, tr, tr_n
+from kochab.workflows.night.backlash import words_of
 from kochab.workflows.night.drawings import sharpness_map, timeline
 from kochab.workflows.night.earlier import QUANTITIES, Compared
 from kochab.workflows.night.guiding import Guiding
@@ -282,6 +283,7 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
         tr("Wander RA, Dec (″)"),
         tr("Dithers"),
         tr("Rate (″/s)"),
+        tr("Backlash in Dec (″)"),
     )
     rows = [
         (
@@ -292,10 +294,13 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
             ", ".join(number(wander, ".1f") for wander in one.wander_arcsec),
             str(one.dithers),
             one.rate_arcsec_s.text() if one.rate_arcsec_s else "–",
+            one.backlash_arcsec.text() if isinstance(one.backlash_arcsec, Measure) else "–",
         )
         for one in tracking
     ]
-    return f"<section><h2>{escape(tr('Tracking'))}</h2>{_table(heads, rows)}</section>"
+    why = words_of([one.backlash_arcsec for one in tracking])
+    note = f'<p class="note">{escape(why)}</p>' if why else ""
+    return f"<section><h2>{escape(tr('Tracking'))}</h2>{_table(heads, rows)}{note}</section>"
 
 
 def _guiding(runs: tuple[Guiding, ...]) -> str:

@@ -189,7 +189,7 @@ def _places(frames: Sequence[NightFrame]) -> Iterator[Place]:
             start, first = began.setdefault(f.site, (f.time_utc, hour))
             turned = SIDEREAL_RAD_S * (f.time_utc - start).total_seconds()
             axis = math.degrees((turned - (hour - first) + math.pi) % (2.0 * math.pi) - math.pi) * 3600.0
-        yield Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg, f.roll_deg, axis, f.exposure_s or 0.0)
+        yield Place(f.time_utc, f.ra_deg, f.dec_deg, f.width_deg, f.roll_deg, axis, f.exposure_s or 0.0, f.reported_deg)
 
 
 def _hour_rad(ra_deg: float, dec_deg: float, site: Site, time_utc: datetime) -> float:

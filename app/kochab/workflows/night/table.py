@@ -196,6 +196,8 @@ def _tracking(one: Tracking) -> dict[str, Any]:
         **_pair("ra_arcsec_h", one.ra_arcsec_h),
         **_pair("dec_arcsec_h", one.dec_arcsec_h),
         **_pair("rate_arcsec_s", one.rate_arcsec_s),
+        **_pair("backlash_dec_arcsec", one.backlash_arcsec if isinstance(one.backlash_arcsec, Measure) else None),
+        "backlash_unknown": one.backlash_arcsec if isinstance(one.backlash_arcsec, str) else None,
         "periodic": {
             "amplitudes_arcsec": [[a.value, a.sigma] for a in one.periodic.amplitudes],
             **_pair("peak_to_peak_arcsec", one.periodic.peak_to_peak),

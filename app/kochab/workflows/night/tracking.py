@@ -22,6 +22,7 @@ from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.robust import mad_sigma
 from kochab.polar.error import angle_in_words
 from kochab.text.translation import tr
+from kochab.workflows.night.backlash import dec_backlash
 from kochab.workflows.night.measure import Measure, slope
 from kochab.workflows.night.periodic import FEWEST as FEWEST_FOR_A_WORM
 from kochab.workflows.night.periodic import Periodic, periodic_error
@@ -55,7 +56,8 @@ class Place:
     """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width and roll, degrees.
 
     ``axis_arcsec`` is how far the RA axis has fallen behind the stars, of its own angle, refraction taken out; NaN
-    where site or time are unknown. ``exposure_s`` is how long it was exposed.
+    where site or time are unknown. ``exposure_s`` is how long it was exposed; ``reported_deg`` where the header has the
+    mount, None without.
     """
 
     time_utc: datetime
@@ -65,6 +67,7 @@ class Place:
     roll_deg: float = 0.0
     axis_arcsec: float = math.nan
     exposure_s: float = 0.0
+    reported_deg: tuple[float, float] | None = None
 
 
 class JumpKind(StrEnum):
@@ -122,7 +125,7 @@ class Tracking:
 
     ``frames`` are indices into the places; ``jumps`` are its steps across which nothing is taken. ``periodic`` is the
     error of the worm, taken out of the rest; ``rate_arcsec_s`` the rate of the RA axis, with what a polar axis that is
-    off makes of it; None where refraction is unknown.
+    off makes of it; None where refraction is unknown. ``backlash_arcsec`` is Dec's, or a sentence why it is unknown.
     """
 
     frames: tuple[int, ...]
@@ -134,6 +137,7 @@ class Tracking:
     dec_deg: float
     periodic: Periodic | None = None
     rate_arcsec_s: Measure | None = None
+    backlash_arcsec: Measure | str = ""
 
     @property
     def dithers(self) -> int:
@@ -213,7 +217,32 @@ def _held(places: list[Place], frames: tuple[int, ...], polar_arcsec: float) -> 
     if seen and lag is not None:
         off = math.radians(polar_arcsec / 3600.0) * abs(math.tan(math.radians(first.dec_deg)))
         rate = Measure(SIDEREAL_ARCSEC_S - lag.value / 3600.0, math.hypot(lag.sigma / 3600.0, SIDEREAL_ARCSEC_S * off))
-    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, (ra_rms, dec_rms), jumps, first.dec_deg, worm, rate)
+    play = _backlash(places, frames, hours, jumps)
+    wander = ra_rms, dec_rms
+    return Tracking(frames, float(hours[-1]), ra_drift, dec_drift, wander, jumps, first.dec_deg, worm, rate, play)
+
+
+def _backlash(places: list[Place], frames: tuple[int, ...], hours: Floats, jumps: tuple[Jump, ...]) -> Measure | str:
+    """Of Dec; the motor knows of dithers, and nothing of knocks and of a camera that was turned.
+
+    Parameters
+    ----------
+    places : list of Place
+        Of the field.
+    frames : tuple of int
+        Their indices.
+    hours : Floats
+        When (N,).
+    jumps : tuple of Jump
+        Of the field.
+    """
+    unknown = {jump.after for jump in jumps if jump.kind is not JumpKind.DITHER}
+    level = np.cumsum([frame in unknown for frame in frames]).astype(np.float64)
+    reported = np.array([p.reported_deg or (math.nan, math.nan) for p in places])
+    dec = np.array([p.dec_deg for p in places])
+    off_ra = np.array([wrapped(p.ra_deg - ra) for p, (ra, _) in zip(places, reported, strict=True)])
+    off_ra *= math.cos(math.radians(places[0].dec_deg))
+    return dec_backlash(3600.0 * hours, 3600.0 * dec, 3600.0 * reported[:, 1], level, 3600.0 * off_ra)
 
 
 def _worm(xy: Floats, axis: Floats, hours: Floats, cosine: float, exposure_s: float) -> Periodic | None:
