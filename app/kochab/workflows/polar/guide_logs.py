@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -164,16 +165,12 @@ def _hour_rad(section: GuidedRun, settings: MeasureSettings) -> float:
 
 def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> Stretch | None:
     hour, declination = _hour_rad(section, settings), np.radians(section.declination_deg)
-    rows = np.array(section.rows, dtype=np.float64).reshape(-1, 6)
     sound = section.scale > 0.0 and abs(section.declination_deg) < 89.0 and np.isfinite(hour)
-    if not sound or len(rows) < 6 or np.ptp(rows[:, 0]) < 2.0 * BIN_S:
+    path = _path(section)
+    if not sound or path is None or np.ptp(path.time) < 2.0 * BIN_S:
         return None
-    time, ra, dec, west, south, dither = rows.T
-    if south.any() and not section.y_rate > 0.0:
-        return None
+    time, ra, dec, west, dither, pushed, level = path
     scale = section.scale * ARCSEC
-    pushed = _pushed(south, section.y_rate)
-    level = _levels(time, dec, pushed, dither)
     share, response = PULSES, pulse_response(time, dec, pushed, level)
     # Pulses that move the star against the calibration leave open what is turned round since: the camera or the gear.
     against = response is not None and response.scale + REVERSED_SIGMAS * response.sigma < 0.0
@@ -221,12 +218,30 @@ def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> St
 
 def response_of(run: GuidedRun) -> PulseResponse | None:
     """What the pulses in Dec did to the star, px; None where the log does not show it."""
+    path = _path(run)
+    return pulse_response(path.time, path.dec, path.pushed, path.level) if path else None
+
+
+class _Path(NamedTuple):
+    """Of the star in a run, each (N,): ``pushed`` by pulses in Dec, px, ``level`` counts the places it was given."""
+
+    time: Floats
+    ra: Floats
+    dec: Floats
+    west: Floats
+    dither: Floats
+    pushed: Floats
+    level: Floats
+
+
+def _path(run: GuidedRun) -> _Path | None:
+    """None for few rows, and where pulses in Dec are of unknown rate."""
     rows = np.array(run.rows, dtype=np.float64).reshape(-1, 6)
-    time, _, dec, _, south, dither = rows.T
-    if len(rows) < 6 or not south.any() or not run.y_rate > 0.0:
+    time, ra, dec, west, south, dither = rows.T
+    if len(rows) < 6 or (south.any() and not run.y_rate > 0.0):
         return None
     pushed = _pushed(south, run.y_rate)
-    return pulse_response(time, dec, pushed, _levels(time, dec, pushed, dither))
+    return _Path(time, ra, dec, west, dither, pushed, _levels(time, dec, pushed, dither))
 
 
 def _pushed(south: Floats, y_rate: float) -> Floats:
