@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 
 CODECS = (
-    *("imcd", "jpeg8", "jpeg2k", "jpegls", "lerc", "ljpeg", "png", "webp"),
+    *("imcd", "jpeg8", "jpeg2k", "ljpeg", "png", "webp"),
     *("deflate", "lz4", "lzma", "zlib", "zstd", "shared", "shared_cython"),
 )
 QT = ("Core", "Gui", "OpenGL", "OpenGLWidgets", "Svg", "Widgets")  # pyqtgraph asks for OpenGL
@@ -95,9 +95,16 @@ DROPPED: Mapping[str, tuple[str, ...]] = {
     "lists of the packages' files": ("*.dist-info/RECORD", "*.dist-info/sboms/*"),
     "SDL's sound, fonts and pictures": tuple(f"sdl2dll/dll/*{name}*" for name in ("ttf", "mixer", "image", "gfx")),
     "Qt's software OpenGL": ("*opengl32sw.dll",),
-    "NumPy's tools for Fortran and its tests' SIMD": ("numpy/distutils/*", "numpy/_core/_simd.*"),
+    "NumPy's tools for Fortran and for its tests": (
+        *("numpy/distutils/*", "numpy/_core/_simd.*", "numpy/linalg/lapack_lite.*"),
+    ),
     "SciPy's functions for Cython and zstandard for PyPy": (
-        *("scipy/special/cython_special.*", "zstandard/_cffi.*", "zstandard/backend_cffi.*"),
+        *(
+            "scipy/special/cython_special.*",
+            "scipy/optimize/cython_optimize/*",
+            "zstandard/_cffi.*",
+            "zstandard/backend_cffi.*",
+        ),
     ),
     "AVIF and WebP pictures, which Kochab does not read": ("PIL/_avif.*", "PIL/_webp.*"),
     "pictures for the README": ("kochab/resources/screenshots/*",),

@@ -157,6 +157,7 @@ NEVER_CALLED = {
         *(f"scipy/optimize/{name}.*.so" for name in ("_pava_pybind", "_group_columns", "_direct")),
         *(f"scipy/integrate/{name}.*.so" for name in ("_vode", "_odepack", "_lsoda", "_quadpack", "_dop")),
         *(f"scipy/interpolate/{name}.*.so" for name in ("_interpnd", "_rbfinterp_pythran", "_rgi_cython")),
+        *("scipy/spatial/transform/_rigid_transform_cy.*.so", "scipy/interpolate/_fitpack.*.so"),
     ),
     # What Kochab calls of SciPy asks NumPy's BLAS and LAPACK, so that SciPy's OpenBLAS can go (`stub`). The tables of
     # pointers that Cython links, cython_blas and cython_lapack, stay.
