@@ -18,6 +18,7 @@ from kochab.solver.frame_quality import (
     binned,
     clipping_level,
     covered,
+    doubled,
     half_flux_diameter_px,
     in_few_lines,
     measure_discs,
@@ -197,7 +198,7 @@ def _trailing(case: Evidence) -> Iterator[Finding]:
         if _median(bright.elongation) > TRAILED_ELONGATION:
             longer = _median(bright.elongation)  # whose width is the mean of both axes
             length = _median(bright.fwhm_px) * math.sqrt(longer - 1.0 / longer) * BAR_PER_FWHM
-            twice = np.exp(2j * bright.angle_rad[np.isfinite(bright.angle_rad)])
+            twice = doubled(bright.angle_rad[np.isfinite(bright.angle_rad)])
             angle_deg = float(np.degrees(np.angle(twice.mean())) / 2 % 180.0)
             if _aligned(twice) and _all_over(stars, bright) and not _lined_up(stars, bright, angle_deg):
                 yield _trail(case, length, angle_deg)

@@ -261,8 +261,7 @@ def measure_trails(bins: Bins) -> Trails:
     # an even bar's variance is a twelfth of its length squared
     length = np.sqrt(12.0 * major[chosen]) * step
     aspect = np.sqrt(major[chosen] / minor[chosen])
-    # angles are doubled, as a direction and its opposite are one
-    twice = np.exp(2j * angle[chosen])
+    twice = doubled(angle[chosen])
     direction = np.mean(twice)
     agreed = abs(direction) > 0.6
     shown = float(np.degrees(np.angle(direction)) / 2 % 180.0) if agreed else float("nan")
@@ -275,6 +274,14 @@ def measure_trails(bins: Bins) -> Trails:
         alike = _neighbours_agree(place[chosen], twice)
     cover = covered(place[chosen][slender], place[largest[:300]], small.shape)
     return Trails(middle, float(np.median(aspect)), shown, len(chosen), alike, cover, lined_up)
+
+
+def doubled(angle_rad: Floats) -> NDArray[np.complex128]:
+    """Directions as numbers of length 1 at twice the angle, for a direction and its opposite are one.
+
+    By sine and cosine: ``np.exp`` of an imaginary number ends the process under Wine, whose C runtime has no ``cexp``.
+    """
+    return np.asarray(np.cos(2.0 * angle_rad) + 1j * np.sin(2.0 * angle_rad))
 
 
 def covered(places: Floats, among: Floats, size: tuple[int, ...]) -> float:
