@@ -1,12 +1,13 @@
 """The bench of whole commands: what it counts and what it makes of it."""
 
+import os
 import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from kochab.lab.bench import serve
+from kochab.lab.bench import Only, serve
 from kochab.lab.bench.serve import Spent, compared, goals, rendered, spent
 
 
@@ -52,6 +53,18 @@ def test_goals_are_measured_or_said_not_to_be() -> None:
     expected = [(0.25, True), (0.075, True), (0.15, True), (0.4, False), (9.0, True), (1.6, False), (1.2, True)]
     assert [(goal.value, goal.met) for goal in goals(rows)] == expected
     assert [goal.met for goal in goals(rows[:1])] == [None] * 7
+
+
+def test_rows_are_measured_alone_and_with_bytecode_kept(monkeypatch) -> None:
+    """A batch needs an idle machine for a minute, all rows for a quarter of an hour."""
+    asked = []
+    monkeypatch.setenv(serve.NO_BYTECODE, "1")
+    monkeypatch.setattr(serve, "batch", lambda files, busy: asked.append((busy, dict(os.environ))) or [])
+    serve.run(True, lambda line: None, Only(("batch",)))
+    serve.run(True, lambda line: None, Only(("batch beside",)))
+    assert [busy for busy, _ in asked] == [0, serve.BUSY, serve.BUSY]
+    assert not any(serve.NO_BYTECODE in variables for _, variables in asked)
+    assert os.environ[serve.NO_BYTECODE] == "1"
 
 
 def test_a_batch_has_its_turns_and_leaves_no_loop_behind(tmp_path, monkeypatch) -> None:

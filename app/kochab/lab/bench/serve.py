@@ -30,7 +30,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame
 from kochab.frames import read_frame
 from kochab.frames.fits_write import write_fits
-from kochab.lab.bench import BenchResult, Goal, Report
+from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report
 from kochab.simulate.star_images import RenderedStar, render
 from kochab.sky import open_catalogue
 
@@ -40,8 +40,9 @@ SMALL, WIDE, LARGE = (1500, 1000, 8.0), (1500, 1000, 15.0), (9576, 6388, 4.0)
 FRAMES = {"1.5 MP": SMALL, "1.5 MP wide": WIDE, "61 MP": LARGE}
 OTHERS = ("solve-field", "astap_cli", "cedar-solve")
 TURNS, QUICK_TURNS, LIMIT_S, BATCH, BATCH_TURNS, BUSY = 15, 5, 120.0, 96, 3, 4
+BATCHES = {"batch": 0, "batch beside busy loops": BUSY}
 COLD_RATIO, WARM_RATIO, WARM_LARGE_S, BATCH_FRAMES, BATCH_RATIO = 0.6, 0.2, 0.3, 8.0, 1.8
-BEFORE = "KOCHAB_BENCH_BEFORE"
+BEFORE, NO_BYTECODE = "KOCHAB_BENCH_BEFORE", "PYTHONDONTWRITEBYTECODE"
 CEDAR = """
 import math, sys
 import numpy
@@ -62,23 +63,29 @@ class Spent:
     solved: bool
 
 
-def run(quick: bool, report: Report) -> BenchResult:
+def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
     """Measure commands on both frames, and a batch."""
+    with _bytecode_kept():
+        return _run(quick, report, only)
+
+
+def _run(quick: bool, report: Report, only: Only) -> BenchResult:
     turns = QUICK_TURNS if quick else TURNS
     with tempfile.TemporaryDirectory(prefix="kochab-bench-") as name:
         folder = Path(name)
         rows: list[dict[str, Any]] = []
         with _worker(folder) as worker:
-            for label, shape in FRAMES.items():
+            for label, shape in ((label, shape) for label, shape in FRAMES.items() if only(label)):
                 report(f"{label}: {turns} turns ...")
                 file = rendered(folder / f"{label}.fits", *shape)
                 found = commands(file, shape[2], worker)
                 if quick and shape is LARGE:
                     found = {name: command for name, command in found.items() if name not in OTHERS}
                 rows += compared(label, found, turns if shape is not LARGE else min(turns, 7))
-        for busy in (0, BUSY):
+        for busy in [busy for name, busy in BATCHES.items() if only(name)]:
             report(f"batch of {BATCH}, {busy} busy loops ...")
-            rows += batch([folder / "1.5 MP.fits"] * (BATCH // 4 if quick else BATCH), busy)
+            file = rendered(folder / "batch.fits", *SMALL)
+            rows += batch([file] * (BATCH // 4 if quick else BATCH), busy)
     return BenchResult("serve", rows, goals(rows))
 
 
@@ -101,6 +108,17 @@ def rendered(path: Path, width: int, height: int, fov_deg: float) -> Path:
     flux = 3e5 * 10 ** (-0.4 * (catalogue.mag(stars) - 8.0))
     write_fits(Frame(render(width, height, xy, flux, RenderedStar(3.0)).pixels), path)
     return path
+
+
+@contextmanager
+def _bytecode_kept() -> Iterator[None]:
+    """Let Python keep what it compiles, as it does for everybody: else each cold start would compile all of it."""
+    before = os.environ.pop(NO_BYTECODE, None)
+    try:
+        yield
+    finally:
+        if before is not None:
+            os.environ[NO_BYTECODE] = before
 
 
 @contextmanager
