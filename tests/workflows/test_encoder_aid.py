@@ -2,7 +2,7 @@
 
 import random
 import time
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -84,6 +84,17 @@ def pushed():
         rig.telescope.encoders = EncoderAid(box.port, rig.said.append, rig.rig.clock.now_utc, SITE)
         yield rig
         rig.close()
+
+
+def test_without_a_site_it_says_how_the_axes_are_taken() -> None:
+    """A Dobsonian's encoders would be read as hour angle and declination, and be wrong between two solves."""
+    for site in (None, SITE):
+        said = []
+        with DscBox(lambda: (0.0, 0.0), in_a_turn=(8192, 8192)) as box:
+            aid = EncoderAid(box.port, said.append, lambda: datetime.now(UTC), site)
+            assert wait_for(lambda: said)  # noqa: B023 (asked at once)
+            aid.stop()
+        assert any("For a Dobsonian, set your site" in sentence for sentence in said) == (site is None), said
 
 
 def test_between_solves_the_encoders_lead_within_five_minutes_of_arc(pushed) -> None:

@@ -66,6 +66,7 @@ class EncoderAid:
         self._port, self._tell, self._now = port, tell, now
         # At the pole the Earth's axis is up: hour angle and declination are azimuth and altitude.
         self._site, self._air = (Site(90.0, 0.0), NO_AIR) if site is None else (site, STANDARD_REFRACTION)
+        self._without_site = site is None
         self._model = EncoderModel(None if site is None else site.latitude_deg)
         self._aligned_s: float | None = None
         self._looks: deque[tuple[float, Counts]] = deque()
@@ -134,7 +135,7 @@ class EncoderAid:
             try:
                 with closing(EncoderBox(self._port)) as box:
                     last_error = ""
-                    self._say(tr("Encoders connected. Solve two frames some degrees apart along both axes."))
+                    self._say(self._next_step())
                     self._read(box)
             except DeviceError as error:
                 if str(error) != last_error:
@@ -144,6 +145,12 @@ class EncoderAid:
                 self._aligned_s = None  # what turned meanwhile, nobody counted: the next solve tells
                 self._looks.clear()
             self._over.wait(AGAIN_S)
+
+    def _next_step(self) -> str:
+        text = tr("Encoders connected. Solve two frames some degrees apart along both axes.")
+        if self._without_site:
+            text += " " + tr("No site is set: the axes are taken as polar aligned. For a Dobsonian, set your site.")
+        return text
 
     def _read(self, box: EncoderBox) -> None:
         """Look until it is over or the line is gone; an answer that makes no sense is told when it is not the last."""
