@@ -23,6 +23,11 @@ def test_a_command_is_timed_from_outside(tmp_path) -> None:
     assert spent([sys.executable, "-c", f"open({str(mark)!r}, 'w')"], mark).solved
 
 
+def test_a_command_that_never_ends_is_ended(monkeypatch) -> None:
+    monkeypatch.setattr(serve, "LIMIT_S", 0.5)
+    assert not spent([sys.executable, "-c", "import time; time.sleep(600)"]).solved
+
+
 def test_commands_have_turns_and_others_run_once() -> None:
     order = []
 
@@ -55,16 +60,17 @@ def test_goals_are_measured_or_said_not_to_be() -> None:
     assert [goal.met for goal in goals(rows[:1])] == [None] * 7
 
 
-def test_rows_are_measured_alone_and_with_bytecode_kept(monkeypatch) -> None:
+def test_rows_are_measured_alone_and_with_everybodys_variables(monkeypatch) -> None:
     """A batch needs an idle machine for a minute, all rows for a quarter of an hour."""
     asked = []
-    monkeypatch.setenv(serve.NO_BYTECODE, "1")
+    for name in serve.LEFT_OUT:
+        monkeypatch.setenv(name, "1")
     monkeypatch.setattr(serve, "batch", lambda files, busy: asked.append((busy, dict(os.environ))) or [])
     serve.run(True, lambda line: None, Only(("batch",)))
     serve.run(True, lambda line: None, Only(("batch beside",)))
     assert [busy for busy, _ in asked] == [0, serve.BUSY, serve.BUSY]
-    assert not any(serve.NO_BYTECODE in variables for _, variables in asked)
-    assert os.environ[serve.NO_BYTECODE] == "1"
+    assert not any(name in variables for _, variables in asked for name in serve.LEFT_OUT)
+    assert all(os.environ[name] == "1" for name in serve.LEFT_OUT)
 
 
 def test_a_batch_has_its_turns_and_leaves_no_loop_behind(tmp_path, monkeypatch) -> None:

@@ -16,6 +16,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -42,7 +43,9 @@ OTHERS = ("solve-field", "astap_cli", "cedar-solve")
 TURNS, QUICK_TURNS, LIMIT_S, BATCH, BATCH_TURNS, BUSY = 15, 5, 120.0, 96, 3, 4
 BATCHES = {"batch": 0, "batch beside busy loops": BUSY}
 COLD_RATIO, WARM_RATIO, WARM_LARGE_S, BATCH_FRAMES, BATCH_RATIO = 0.6, 0.2, 0.3, 8.0, 1.8
-BEFORE, NO_BYTECODE = "KOCHAB_BENCH_BEFORE", "PYTHONDONTWRITEBYTECODE"
+BEFORE = "KOCHAB_BENCH_BEFORE"
+LEFT_OUT = ("PYTHONDONTWRITEBYTECODE", "OPENBLAS_NUM_THREADS")
+"""Variables that commands do not inherit; the second is what this process has set for itself."""
 CEDAR = """
 import math, sys
 import numpy
@@ -65,7 +68,7 @@ class Spent:
 
 def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
     """Measure commands on both frames, and a batch."""
-    with _bytecode_kept():
+    with _usual_variables():
         return _run(quick, report, only)
 
 
@@ -111,14 +114,13 @@ def rendered(path: Path, width: int, height: int, fov_deg: float) -> Path:
 
 
 @contextmanager
-def _bytecode_kept() -> Iterator[None]:
-    """Let Python keep what it compiles, as it does for everybody: else each cold start would compile all of it."""
-    before = os.environ.pop(NO_BYTECODE, None)
+def _usual_variables() -> Iterator[None]:
+    """Let commands start as everybody's do: Python keeps what it compiles, and a command limits its own threads."""
+    before = {name: os.environ.pop(name) for name in LEFT_OUT if name in os.environ}
     try:
         yield
     finally:
-        if before is not None:
-            os.environ[NO_BYTECODE] = before
+        os.environ.update(before)
 
 
 @contextmanager
@@ -181,12 +183,12 @@ def spent(command: Sequence[str], mark: Path | None = None, environment: Mapping
     """Run a command; ``mark`` is the file that tells that it solved, None when its exit code does."""
     if mark is not None:
         mark.unlink(missing_ok=True)
-    started, before = time.perf_counter(), os.times()
-    try:
-        none = subprocess.DEVNULL
-        code = subprocess.run(command, stdout=none, stderr=none, timeout=LIMIT_S, env=environment).returncode
-    except subprocess.TimeoutExpired:
-        code = -1
+    started, before, none = time.perf_counter(), os.times(), subprocess.DEVNULL
+    with subprocess.Popen(command, stdout=none, stderr=none, env=environment) as process:
+        limit = threading.Timer(LIMIT_S, process.kill)  # to wait with a limit looks every 50 ms, and is as late
+        limit.start()
+        code = process.wait()
+        limit.cancel()
     wall, after = time.perf_counter() - started, os.times()
     cpu = after.children_user + after.children_system - before.children_user - before.children_system
     return Spent(wall, cpu, code == 0 if mark is None else mark.exists())
