@@ -9,12 +9,16 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from kochab.core.frame import Frame
+from kochab.core.progress import run
 from kochab.detection.auto import AutoDetector
 from kochab.frames import read_frame
+from kochab.solver import SolveOptions
 from kochab.workflows.night import drawings
-from kochab.workflows.night.frame import NightFrame
+from kochab.workflows.night.frame import NightFrame, measure_frame
+from kochab.workflows.night.page import night_page
 from kochab.workflows.night.sharpness import CORNERS, LEAST_SNR, SIDES, night_field, sharpness
 from kochab.workflows.night.summary import advice_of, night_of
 from kochab.workflows.night.tracking import Place, tracking_of
@@ -200,23 +204,23 @@ def test_photutils_sees_the_same_tilt_in_a_real_frame(repository):
     assert 2.0 * np.hypot(*terms[1:3]) == pytest.approx(field.tilt.value, abs=2.0 * np.hypot(field.tilt.sigma, 0.02))
 
 
-@pytest.mark.skipif(not shutil.which("psfex"), reason="no psfex here")
-@pytest.mark.skipif(not shutil.which("source-extractor"), reason="no source-extractor here")
-def test_psfex_finds_the_same_corner_and_the_same_widths_there(tmp_path):
-    """PSFEx's model of the star image varies linearly over the frame; its widths in the corners are fitted here."""
+needs_psfex = pytest.mark.skipif(
+    not (shutil.which("psfex") and shutil.which("source-extractor")), reason="needs psfex and source-extractor"
+)
+
+
+def by_psfex(pixels, folder):
+    """FWHM in the corners of PSFEx's model of the star image, which varies linearly over the frame, fitted here."""
     from astropy.io import fits
     from photutils.psf import fit_fwhm
 
-    xy, flux = scattered(SIZE, 260, 3)
-    u, v = ((xy - (np.array(SIZE) - 1) / 2) / (np.hypot(*SIZE) / 2)).T
-    pixels = drawn(SIZE, xy, flux * 1.5, 4.0 - 0.9 * u + 0.6 * v, 3)
-    fits.writeto(tmp_path / "frame.fits", pixels.astype(np.float32))
-    (tmp_path / "out.param").write_text(
+    fits.writeto(folder / "frame.fits", pixels.astype(np.float32))
+    (folder / "out.param").write_text(
         "VIGNET(25,25)\nX_IMAGE\nY_IMAGE\nFLUX_RADIUS\nSNR_WIN\nFLUX_APER(1)\nFLUXERR_APER(1)\nELONGATION\nFLAGS\nFLUX_MAX\n"
     )
-    (tmp_path / "none.conv").write_text("CONV NORM\n0 0 0\n0 1 0\n0 0 0\n")
-    run = partial(subprocess.run, cwd=tmp_path, check=True, capture_output=True)
-    run(
+    (folder / "none.conv").write_text("CONV NORM\n0 0 0\n0 1 0\n0 0 0\n")
+    call = partial(subprocess.run, cwd=folder, check=True, capture_output=True)
+    call(
         [
             "source-extractor",
             "frame.fits",
@@ -238,7 +242,7 @@ def test_psfex_finds_the_same_corner_and_the_same_widths_there(tmp_path):
             "65000",
         ]
     )
-    run(
+    call(
         [
             "psfex",
             "out.cat",
@@ -266,24 +270,58 @@ def test_psfex_finds_the_same_corner_and_the_same_widths_there(tmp_path):
             "N",
         ]
     )
-    with fits.open(tmp_path / "out.psf") as file:
+    with fits.open(folder / "out.psf") as file:
         head, model = file[1].header, file[1].data["PSF_MASK"][0]
+    height, width = pixels.shape
     theirs = {}
     for name, place in {
         "upper left": (0, 0),
-        "upper right": (899, 0),
-        "lower left": (0, 599),
-        "lower right": (899, 599),
+        "upper right": (width - 1, 0),
+        "lower left": (0, height - 1),
+        "lower right": (width - 1, height - 1),
     }.items():
         x, y = ((place[k] + 1 - head[f"POLZERO{k + 1}"]) / head[f"POLSCAL{k + 1}"] for k in (0, 1))
         star = model[0] + x * model[1] + y * model[2]
         theirs[name] = float(fit_fwhm(star, xypos=(12, 12), fit_shape=(17, 17))[0])
+    return theirs
+
+
+@needs_psfex
+def test_psfex_finds_the_same_corner_and_the_same_widths_there(tmp_path):
+    xy, flux = scattered(SIZE, 260, 3)
+    u, v = ((xy - (np.array(SIZE) - 1) / 2) / (np.hypot(*SIZE) / 2)).T
+    pixels = drawn(SIZE, xy, flux * 1.5, 4.0 - 0.9 * u + 0.6 * v, 3)
+    theirs = by_psfex(pixels, tmp_path)
     field = sharpness(AutoDetector().detect(Frame(pixels))).field
     ours = {name: one.value for name, one in field.corners.items()}
     assert field.softest == "lower left"
     assert sorted(ours, key=ours.get) == sorted(theirs, key=theirs.get)
     # Resampling widens the narrowest of its stars by a tenth.
     assert list(ours.values()) == pytest.approx([theirs[name] for name in ours], rel=0.13)
+
+
+@needs_psfex
+@pytest.mark.parametrize(
+    "name", ["exo__HATP-32171220013343.FITS", "gran__cisne_02sec.jpg", "gran__polar_30sec.jpg", "geo__RW_Aur-0004V.fit"]
+)
+def test_psfex_sees_the_same_tilt_in_real_frames(name, repository, tmp_path):
+    """In frames whose tilt has a chance below 1 in 5000: the same way, and as large to a half."""
+    path = repository.parent / "shared" / "frames" / name
+    if not path.exists():
+        pytest.skip("needs the shared frames")
+    frame = read_frame(path)
+    field = sharpness(AutoDetector().detect(frame)).field
+    assert field.tilt_chance < 2e-4
+
+    def across_and_down(corners):
+        left, right = (sum(corners[f"{row} {side}"] for row in ("upper", "lower")) / 2 for side in ("left", "right"))
+        upper, lower = (sum(corners[f"{row} {side}"] for side in ("left", "right")) / 2 for row in ("upper", "lower"))
+        return np.array([right - left, lower - upper])
+
+    ours = across_and_down({name: one.value for name, one in field.corners.items()})
+    theirs = across_and_down(by_psfex(np.asarray(frame.pixels, dtype=np.float64), tmp_path))
+    assert ours @ theirs > 0.8 * np.linalg.norm(ours) * np.linalg.norm(theirs)
+    assert 0.5 < np.linalg.norm(ours) / np.linalg.norm(theirs) < 1.5
 
 
 @pytest.mark.parametrize(("minutes", "least"), [(2, 2), (45, 4), (540, 4)])
@@ -462,8 +500,23 @@ def test_a_mount_that_does_not_track_is_told_and_no_guiding_is_blamed():
         for k, p in enumerate(standing)
     ]  # fmt: skip
     assert "did not track" in advice_of(night_of(frames))
+    trailed = measured(lambda u, v: 3.4 + 0.8 * u, stretch=1.4)  # a fixed tripod's wide field: longer at lower Dec
+    assert "tilt can&#x27;t be told" in night_page(night_of([replace(f, sharp=trailed) for f in frames]), "lights")
+    # near the pole the sky is slow: frames of turned bolts scatter by more in a quarter of an hour
+    rng = np.random.default_rng(10)
+    near_pole = [one for _ in range(200) for one in tracking_of(held(rng, (0.0, 0.0), 4, noise=200.0, dec=88.7))]
+    assert np.mean([one.ra_arcsec_h.value > sidereal / 44.0 for one in near_pole]) > 0.1
+    assert np.mean([one.untracked for one in near_pole]) < 0.03
     frames[-1] = replace(frames[-1], time_utc=START + timedelta(days=2))
     assert "several nights" in advice_of(night_of(frames))
+
+
+def test_a_picture_has_its_time_of_what_sharpcap_wrote_beside_it(tmp_path):
+    pixels = np.random.default_rng(2).integers(0, 20, (200, 300), dtype=np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "a.png")
+    (tmp_path / "a.CameraSettings.txt").write_text("[ZWO]\nExposure=3\nTimeStamp=2021-05-30T22:31:15.5Z\n")
+    found = run(measure_frame(str(tmp_path / "a.png"), SolveOptions(timeout_s=0.5)))
+    assert found.time_utc == datetime(2021, 5, 30, 22, 31, 15, 500000, UTC)
 
 
 def test_three_frames_say_no_drift():

@@ -225,7 +225,8 @@ def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> st
         lines.append(f"focus    {night.focus.text('+')} px an hour")
     if night.shape:
         softer = f"softest {night.shape.softest}" if night.shape.tilt_chance < NO_TILT else "not sure"
-        lines.append(f"tilt     {night.shape.tilt.text()} px, {softer}")
+        unknown = "unknown: the stars are trailed, the mount did not track"
+        lines.append(f"tilt     {unknown if night.untracked else f'{night.shape.tilt.text()} px, {softer}'}")
     if sky := night.usual(night.brightness):
         lines.append(f"sky      {sky.text()} mag/arcsec2 (V)")
     if faintest := night.usual(night.faintest):

@@ -24,6 +24,7 @@ from kochab.workflows.night.sharpness import Sharpness, sharpness
 from kochab.workflows.night.sky_brightness import DarkLevel, StarsOnSky, dark_level, paired_stars, stars_on_sky
 from kochab.workflows.night.strangers import Sights, sights_of
 from kochab.workflows.night.transparency import StarLight
+from kochab.workflows.polar.sources import sharpcap_time
 from kochab.workflows.solve_frame import SolvedFrame, solve_open_frame
 
 THUMBNAIL_PX = 360
@@ -148,9 +149,10 @@ def setup_of(header: Mapping[str, Any]) -> str:
 def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -> NightFrame:
     """What a solved frame, or one that has no solution, says of the night; with a thumbnail if ``small``."""
     frame, result, hint = found.frame, found.result, found.frame.hint
+    time_utc = hint.taken_utc or sharpcap_time(Path(found.path))
     kept = NightFrame(
         found.path,
-        time_utc=hint.taken_utc,
+        time_utc=time_utc,
         exposure_s=hint.exposure_s,
         size=(frame.width, frame.height),
         detections=len(found.detections),
@@ -163,7 +165,7 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
         return replace(kept, reason=str(result.reason))
     ra, dec = result.ra_dec_deg
     there = site or hint.site
-    sky = sky_at(result, hint.taken_utc, there) if there and hint.taken_utc else None
+    sky = sky_at(result, time_utc, there) if there and time_utc else None
     return replace(
         kept,
         solved=True,
@@ -177,7 +179,7 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
         sky=sky,
         site=there,
         reported_deg=hint.centre_deg[:2] if hint.centre_deg and "CTYPE1" not in frame.header else None,
-        sighting=Sighting.of(result, hint.taken_utc, Path(found.path).name) if hint.taken_utc else None,
+        sighting=Sighting.of(result, time_utc, Path(found.path).name) if time_utc else None,
     )
 
 

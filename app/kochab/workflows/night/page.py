@@ -259,7 +259,9 @@ def _field(night: Night) -> str:
     shape, usual = night.shape, Counter(f.size for f in night.frames if f.sharp).most_common(1)[0][0]
     assert shape is not None
     tilt, curved = shape.tilt, shape.curvature
-    if shape.tilt_chance < NO_TILT:
+    if night.untracked:
+        verdict = tr("Stars are trailed, by more where declination is lower: tilt can't be told.")
+    elif shape.tilt_chance < NO_TILT:
         where = tr(shape.softest)
         verdict = tr("Softest towards the {corner}: {tilt} px wider than opposite.", corner=where, tilt=tilt.text())
     elif shape.tilt_chance < 0.01:

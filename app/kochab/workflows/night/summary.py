@@ -103,6 +103,11 @@ class Night:
         return [k for k, frame in enumerate(self.frames) if not frame.solved]
 
     @property
+    def untracked(self) -> bool:
+        """Whether the mount stood still: trails are longer where Dec is lower, which passes for tilt."""
+        return any(one.untracked for one in self.tracking)
+
+    @property
     def hours(self) -> float:
         """From the first to the last frame with a time."""
         times = [frame.time_utc for frame in self.frames if frame.time_utc]
@@ -328,7 +333,7 @@ def _of_the_axis(night: Night) -> Iterator[tuple[float, str]]:
 
 def _of_the_optics(night: Night) -> Iterator[tuple[float, str]]:
     """Shares by which stars are larger than they had to be, and what to do."""
-    if any(one.untracked for one in night.tracking):
+    if night.untracked:
         yield 1.0, tr("The mount did not track: the field moved with the sky. Switch tracking on.")
         return
     if night.fwhm is None or night.fwhm.value < SAMPLED_PX:

@@ -45,6 +45,8 @@ TURNED_DEG, FLIPPED_DEG = 10.0, 170.0
 POLAR_ARCSEC = 600.0
 """One sigma of a polar axis that nobody measured."""
 SIDEREAL_ARCSEC_S = 3600.0 * SIDEREAL_DEG_S
+SURELY = 3.0
+"""Sigmas by which a field that was not tracked drifts faster than half the sky, and no faster than half more."""
 FLOOR_ARCSEC = 0.5
 """No jump is known better: refraction and the drift of the middle of the frame differ from place to place."""
 ALONG = 0.15
@@ -152,7 +154,9 @@ class Tracking:
     @property
     def untracked(self) -> bool:
         """Whether the field moved as the sky does: a fixed tripod, or a motor that is off."""
-        return self.ra_arcsec_h.value > 0.5 * 3600.0 * SIDEREAL_ARCSEC_S * math.cos(math.radians(self.dec_deg))
+        whole = 3600.0 * SIDEREAL_ARCSEC_S * math.cos(math.radians(self.dec_deg))
+        unsure = SURELY * self.ra_arcsec_h.sigma
+        return self.ra_arcsec_h.value - unsure > 0.5 * whole > abs(self.ra_arcsec_h.value - whole) - unsure
 
 
 def tracking_of(places: Sequence[Place], polar_arcsec: float = POLAR_ARCSEC) -> list[Tracking]:
