@@ -35,7 +35,7 @@ class Line:
         self._done.set()
         self._thread.join(10)
         for end in self._ends:
-            os.close(end)
+            _close(end)
         if self._listener is None:
             os.close(self._slave)
         else:
@@ -45,7 +45,7 @@ class Line:
         """Break every connection of a TCP line; the next one is taken."""
         with self.board.lock:
             for end in self._ends:
-                os.close(end)
+                _close(end)
             self._ends = []
 
     def _run(self):
@@ -60,7 +60,7 @@ class Line:
                     if end is self._listener:
                         accepted, _ = end.accept()
                         accepted.setblocking(False)
-                        self._ends = [*self._ends, accepted.detach()]
+                        self._ends = [*self._ends, accepted]
                     elif end in self._ends:
                         self._take(end)
                 self.board.advance()
@@ -68,7 +68,7 @@ class Line:
 
     def _take(self, end):
         try:
-            data = os.read(end, 4096)
+            data = end.recv(4096) if isinstance(end, socket.socket) else os.read(end, 4096)
         except BlockingIOError:
             return
         except OSError:
@@ -76,13 +76,18 @@ class Line:
         if data:
             self.board.receive(data)
         elif self._listener is not None:
-            os.close(end)
             self._ends.remove(end)
+            _close(end)
 
     def _send(self):
         for data in self.board.due():
             for end in self._ends[-1:]:  # the newest client asked
                 try:
-                    os.write(end, data)
+                    end.send(data) if isinstance(end, socket.socket) else os.write(end, data)
                 except OSError:  # nobody reads: the bytes are lost, as on a wire
                     continue
+
+
+def _close(end):
+    """On Windows a socket is no file."""
+    end.close() if isinstance(end, socket.socket) else os.close(end)

@@ -38,6 +38,9 @@ register() { # qemu-user for $arch, where this machine is of another kind
 base() { # SUITE: Debian's smallest system
   local root=$folder/$1-$arch-base
   [ -e "$root/ready" ] && return
+  # What a run that was killed has left, with its /proc mounted.
+  umount -q "$root/proc" "$root/sys" 2>/dev/null
+  rm -rf --one-file-system "$root"
   debootstrap --variant=minbase --arch="$arch" --include=ca-certificates "$1" "$root" "$mirror" >"$folder/$1-$arch-debootstrap.log" 2>&1
   useradd --root "$root" --create-home ann
   touch "$root/ready"

@@ -16,6 +16,10 @@ from kochab.gear.cameras import open_camera, uvc
 from .test_webcam import taken, until_lost
 
 av = pytest.importorskip("av")
+ABSENT = {"color", "testsrc", "geq", "realtime"} - set(av.filter.filters_available)
+pytestmark = pytest.mark.skipif(
+    bool(ABSENT), reason=f"this FFmpeg has no virtual camera: no {', '.join(sorted(ABSENT))}"
+)
 
 ORANGE = "color=c=0xC08040:size=160x120:rate=60,realtime"
 BARS = "testsrc=size=320x240:rate=60,realtime"

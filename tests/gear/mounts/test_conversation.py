@@ -1,15 +1,18 @@
 """One exchange at a time, and Stop ahead of it."""
 
 import logging
+import socket
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
+from serial.urlhandler import protocol_socket
 
-from kochab.core.errors import NoAnswerError, RefusedError
+from kochab.core.errors import LineLostError, NoAnswerError, RefusedError
 from kochab.gear.mounts import serial_line
 from kochab.gear.mounts.protocols.nexstar import parse_done
-from kochab.gear.mounts.serial_line import Conversation, ProtocolError, exactly, until
+from kochab.gear.mounts.serial_line import Conversation, ProtocolError, SerialLink, exactly, until
 from tests.gear.mounts.scripted import ScriptedLink
 
 
@@ -225,3 +228,22 @@ def test_after_a_bad_answer_two_exchanges_begin_with_a_silent_line(bad) -> None:
     for _ in range(4):
         talk.ask(b"L", exactly(1, 1.0), parse_done)
     assert link.quiet_s == [0.0, serial_line.QUIET_S, serial_line.QUIET_S, 0.0, 0.0]
+
+
+def test_a_socket_closed_while_it_is_read_is_a_lost_line(monkeypatch) -> None:
+    """pyserial has no socket any more between its look for bytes and its read."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        link = SerialLink(f"socket://127.0.0.1:{listener.getsockname()[1]}")
+        accepted, _ = listener.accept()
+        with accepted, link._serial._socket:
+            look = protocol_socket.select.select
+
+            def another_closes_it(*words):
+                seen = look(*words)
+                link._serial._socket = None
+                return seen
+
+            accepted.send(b"x")
+            monkeypatch.setattr(protocol_socket, "select", SimpleNamespace(select=another_closes_it, error=OSError))
+            with pytest.raises(LineLostError, match="Check its cable and power"):
+                link.read_exact(1, 5.0)

@@ -237,8 +237,8 @@ class SerialLink:
             raise LineLostError("Port {port} is closed.", port=self.port)
         try:
             return action()
-        except (OSError, TypeError, ValueError) as error:
-            # pyserial reports a port closed under it as TypeError or ValueError.
+        except (OSError, TypeError, ValueError, AttributeError) as error:
+            # pyserial reports a port closed under it as TypeError or ValueError, a socket's as AttributeError.
             self._lost = True
             raise LineLostError("Lost the mount on {port}. Check its cable and power.", port=self.port) from error
 
