@@ -56,18 +56,24 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         " shipped stars. They solve fields down to 0.1 degrees whose place and scale are known.",
     )
     use.add_argument("what", metavar="NAME|PATH|none", help="D50, 5200, a folder or a file; none: shipped stars only")
+    index = actions.add_parser(
+        "index",
+        help="index that catalogue: solve fields from 0.25 degrees blind",
+        description="Takes minutes and up to 700 MB, once; interrupted, it continues. The window does so at its start.",
+    )
     listed = actions.add_parser("list", help="star catalogues on this computer, and which one is used")
 
     add_options(build, "--overwrite")
     add_options(bring, "--overwrite")
-    for action in (build, info, reach, bring, use, listed):
+    for action in (build, info, reach, bring, use, index, listed):
         add_options(action, "--json")
         action.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what ``args`` ask for; the exit code: 0 done, 1 a check failed, 2 unusable input."""
-    action = {"build": _build, "info": _info, "coverage": _coverage, "import": _import, "use": _use, "list": _list}
+    action = {"build": _build, "info": _info, "coverage": _coverage, "import": _import}
+    action |= {"use": _use, "index": _index, "list": _list}
     try:
         return action[args.action](args)
     except KochabError as error:
@@ -213,6 +219,17 @@ def _use(args: argparse.Namespace) -> int:
     catalogue = with_progress("catalog", user_catalogues.choose(args.what))
     facts = user_catalogues.facts_of(catalogue)
     tell({"in_use": facts}, f"Using {user_catalogues.described(facts)}", args.json)
+    return 0
+
+
+def _index(args: argparse.Namespace) -> int:
+    from kochab.solver.own_index import SERVES_DEG, make_own
+
+    volumes = with_progress("catalog", make_own())
+    if not volumes:
+        raise CatalogueError("No catalogue of yours is in use: see kochab catalog use.")
+    stars, path = sum(int(volume.offsets[-1]) for volume in volumes), volumes[0].folder.parent
+    tell({"stars": stars, "path": str(path), "fields_deg": [*SERVES_DEG]}, f"{stars:,} stars in {path}.", args.json)
     return 0
 
 

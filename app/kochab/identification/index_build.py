@@ -308,12 +308,49 @@ def build_volume(
     ra = np.arctan2(vectors[:, 1], vectors[:, 0]) % (2 * np.pi)
     dec = np.arcsin(np.clip(vectors[:, 2], -1.0, 1.0))
     chosen = all_levels(ra, dec)
+    members, fields_deg = [chosen[k] for k in levels], [LEVEL_FIELDS_DEG[k] for k in levels]
+    del ra, dec, chosen
+    yield from write_volume(folder, vectors, rows, fields_deg, members, neighbours=neighbours, steps=steps, mark=mark)
+
+
+def write_volume(
+    folder: Path,
+    vectors: Floats,
+    rows: Ints,
+    fields_deg: Sequence[float],
+    members: Sequence[Ints],
+    *,
+    neighbours: Sequence[tuple[int, int]],
+    steps: int,
+    mark: str = "",
+) -> Task[None]:
+    """The same of levels that are given.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the volume is written.
+    vectors : Floats
+        ICRS unit vectors (N, 3).
+    rows : Ints
+        What the volume calls the stars (N,).
+    fields_deg : Sequence[float]
+        The size of field that each level is for, ascending.
+    members : Sequence[Ints]
+        Numbers of each level's stars, in any order.
+    neighbours : Sequence[tuple[int, int]]
+        As in :func:`build_volume`.
+    steps : int
+        As there.
+    mark : str
+        As there.
+    """
     stars, kept, keys, offsets, zones = [], [], [], [0], []
-    for k in levels:
-        count = zones_of(LEVEL_FIELDS_DEG[k])
-        key = zone_keys(vectors[chosen[k]], count)
+    for field_deg, level_members in zip(fields_deg, members, strict=True):
+        count = zones_of(field_deg)
+        key = zone_keys(vectors[level_members], count)
         order = np.argsort(key, kind="stable")
-        member = chosen[k][order]
+        member = level_members[order]
         stars.append(vectors[member].astype(np.float32))
         kept.append(rows[member].astype(np.uint32))
         keys.append(key[order])
@@ -322,11 +359,11 @@ def build_volume(
     folder.mkdir(parents=True, exist_ok=True)
     for name, arrays in (("stars", stars), ("rows", kept), ("keys", keys)):
         np.save(folder / f"{name}.npy", np.concatenate(arrays))
-    del vectors, rows, ra, dec, chosen, kept, keys  # the quads need the room
+    del vectors, rows, members, kept, keys  # the quads need the room
     grid = Grid(steps)
     plan = {
         "steps": steps,
-        "levels": [*levels],
+        "fields_deg": [*fields_deg],
         "neighbours": [[*n] for n in neighbours],
         "stars": offsets,
         "mark": mark,
@@ -344,7 +381,7 @@ def build_volume(
                 continue
             begin, width = 0.1 + 0.75 * i / len(stars), 0.3 / len(stars)
             yield Progress("patterns", begin, f"level {i + 1} of {len(stars)}")
-            task = level_quads(xyz.astype(np.float64), LEVEL_FIELDS_DEG[levels[i]], *neighbours[i])
+            task = level_quads(xyz.astype(np.float64), fields_deg[i], *neighbours[i])
             level = yield from _as_part(task, begin, width)
             wanted, done = max(1, int(level.first.sum())), 0
             neighbours_file.seek(HEADER_BYTES + STEP.itemsize * first[i])
@@ -369,7 +406,7 @@ def build_volume(
     # last: a folder without it is no volume
     header = {
         "steps": steps,
-        "fields_deg": [LEVEL_FIELDS_DEG[k] for k in levels],
+        "fields_deg": [*fields_deg],
         "offsets": offsets,
         "zones": zones,
         "nearest": nearest,

@@ -128,7 +128,7 @@ def _levels(plane: Floats, fields_deg: tuple[float, ...]) -> list[tuple[float, I
     member = np.arange(len(plane))
     out: list[tuple[float, Ints]] = []
     for field in fields_deg:
-        member = member[_brightest_of_each_field(plane[member], math.radians(field))] if len(member) else member
+        member = member[brightest_of_each_field(plane[member], math.radians(field))] if len(member) else member
         if len(member) < 4:
             break
         if out and len(member) >= SAME_LEVEL * len(out[-1][1]):
@@ -137,7 +137,7 @@ def _levels(plane: Floats, fields_deg: tuple[float, ...]) -> list[tuple[float, I
     return out
 
 
-def _brightest_of_each_field(xy: Floats, field_rad: float) -> Ints:
+def brightest_of_each_field(xy: Floats, field_rad: float) -> Ints:
     """Numbers of the stars (N, 2), brightest first, with fewer than ``PER_FIELD`` brighter in a box of a field."""
     # cells of a third of the field: the nine about a star are its box, as in the index of the whole sky
     cell = np.floor((xy - xy.min(axis=0)) / (field_rad / 3.0)).astype(np.int64) + 1

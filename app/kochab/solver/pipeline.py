@@ -258,6 +258,8 @@ def _searches(request: _Request) -> Iterator[Task[Identification | NoSolution]]:
             if hint.centre_deg and hint.scale_arcsec_px and len(detections) <= MOST_FOR_TRIANGLES:
                 yield _identify(request, replace(hint, centre_deg=None))
             yield _identify(request, None)
+        if _may_climb(request) or hint is None or hint.centre_deg is None:
+            yield from _in_own_index(request, hint)
     if options.method == DEFAULT_METHOD:
         yield _identify_few(request)
     if _may_climb(request):
@@ -291,6 +293,19 @@ def _in_cone(request: _Request, hint: Hint, near: "Narrow") -> Task[Identificati
                 search_cone(request.detections, hint, near, request.year, request.unreadable)
             )
         )
+
+
+def _in_own_index(request: _Request, hint: Hint | None) -> Iterator[Task[Identification | NoSolution]]:
+    """The search in the index of the user's stars, where that has been made."""
+    from kochab.solver.own_index import own_volumes, search_own
+
+    volumes = own_volumes() if request.options.method == DEFAULT_METHOD else ()
+    if not volumes:
+        return
+    # a place that was wrong says nothing of the scale
+    wanted = hint if hint is not None and hint.centre_deg is None else None
+    with request.clock.stage("identify"):
+        yield request.clock.watch(search_own(request.detections, wanted, volumes, request.year, request.unreadable))
 
 
 def _identify_few(request: _Request) -> Task[Identification | NoSolution]:

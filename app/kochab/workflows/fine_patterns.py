@@ -1,4 +1,4 @@
-"""Builds the small-field patterns in a process of its own, so that the window stays responsive.
+"""Builds the small-field patterns and the index of the user's stars in a process of its own, beside the window.
 
 In a thread of the window's process the long sorts would hold Python's lock for a fifth of a
 second now and then. No Qt is imported there.
@@ -59,6 +59,15 @@ def _clear_up() -> None:
             release(handle, lock)
 
 
+def _every_index() -> Task[None]:
+    """That of small fields, and that of the user's own stars."""
+    from kochab.identification.index_build import make_fine
+    from kochab.solver.own_index import make_own
+
+    yield from make_fine()
+    yield from make_own()
+
+
 def make_here(steps: "Connection[Progress | str, None]") -> None:
     """Make them, and send each step and at last why it went wrong, or nothing."""
     # It ends at once when asked, and the window clears up: an exception within a search would take the arrays from
@@ -67,9 +76,7 @@ def make_here(steps: "Connection[Progress | str, None]") -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches us too; the window decides
     if hasattr(os, "nice"):
         os.nice(10)
-    from kochab.identification.index_build import make_fine
-
-    task = make_fine()
+    task = _every_index()
     try:
         for step in task:
             steps.send(step)

@@ -66,11 +66,12 @@ class WorkflowEngine:
         DRIVERS.others()  # asks every package that is installed
         from kochab.identification.index import fine
         from kochab.sky.completion import completion
+        from kochab.solver.own_index import own_folder, own_volumes
         from kochab.workflows.fine_patterns import make_elsewhere
 
         yield Progress("load", None, "names")
         completion()  # so that the search lists from the first letter
-        if fine() is None:
+        if fine() is None or (own_folder() is not None and not own_volumes()):
             yield from make_elsewhere()
 
 
