@@ -1,8 +1,9 @@
 """Real frames made worse in one known way, for the doctor's reasons.
 
-``python -m tests.solver.worse FOLDER [COUNT [SEED [STRENGTH]]]`` makes the real frames of a folder worse in every
+``python -m tests.solver.worse FOLDER [COUNT [SEED [STRENGTH [unseen]]]]`` makes the real frames of a folder worse in every
 way until COUNT of them (200) have no solution, and prints which reasons were given for what was done. STRENGTH (1)
-is of trails, discs and the Moon: 0.5 is half as large.
+is of trails, discs and the Moon: 0.5 is half as large. With ``unseen`` these are ways that the doctor's rules were not
+written from.
 """
 
 import json
@@ -168,6 +169,140 @@ WORSE = {
 """What was done to the frame, and the reasons that are right."""
 
 
+# -- Ways that the doctor's rules were not written from: they judge the rules -------------------
+
+
+def wobbled(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A tripod pushed in mid-exposure: a curved path, slower at its ends."""
+    length, angle = strength * rng.uniform(0.03, 0.06) * frame.width, rng.uniform(0.0, 2.0 * np.pi)
+    bow, turn = rng.uniform(0.05, 0.2), np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    along = np.cos(np.linspace(0.0, np.pi, 40 * int(length))) / 2.0
+    x, y = np.rint(length * turn @ np.stack([along, bow * np.cos(np.pi * along)])).astype(int)
+    kernel = np.zeros((int(np.ptp(y)) + 1, int(np.ptp(x)) + 1))
+    np.add.at(kernel, (y - y.min(), x - x.min()), 1.0)
+    return _blurred(frame, kernel, rng)
+
+
+def rotated(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """An alt-azimuth mount without a rotator: the field turns about a place in it."""
+    from scipy.ndimage import affine_transform
+
+    pixels, clip, sky, noise = _levels(frame)
+    pivot, light = rng.uniform(0.3, 0.7, 2) * pixels.shape, np.zeros_like(pixels)
+    angles = np.radians(strength * rng.uniform(5.0, 8.0)) * np.linspace(-0.5, 0.5, 61)
+    for c, s in zip(np.cos(angles), np.sin(angles), strict=True):
+        turn = np.array([[c, -s], [s, c]])
+        light += affine_transform(pixels - sky, turn, pivot - turn @ pivot, order=1) / len(angles)
+    return _with(frame, sky + 8.0 * light + rng.normal(0.0, noise, pixels.shape), clip)
+
+
+def frosted(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A lens set to its near end: wide stars without an edge."""
+    sigma = strength * rng.uniform(9.0, 12.0)
+    y, x = np.mgrid[-40:41, -40:41]
+    return _blurred(frame, np.exp(-(x * x + y * y) / (2.0 * sigma * sigma)), rng)
+
+
+def hexagonal(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A lens out of focus behind six blades."""
+    radius, angle = strength * rng.uniform(14.0, 22.0), rng.uniform(0.0, np.pi)
+    half = int(radius) + 2
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    sides = [np.abs(x * np.cos(angle + k * np.pi / 3) + y * np.sin(angle + k * np.pi / 3)) for k in range(3)]
+    return _blurred(frame, (np.max(sides, axis=0) < 0.87 * radius) * 1.0, rng)
+
+
+def dusk(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A bright horizon: white below, half of full scale above."""
+    pixels, clip, sky, noise = _levels(frame)
+    day = clip * np.linspace(rng.uniform(0.4, 0.55), 1.3, frame.height)[:, None]
+    return _with(frame, day + 0.05 * (pixels - sky) + rng.normal(0.0, 2.0 * noise, pixels.shape), clip)
+
+
+def glowing(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A cap left on, a warm sensor: hot pixels, and an amplifier's glow in a corner."""
+    pixels, clip, sky, noise = _levels(frame)
+    y, x = np.mgrid[: frame.height, : frame.width]
+    glow = 0.1 * clip * np.exp(-(x + y) / (0.1 * frame.width))
+    out = min(sky, 0.1 * clip) + glow + rng.normal(0.0, noise, pixels.shape)
+    hot = rng.integers(0, out.size, out.size // 5000)
+    out.ravel()[hot] += rng.uniform(0.05, 0.9, len(hot)) * clip
+    return _with(frame, out, clip)
+
+
+def faint(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """Exposed far too short: a hundredth of the light in the same noise."""
+    pixels, clip, sky, noise = _levels(frame)
+    return _with(frame, sky + 0.01 * (pixels - sky) + rng.normal(0.0, noise, pixels.shape), clip)
+
+
+def lamp(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """A street lamp at the edge, its ghosts across the frame, and four stars."""
+    few = few_stars(frame, rng)
+    pixels, clip, _, _ = _levels(few)
+    y, x = np.mgrid[: frame.height, : frame.width]
+    start, middle = (
+        np.array([rng.uniform(0.1, 0.9), 0.08]) * [frame.width, frame.height],
+        np.array([frame.width, frame.height]) / 2.0,
+    )
+    away = np.hypot(x - start[0], y - start[1])
+    pixels += 0.4 * clip / (1.0 + (away / (0.05 * frame.width)) ** 2) + clip * (away < 0.05 * frame.width)
+    for share in (1.3, 1.6, 1.9):
+        ghost = start + share * (middle - start)
+        pixels += 0.05 * clip * (np.hypot(x - ghost[0], y - ghost[1]) < 0.03 * share * frame.width)
+    return _with(frame, pixels, clip)
+
+
+def squeezed(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """Healthy stars, saved as the poorest JPEG."""
+    import io
+
+    from PIL import Image
+
+    out = shuffled(frame, rng)
+    pixels, clip, _, _ = _levels(out)
+    file = io.BytesIO()
+    Image.fromarray(np.clip(255.0 * pixels / clip, 0, 255).astype(np.uint8)).save(file, "JPEG", quality=12)
+    return _with(out, np.asarray(Image.open(file)) / 255.0 * clip, clip)
+
+
+def meteor(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """One bright streak that swells and fades, over healthy stars."""
+    out = shuffled(frame, rng)
+    pixels, clip, _, _ = _levels(out)
+    y, x = np.mgrid[: out.height, : out.width].astype(np.float32)
+    angle, width = rng.uniform(0.0, np.pi), rng.uniform(2.0, 5.0)
+    u, v = x - rng.uniform(0.3, 0.7) * out.width, y - rng.uniform(0.3, 0.7) * out.height
+    along, across = u * np.cos(angle) + v * np.sin(angle), v * np.cos(angle) - u * np.sin(angle)
+    return _with(out, pixels + clip * np.exp(-((across / width) ** 2) - (along / (0.15 * out.width)) ** 2), clip)
+
+
+def slit(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
+    """Healthy stars in a third of the frame: the dome is in front of the rest."""
+    out = shuffled(frame, rng)
+    pixels, clip, sky, noise = _levels(out)
+    x = np.arange(out.width) / out.width - rng.uniform(0.2, 0.5)
+    dome = 0.3 * sky + rng.normal(0.0, 0.5 * noise, pixels.shape)
+    return _with(out, np.where((x > 0.0) & (x < 0.33), pixels, dome), clip)
+
+
+UNSEEN = {
+    "wobbled": (wobbled, {Reason.TRAILED}),
+    "rotated": (rotated, {Reason.TRAILED}),
+    "frosted": (frosted, {Reason.OUT_OF_FOCUS}),
+    "hexagonal": (hexagonal, {Reason.OUT_OF_FOCUS}),
+    "dusk": (dusk, {Reason.CLOUDED_OR_DARK}),
+    "glowing": (glowing, {Reason.CLOUDED_OR_DARK, Reason.TOO_FEW_STARS}),
+    "faint": (faint, {Reason.CLOUDED_OR_DARK, Reason.TOO_FEW_STARS}),
+    "lamp": (lamp, {Reason.TOO_FEW_STARS}),
+    "squeezed": (squeezed, {Reason.NO_PATTERN_AGREED, Reason.TOO_FEW_STARS}),
+    "meteor": (meteor, {Reason.NO_PATTERN_AGREED}),
+    "slit": (slit, {Reason.NO_PATTERN_AGREED, Reason.TOO_FEW_STARS}),
+}
+"""The same as :data:`WORSE`. A third of a small frame and the poorest JPEG leave some frames without six stars."""
+EVERY = WORSE | UNSEEN
+
+
 def reasons(
     folder: Path, names: list[str], seed: int = 0, strength: float = 1.0, ways: tuple[str, ...] = tuple(WORSE)
 ) -> Iterator[tuple[str, str, NoSolution]]:
@@ -175,30 +310,31 @@ def reasons(
     for number, name in enumerate(names):
         frame = read_frame(folder / name)
         for kind in ways:
-            worse = WORSE[kind][0](frame, np.random.default_rng(1000 * seed + number), strength)
+            worse = EVERY[kind][0](frame, np.random.default_rng(1000 * seed + number), strength)
             answer = run(solve_frame(worse, SolveOptions(timeout_s=None)))
             if isinstance(answer, NoSolution):
                 yield name, kind, answer
 
 
-def main(folder: str, most: str = "200", seed: str = "0", strength: str = "1") -> None:
+def main(folder: str, most: str = "200", seed: str = "0", strength: str = "1", which: str = "") -> None:
     """Print the matrix, a way of making worse a line."""
     told = json.loads(Path(folder, "truth.json").read_text("utf-8"))["frames"]
     names = sorted(name for name, truth in told.items() if "ra_deg" in truth)
     table: Counter[tuple[str, Reason]] = Counter()
     # every other one first: one maker's frames stand beside one another
-    given = reasons(Path(folder), [*names[::2], *names[1::2]], int(seed), float(strength))
+    ways = UNSEEN if which == "unseen" else WORSE
+    given = reasons(Path(folder), [*names[::2], *names[1::2]], int(seed), float(strength), tuple(ways))
     for count, (name, kind, answer) in enumerate(given, 1):
         table[kind, answer.reason] += 1
-        if answer.reason not in WORSE[kind][1]:
+        if answer.reason not in ways[kind][1]:
             print(f"{name}, {kind}: {answer.reason} ({answer.advice})", flush=True)
         if count == int(most):
             break
-    for kind, (_, right) in WORSE.items():
+    for kind, (_, right) in ways.items():
         told_of = {reason: n for (done, reason), n in table.items() if done == kind}
         score = f"{sum(told_of.get(reason, 0) for reason in right)} of {sum(told_of.values())}"
         print(f"{kind:>12}: {score:>8}  {', '.join(f'{reason} {n}' for reason, n in told_of.items())}")
-    right = sum(n for (kind, reason), n in table.items() if reason in WORSE[kind][1])
+    right = sum(n for (kind, reason), n in table.items() if reason in ways[kind][1])
     print(f"{right} of {sum(table.values())} reasons are what was done")
 
 

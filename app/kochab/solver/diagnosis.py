@@ -47,10 +47,10 @@ GLARE_SHARE, LARGE_GLARE_SHARE = 0.002, 0.01
 FEW_BESIDE_GLARE = 20
 OUT_OF_FOCUS_PX = 12.0
 ROUND = 1.35
-AS_WIDE = 1.3
-"""A handful of stars out of focus are all as wide, within this factor of their median."""
-WIDEST_PX = 30.0
-"""Wider stars have an edge: they are discs, and looked for as such."""
+AS_WIDE, MOST = 1.3, 0.7
+"""So many stars out of focus are as wide as each other, within this factor of their median."""
+WIDEST_PX, ALIKE_PX = 30.0, 40.0
+"""Wider stars have an edge, and are looked for as discs; so wide they may be where all are as wide, and no lamp is."""
 FEWEST_DISCS = 3
 """Or as many as there are clear stars, of which sharp ones would be many more."""
 FISHEYE_DEG = 100.0
@@ -249,16 +249,20 @@ def _discs(case: Evidence) -> Iterator[Finding]:
 def _focus(case: Evidence) -> Iterator[Finding]:
     """Stars that are wide, all round and clear: bumps of noise, glow and vignetting are wide as well, and long."""
     fwhm, stars = case.measured.get("fwhm_px", 0.0), case.detections.take(np.flatnonzero(_clear(case.detections)))
-    if len(stars) < FEWEST_STARS and not _as_wide(stars):  # the core of a cluster and what is brightest in it
+    # ghosts of a lamp are as wide as each other
+    lamp = case.light is not None and case.light.glare_share > GLARE_SHARE
+    alike = _as_wide(stars, 1.0 if lamp else MOST)
+    if len(stars) < FEWEST_STARS and not alike:  # the core of a cluster and what is brightest in it
         return
-    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and fwhm < WIDEST_PX and not case.dust:
+    narrow = fwhm < (ALIKE_PX if alike and not lamp else WIDEST_PX)
+    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and narrow and not case.dust:
         yield from _wide(min(case.measured.get("half_flux_diameter_px", fwhm), fwhm))
 
 
-def _as_wide(stars: Detections) -> bool:
-    """Whether stars are all as wide, as those out of focus are."""
+def _as_wide(stars: Detections, share: float) -> bool:
+    """Whether so many stars are as wide as each other, as those out of focus are."""
     widths = stars.fwhm_px[np.isfinite(stars.fwhm_px)]
-    return len(widths) > 0 and bool((np.abs(np.log(widths / _median(widths))) < math.log(AS_WIDE)).all())
+    return len(widths) > 0 and float(np.mean(np.abs(np.log(widths / _median(widths))) < math.log(AS_WIDE))) >= share
 
 
 def _wide(width_px: float) -> Iterator[Finding]:
