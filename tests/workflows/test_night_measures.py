@@ -128,9 +128,16 @@ def test_source_extractor_sees_the_same_in_real_frames(name, repository, tmp_pat
     assert found.elongation.value == pytest.approx(float(np.median(rows[:, 1])), rel=0.1)
 
 
+def fitted_width():
+    """photutils' fit of a star's width, which it has since 2.0."""
+    from photutils import psf
+
+    return getattr(psf, "fit_fwhm", None) or pytest.skip("this photutils fits no width")
+
+
 @pytest.mark.parametrize("name", ["apt2032.fits", "pan__19980-fine-final.fits", "exo__HATP-32171220013343.FITS"])
 def test_photutils_sees_the_same_width_in_real_frames(name, repository):
-    from photutils.psf import fit_fwhm
+    fit_fwhm = fitted_width()
 
     path = repository.parent / "shared" / "frames" / name
     if not path.exists():
@@ -180,7 +187,7 @@ def test_seiza_finds_the_same_corners_soft_and_sharp(k, slope):
 
 
 def test_photutils_sees_the_same_tilt_in_a_real_frame(repository):
-    from photutils.psf import fit_fwhm
+    fit_fwhm = fitted_width()
 
     path = repository.parent / "shared" / "frames" / "exo__HATP-32171220013343.FITS"
     if not path.exists():
@@ -212,7 +219,8 @@ needs_psfex = pytest.mark.skipif(
 def by_psfex(pixels, folder):
     """FWHM in the corners of PSFEx's model of the star image, which varies linearly over the frame, fitted here."""
     from astropy.io import fits
-    from photutils.psf import fit_fwhm
+
+    fit_fwhm = fitted_width()
 
     fits.writeto(folder / "frame.fits", pixels.astype(np.float32))
     (folder / "out.param").write_text(

@@ -44,6 +44,9 @@ class Dobsonian:
         self.now += timedelta(seconds=20)
 
 
+@pytest.mark.filterwarnings(
+    "ignore:Tried to get polar motions"
+)  # 0.3 arcsec; the oldest tables end before this evening
 @pytest.mark.parametrize("seed", range(6))
 def test_hands_that_follow_the_words_bring_a_dobsonian_within_five_minutes_of_arc(seed) -> None:
     chance = random.Random(seed)
@@ -85,7 +88,7 @@ def test_a_practice_mount_is_pushed_to_a_target_by_its_camera_alone() -> None:
 
         look()
         ra, dec = telescope.seen.icrs_deg
-        telescope.target = target_at(ra + 14.0, dec - 9.0 if dec > 20.0 else dec + 9.0)
+        telescope.target = target_at((ra + 14.0) % 360.0, dec - 9.0 if dec > 20.0 else dec + 9.0)
         signs = {"ra": 1.0, "dec": 1.0}  # the side of the pier decides, and a person sees it
         for _ in range(8):
             way = push_to(telescope, time.monotonic())

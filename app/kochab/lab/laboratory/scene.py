@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from kochab.lab.laboratory.comparison import (
     judged,
     scale_hint,
     sigma_of,
+    thread_s,
     timed,
     try_detector,
 )
@@ -168,9 +168,9 @@ def try_attitude(named: NamedStars | NoSolution | None, choice: Choice, truth: F
     (fit, refusal), spent = estimate(), 0.0
     for _ in range(REPEATS):  # the first is not timed: it may import
         yield Progress("attitude")
-        start = thread_time()
+        start = thread_s()
         fit, refusal = estimate()
-        spent += thread_time() - start
+        spent += thread_s() - start
     kind = ComparedPart.ATTITUDE
     measured: dict[str, Any] = {"seconds": spent / REPEATS}
     if refusal:
