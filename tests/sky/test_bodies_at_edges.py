@@ -11,7 +11,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Solution
-from kochab.sky import frame_bodies
+from kochab.sky import frame_bodies, small_bodies
 from kochab.sky.frame_bodies import body_mark
 from kochab.sky.solar_system import Body, BodyKind
 
@@ -37,7 +37,7 @@ def show(monkeypatch):
             return bodies
             yield
 
-        monkeypatch.setattr(frame_bodies, "bodies_near", near)
+        monkeypatch.setattr(small_bodies, "bodies_near", near)
         detections = Detections.from_list(np.array(detected, dtype=float).reshape(-1, 2), W, H)
         return run(frame_bodies.bodies_in_frame(SOLUTION, detections, WHEN, None, None)).bodies
 

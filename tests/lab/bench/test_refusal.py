@@ -2,6 +2,7 @@ import os
 
 import pytest
 
+from kochab.identification.index import SHIPPED, shipped_volume_folder
 from kochab.lab.bench import refusal
 
 
@@ -9,7 +10,7 @@ def test_each_list_is_refused_from_the_disk_and_from_memory(monkeypatch) -> None
     forgotten = []
     monkeypatch.setattr(refusal, "QUICK_LISTS", 2)
     monkeypatch.setattr(refusal, "POINTS", (5, 20))
-    monkeypatch.setattr(refusal, "forget", lambda: forgotten.append(1))
+    monkeypatch.setattr(refusal, "forget", forgotten.append)
     result = refusal.run(True, lambda _: None)
     assert [row["n"] for row in result.rows] == [2, 2]
     assert len(forgotten) == 2
@@ -35,6 +36,8 @@ def test_the_slowest_list_is_what_counts_and_the_clock_on_an_idle_machine_alone(
 def test_every_file_of_the_patterns_is_taken_out_of_the_cache(monkeypatch) -> None:
     asked = []
     monkeypatch.setattr(os, "posix_fadvise", lambda handle, *_: asked.append(os.fstat(handle).st_ino))
-    refusal.forget()
-    files = [path for folder in refusal.folders() for path in folder.glob("*.npy")]
+    folders = [shipped_volume_folder() / name for name in SHIPPED]
+    refusal.forget(folders)
+    files = [path for folder in folders for path in folder.glob("*.npy")]
+    assert len(files) > 6
     assert {path.stat().st_ino for path in files} == set(asked)
