@@ -17,10 +17,12 @@ from kochab.detection.auto import AutoDetector
 from kochab.frames import read_frame
 from kochab.solver import SolveOptions
 from kochab.workflows.night import drawings
+from kochab.workflows.night.earlier import record_of
 from kochab.workflows.night.frame import NightFrame, measure_frame
 from kochab.workflows.night.page import night_page
 from kochab.workflows.night.sharpness import CORNERS, LEAST_SNR, SIDES, night_field, sharpness
 from kochab.workflows.night.summary import advice_of, night_of
+from kochab.workflows.night.table import night_json
 from kochab.workflows.night.tracking import Place, tracking_of
 from kochab.workflows.night.transparency import StarLight, losses
 from tests.workflows.night_sky import drawn, scattered
@@ -509,7 +511,18 @@ def test_a_mount_that_does_not_track_is_told_and_no_guiding_is_blamed():
     ]  # fmt: skip
     assert "did not track" in advice_of(night_of(frames))
     trailed = measured(lambda u, v: 3.4 + 0.8 * u, stretch=1.4)  # a fixed tripod's wide field: longer at lower Dec
-    assert "tilt can&#x27;t be told" in night_page(night_of([replace(f, sharp=trailed) for f in frames]), "lights")
+    night = night_of([replace(f, sharp=trailed) for f in frames])
+    assert "tilt can&#x27;t be told" in night_page(night, "lights")
+    assert night.shape.tilt.sigmas > 10.0  # the number is there, and says nothing of the sensor
+    kept, as_json = record_of(night), night_json(night)
+    assert "tilt_px" not in kept.values
+    for row in [as_json["field"], *as_json["frames"]]:
+        assert (row["tilt_px"], row["tilt_px_sigma"], row["softest"]) == (None, None, None)
+    assert as_json["field"]["tilt_chance"] is None
+    assert as_json["field"]["corners_px"]
+    tracked = night_of([replace(f, sharp=trailed, ra_deg=5.0) for f in frames])
+    assert "tilt_px" in record_of(tracked).values
+    assert night_json(tracked)["field"]["softest"] == night_json(tracked)["frames"][0]["softest"] == "right"
     # near the pole the sky is slow: frames of turned bolts scatter by more in a quarter of an hour
     rng = np.random.default_rng(10)
     near_pole = [one for _ in range(200) for one in tracking_of(held(rng, (0.0, 0.0), 4, noise=200.0, dec=88.7))]

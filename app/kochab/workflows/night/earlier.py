@@ -102,8 +102,8 @@ def _values(night: Night, scale: float) -> Iterator[tuple[str, Measure]]:
         yield "fwhm_arcsec", Measure(night.fwhm.value * scale, night.fwhm.sigma * scale)
     if night.elongation:
         yield "elongation", night.elongation
-    if night.shape:
-        yield "tilt_px", night.shape.tilt
+    if night.tilt:
+        yield "tilt_px", night.tilt
     if night.focus:
         yield "focus_px_h", night.focus
     if night.tracking:

@@ -108,6 +108,11 @@ class Night:
         return any(one.untracked for one in self.tracking)
 
     @property
+    def tilt(self) -> Measure | None:
+        """What the field shows of it, px; None where trails pass for it."""
+        return self.shape.tilt if self.shape and not self.untracked else None
+
+    @property
     def hours(self) -> float:
         """From the first to the last frame with a time."""
         times = [frame.time_utc for frame in self.frames if frame.time_utc]

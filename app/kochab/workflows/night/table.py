@@ -22,8 +22,10 @@ from kochab.workflows.night.tracking import Tracking
 
 def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
     """A row a frame, in order of time; None for what is not known."""
+    trailed = dict.fromkeys(("tilt_px", "tilt_px_sigma", "softest")) if night.untracked else {}
     for frame, lost, cloud, sky in zip(night.frames, night.lost, night.cloud, night.brightness, strict=True):
-        yield frame_row(frame) | _pair("lost_mag", lost) | _pair("cloud_mag", cloud) | _pair("sky_mag_arcsec2", sky)
+        together = _pair("lost_mag", lost) | _pair("cloud_mag", cloud) | _pair("sky_mag_arcsec2", sky)
+        yield frame_row(frame) | together | trailed
 
 
 def frame_row(frame: NightFrame) -> dict[str, Any]:
@@ -74,9 +76,9 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             **_pair("sky_mag_arcsec2", night.usual(night.brightness)),
             **_pair("limiting_mag", night.usual(night.faintest)),
             "field": {
-                **_pair("tilt_px", shape.tilt),
-                "tilt_chance": shape.tilt_chance,
-                "softest": shape.softest,
+                **_pair("tilt_px", night.tilt),
+                "tilt_chance": shape.tilt_chance if night.tilt else None,
+                "softest": shape.softest if night.tilt else None,
                 **_pair("curvature_px", shape.curvature),
                 "corners_px": {name: [one.value, one.sigma] for name, one in shape.corners.items()},
             }
