@@ -37,7 +37,7 @@ def support(volume: Volume, xy: Floats, found: Hypotheses, reach_px: float, firs
         The number of the first detection in ``xy``, by which the proposers are known.
     """
     d = len(xy)
-    p = xy.repeat(len(found), axis=0).reshape(d, -1, 2).transpose(1, 0, 2).copy()
+    p = xy.repeat(len(found), axis=0).reshape(d, len(found), 2).transpose(1, 0, 2).copy()
     p[found.mirrored, :, 0] *= -1.0
     # transposed product: camera to ICRS
     sky = directions(found.focal[:, None], p) @ found.matrix
