@@ -49,8 +49,8 @@ OUT_OF_FOCUS_PX = 12.0
 ROUND = 1.35
 AS_WIDE, MOST = 1.3, 0.7
 """So many stars out of focus are as wide as each other, within this factor of their median."""
-WIDEST_PX, ALIKE_PX = 30.0, 40.0
-"""Wider stars have an edge, and are looked for as discs; so wide they may be where all are as wide, and no lamp is."""
+WIDEST_PX = 30.0
+"""Wider stars have an edge, and are looked for as discs. Wider yet is measured as 30 to 40 px, so alike."""
 FEWEST_DISCS = 3
 """Or as many as there are clear stars, of which sharp ones would be many more."""
 FISHEYE_DEG = 100.0
@@ -251,11 +251,9 @@ def _focus(case: Evidence) -> Iterator[Finding]:
     fwhm, stars = case.measured.get("fwhm_px", 0.0), case.detections.take(np.flatnonzero(_clear(case.detections)))
     # ghosts of a lamp are as wide as each other
     lamp = case.light is not None and case.light.glare_share > GLARE_SHARE
-    alike = _as_wide(stars, 1.0 if lamp else MOST)
-    if len(stars) < FEWEST_STARS and not alike:  # the core of a cluster and what is brightest in it
-        return
-    narrow = fwhm < (ALIKE_PX if alike and not lamp else WIDEST_PX)
-    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and narrow and not case.dust:
+    if len(stars) < FEWEST_STARS and not _as_wide(stars, 1.0 if lamp else MOST):
+        return  # the core of a cluster and what is brightest in it
+    if len(stars) >= 3 and not _median(stars.elongation) > ROUND and fwhm < WIDEST_PX and not case.dust:
         yield from _wide(min(case.measured.get("half_flux_diameter_px", fwhm), fwhm))
 
 
