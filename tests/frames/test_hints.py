@@ -240,9 +240,10 @@ def test_exif_reaches_the_hint_through_files(tmp_path):
     exif = Image.Exif()
     exif[271], exif[272] = "Maker", "Camera 7"
     exif.get_ifd(0x8769).update({37386: 24.0, 41989: 36})
-    for name in ("a.jpg", "a.png", "a.webp", "a.tif"):
+    old = Image.__version__ < "11"  # which writes it into no TIFF
+    for name in ("a.jpg", "a.png", "a.webp") + (() if old else ("a.tif",)):
         # Pillow writes it into a TIFF only from a directory given whole, and 10.3 into nothing else.
-        if name == "a.tif" or Image.__version__ < "11":
+        if old or name == "a.tif":
             exif[0x8769] = {37386: 24.0, 41989: 36}
         Image.new("L", (600, 400), 9).save(tmp_path / name, exif=exif)
         frame = read_frame(tmp_path / name)

@@ -272,7 +272,7 @@ def test_only_the_plugins_of_the_formats_that_are_read_are_loaded(repository, na
     """Pillow loads all of its forty when it misses one, which is a tenth of a command's time."""
     code = (
         "import sys\nfrom kochab.frames import read_frame\n"
-        f"read_frame(r'{repository / 'resources' / 'samples' / name}')\n"
+        f"read_frame({str(repository / 'resources' / 'samples' / name)!r})\n"
         "print(sorted(name for name in sys.modules if 'Dds' in name or 'Mpeg' in name))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)

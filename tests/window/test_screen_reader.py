@@ -33,11 +33,11 @@ def read_aloud(environment):  # noqa: F811
         | {"QT_LINUX_ACCESSIBILITY_ALWAYS_ON": "1", "PYTHONPATH": str(REPOSITORY / "app"), "PYTHONFAULTHANDLER": "1"},
         capture_output=True,
         text=True,
-        timeout=270,
+        timeout=570,
     )
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_a_screen_reader_solves_and_finds_a_name_for_every_control(environment):  # noqa: F811
     if missing := absent():
         pytest.skip(f"a screen reader needs {missing}")
