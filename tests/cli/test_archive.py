@@ -143,7 +143,7 @@ def test_frames_that_were_moved_are_not_solved_again(frames, capsys, solved, tmp
     assert archive(capsys, *here)["done"] == FRAMES + 1
     assert sorted(solved) == ["light_00.fits", "spoilt.fits"]  # what is no frame is looked at where it is now
     rows = {row["url"]: row for row in pq.read_table(str(tmp_path / "out")).to_pylist()}
-    moved = rows[f"file://{tmp_path}/f/old/light_02.fits"]
+    moved = next(row for url, row in rows.items() if url.endswith("/f/old/light_02.fits"))
     assert {name for name in moved if moved[name] != before["light_02.fits"][name]} == {"url", "done_utc", "copy"}
     assert sum(not row["copy"] for row in rows.values() if row["solved"]) == FRAMES
     solved.clear()

@@ -41,7 +41,7 @@ def practise(**wishes):
     night = practice_night(misaligned(tonight(3, SITE), None, 3.0), faults=False)
     night = replace(night, start_unix=WHEN, start_deg=START_DEG, rate=RATE)
     rig = through(night, wishes["fov_deg"])
-    STARTED.append(PracticeNight(rig, socket=sys.platform == "win32"))
+    STARTED.append(PracticeNight(rig))
     return STARTED[-1]
 
 

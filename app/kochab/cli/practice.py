@@ -1,7 +1,6 @@
 """``kochab practice``: a simulated telescope to try everything on, until Ctrl-C."""
 
 import argparse
-import os
 import sys
 import threading
 import time
@@ -55,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     practise: Callable[..., Practice] = getattr(import_module(module), name)
     say: Say = partial(tell, as_json=args.json)
     night = (args.driver, args.seed, args.site, args.misalign, args.lost, args.rate, args.faults)
-    practice = practise(*night, args.folder, args.exposure, args.socket or os.name == "nt", args.fov)
+    practice = practise(*night, args.folder, args.exposure, args.socket, args.fov)
     try:
         say(_begin_json(practice), _begin_text(practice))
         _listen(practice, say)

@@ -2,6 +2,7 @@
 
 import math
 import os
+import sys
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -162,7 +163,7 @@ class PracticeNight:
                 self.faults.chance(fault, chance)
         self._first = score(self.rig)
         self._over = threading.Event()
-        serve = socket_line if socket else pty_line
+        serve = socket_line if socket or sys.platform == "win32" else pty_line
         self.line: Line = serve(open_responder(driver, self.rig.mount), self.faults)
         self.trouble = ""
         self._writer: threading.Thread | None = None
@@ -300,7 +301,7 @@ def practise(
     exposure_s : float
         Of each frame.
     socket : bool
-        Serve the mount by TCP in place of a pseudo-terminal.
+        Serve the mount by TCP in place of a pseudo-terminal, which Windows has not: there it always is.
     fov_deg : float
         Width of the camera's field.
     """
