@@ -226,16 +226,10 @@ def other_run(dataset: Dataset) -> Json | None:
 
 
 def _lives(pid: Any) -> bool:
-    """Whether a process is there; where that can't be asked (Windows), it is taken to be."""
-    if not isinstance(pid, int) or os.name == "nt":
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
+    """Whether a process is there; without its number it is taken to be."""
+    from psutil import pid_exists
+
+    return not isinstance(pid, int) or bool(pid_exists(pid))
 
 
 def _short(content: str) -> int:
