@@ -20,8 +20,8 @@ from kochab.workflows.night import drawings
 from kochab.workflows.night.earlier import record_of
 from kochab.workflows.night.frame import NightFrame, measure_frame
 from kochab.workflows.night.page import night_page
-from kochab.workflows.night.sharpness import CORNERS, LEAST_SNR, SIDES, night_field, sharpness
-from kochab.workflows.night.summary import advice_of, night_of
+from kochab.workflows.night.sharpness import CORNERS, LEAST_SNR, SIDES, field_of, night_field, sharpness
+from kochab.workflows.night.summary import NO_TILT, advice_of, night_of
 from kochab.workflows.night.table import night_json
 from kochab.workflows.night.tracking import Place, tracking_of
 from kochab.workflows.night.transparency import StarLight, losses
@@ -68,6 +68,20 @@ def test_even_fields_have_no_tilt_and_its_chance_means_what_it_says():
     night = night_field(fields)
     assert night.tilt_chance > 1e-3
     assert night.tilt.sigma < 0.5 * np.mean([field.tilt.sigma for field in fields])
+
+
+@pytest.mark.parametrize(("own", "noise"), [(0.1, 0.0), (0.1, 0.05), (0.0, 0.1)])
+def test_many_frames_of_the_same_stars_are_not_surer_than_the_stars(own, noise):
+    """Each star's width errs by ``own`` px in all frames (a neighbour, its place in the pixel) and by ``noise`` in each."""
+    pulls = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        xy, widths = rng.uniform(0.0, 1.0, (120, 2)) * (3000, 2000), 3.0 + rng.normal(0.0, own, 120)
+        night = night_field([field_of(xy, widths + rng.normal(0.0, noise, 120), (3000, 2000)) for _ in range(30)])
+        assert night.tilt_chance > NO_TILT  # before, a quarter and more of such nights had a sure tilt
+        pulls += list(night.terms[1:] / np.sqrt(np.diag(night.covariance)[1:]))
+    assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.25
+    assert np.mean(np.abs(pulls) < 2.0) > 0.9
 
 
 def test_a_night_keeps_the_tilt_that_its_frames_share_while_focus_changes():

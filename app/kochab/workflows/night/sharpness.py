@@ -172,4 +172,16 @@ def night_field(fields: list[FieldOfSharpness]) -> FieldOfSharpness | None:
     excess = np.mean((shapes - shape) ** 2, axis=0) / np.mean(np.diagonal(own, axis1=1, axis2=2), axis=0)
     wide = np.sqrt(np.maximum(1.0, excess))
     covariance[1:, 1:] = shape_covariance * np.outer(wide, wide)
+    covariance[1:, 1:] += _common_share(excess, len(fields)) * np.mean(own, axis=0)
     return FieldOfSharpness(np.array([levels.mean(), *shape]), covariance, fields[0].corner)
+
+
+def _common_share(excess: Floats, n: int) -> float:
+    """The share of each frame's variance that is in all ``n`` alike: they have the same stars, which no number mends.
+
+    Frames that agree better than each is sure of show it; what they may agree by chance, by one sigma, is left out.
+    """
+    if n < 2:
+        return 0.0
+    apart = float(np.mean(excess)) * n / (n - 1.0)
+    return max(1.0 - apart * (1.0 + math.sqrt(2.0 / (len(excess) * (n - 1.0)))), 0.0)
