@@ -12,8 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kochab.attitude import wahba
 from kochab.attitude.fit import Fit
-from kochab.core.arrays import Floats
+from kochab.core.arrays import Floats, Ints
+from kochab.core.attitude import Attitude
+from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.pairing import mutual_nearest
 from kochab.core.progress import Progress, Task
@@ -86,30 +89,49 @@ def stretch(
     """
     camera = fit.camera
     side = float(max(camera.width, camera.height))
-    if fit.rms_px < POOR_FIT * side:
+    if fit.rms_px < POOR_FIT * side or len(matches) < FEWEST_TO_STRETCH:
         return None
     centre, radius = field_centre(camera, fit.attitude)
     rows = catalogue.brightest(centre, min(radius, np.pi / 2), 2 * len(detections), year)
     vectors = catalogue.vectors(rows, year)
     rays = vectors @ fit.attitude.matrix.T
     before = len(mutual_nearest(detections.xy, camera.project(rays), SAME_PLACE * side)[0])
-    plain = replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0)  # distortion may have bent to the stretch
-    expected = plain.project(rays)
-    seen, place = matches.xy, plain.project(matches.vectors @ fit.attitude.matrix.T)
-    tolerance, linear = START * side, np.eye(3)[:, :2]
+    found = None
+    for plain, attitude in _unbent(matches, fit):
+        seen, place = matches.xy, plain.project(matches.vectors @ attitude.matrix.T)
+        expected = plain.project(vectors @ attitude.matrix.T)
+        linear, (i, j) = _stretched_to(detections.xy, expected, seen, place, side)
+        if len(i) >= FEWEST_TO_STRETCH:
+            stars = Matches(i.astype(np.int64), rows[j], detections.xy[i], vectors[j])
+            other = Stretch(linear, stars, len(stars) >= 2 * before)
+            if other.sure:
+                return other
+            found = found or other
+    return found
+
+
+def _unbent(matches: Matches, fit: Fit) -> Iterator[tuple[Camera, Attitude]]:
+    """The camera without the distortion that may have bent to the stretch, then with its optical axis unmoved too."""
+    camera = fit.camera
+    yield replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0), fit.attitude
+    centred = type(camera).centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
+    yield centred, wahba(centred.unproject(matches.xy), matches.vectors)
+
+
+def _stretched_to(
+    xy: Floats, expected: Floats, seen: Floats, place: Floats, side: float
+) -> tuple[Floats, tuple[Ints, Ints]]:
+    """The map (2, 2) of expected places (N, 2) to stars (M, 2), and the pairs that agree with it: few are none."""
+    tolerance, linear, moved = START * side, np.eye(3)[:, :2], expected
     for _ in range(STRETCH_ROUNDS):
         if len(seen) < FEWEST_TO_STRETCH:
-            return None
+            return linear[:2], (np.zeros(0, np.int64), np.zeros(0, np.int64))
         linear = _linear(place, seen)
         moved = expected @ linear[:2] + linear[2]
-        i, j = mutual_nearest(detections.xy, moved, tolerance)
-        seen, place = detections.xy[i], expected[j]
+        i, j = mutual_nearest(xy, moved, tolerance)
+        seen, place = xy[i], expected[j]
         tolerance = max(0.8 * tolerance, SAME_PLACE * side)
-    i, j = mutual_nearest(detections.xy, moved, SAME_PLACE * side)
-    agreeing = Matches(i.astype(np.int64), rows[j], detections.xy[i], vectors[j])
-    if len(agreeing) < FEWEST_TO_STRETCH:
-        return None
-    return Stretch(linear[:2], agreeing, len(agreeing) >= 2 * before)
+    return linear[:2], mutual_nearest(xy, moved, SAME_PLACE * side)
 
 
 Grow = Callable[[Detections, Identification], tuple[Matches, Fit]]
