@@ -20,7 +20,8 @@ import pytest
 from kochab.server import hand_over
 from kochab.server.hand_over import DONE, MAGIC, OTHER_VERSION, WRITTEN
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the worker is for Linux")
+if not sys.platform.startswith("linux"):
+    pytest.skip("the worker is for Linux", allow_module_level=True)
 KOCHAB = [sys.executable, "-m", "kochab"]
 SAMPLES = Path(__file__).resolve().parents[2] / "resources" / "samples"
 TIMES = re.compile(rb'"elapsed_ms": \{[^}]*\}|\d+ ms\b')
