@@ -7,7 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PySide6.QtCore import QEventLoop, Qt, QTimer
-from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QListWidget, QPlainTextEdit
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractSpinBox,
+    QApplication,
+    QComboBox,
+    QLineEdit,
+    QListWidget,
+    QPlainTextEdit,
+)
 
 from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, LineLostError, NoAnswerError, UsageError
@@ -248,6 +256,17 @@ def second_sweep(tmp_path_factory):
 def choose_files(view, files):
     view.setup.frames.source.setCurrentText(FrameSource.FILES)
     view.setup.frames.files.add(files)
+
+
+def test_a_window_that_closes_while_motors_turn_leaves_the_systems_dialogs(polar):
+    """Its Stop key listens no longer; the window itself is deleted some time later."""
+    native = Qt.ApplicationAttribute.AA_DontUseNativeDialogs
+    commands, view = polar()
+    assert not QApplication.testAttribute(native)
+    view._key.listen(True)
+    assert QApplication.testAttribute(native)
+    commands.window.close()
+    assert not QApplication.testAttribute(native)
 
 
 def test_files_are_measured(polar, frames):

@@ -338,6 +338,7 @@ class PolarView(View):
         super().showEvent(event)
 
     def _close(self) -> None:
+        self._key.listen(False)
         self._clock.stop()
         self.cues.close()
         self.bolts.close()
