@@ -1,13 +1,9 @@
 """A simulated mount served on a line for as long as a block lasts."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from kochab.simulate.serial_line import Faults, pty_line, socket_line
-
-own_line = socket_line if sys.platform == "win32" else pty_line
-"""The line of a mount of our own: a pseudo-terminal, and a socket where the system has none."""
+from kochab.simulate.serial_line import Faults, own_line, pty_line, socket_line
 
 
 @contextmanager

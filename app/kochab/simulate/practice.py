@@ -2,7 +2,6 @@
 
 import math
 import os
-import sys
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from kochab.core.frame import Site
 from kochab.simulate.camera_source import SimulatedCamera, announce, withdraw
 from kochab.simulate.responders import RESPONDERS, open_responder
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, practice_night, through, tonight
-from kochab.simulate.serial_line import Fault, Faults, Line, pty_line, socket_line
+from kochab.simulate.serial_line import Fault, Faults, Line, own_line, socket_line
 from kochab.text.angle_text import angle_text
 from kochab.text.translation import tr
 
@@ -163,7 +162,7 @@ class PracticeNight:
                 self.faults.chance(fault, chance)
         self._first = score(self.rig)
         self._over = threading.Event()
-        serve = socket_line if socket or sys.platform == "win32" else pty_line
+        serve = socket_line if socket else own_line
         self.line: Line = serve(open_responder(driver, self.rig.mount), self.faults)
         self.trouble = ""
         self._writer: threading.Thread | None = None

@@ -337,3 +337,7 @@ def pty_line(responder: Controller, faults: Faults | None = None) -> Line:
 def socket_line(responder: Controller, faults: Faults | None = None, number: int = 0) -> Line:
     """Serve on TCP port ``number`` of the loopback, 0 for any free; the caller stops it."""
     return Line(SocketEnd(number), responder, faults)
+
+
+own_line = socket_line if sys.platform == "win32" else pty_line
+"""The line of a mount of our own: a pseudo-terminal, and a socket where the system has none."""

@@ -8,11 +8,10 @@ from kochab.core.frame import Site
 from kochab.core.mount import Home
 from kochab.gear.mounts import COUNT_STEPS, open_mount
 from kochab.gear.mounts.motion_plan import Limits
-from kochab.simulate.serial_line import Faults
+from kochab.simulate.serial_line import Faults, own_line
 from kochab.sky.horizon import sidereal_deg
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.dialects import open_any
-from tests.simulate.lines import own_line
 
 from .alpaca_telescope import AlpacaTelescope, alpaca_server
 from .indi_server import indi_server

@@ -16,6 +16,7 @@ from kochab.gear.mounts.clock_and_site import wall_clock
 from kochab.gear.mounts.drivers.lx200 import Lx200, OnStep
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
+from kochab.simulate.serial_line import own_line
 from kochab.text.translation import speak
 from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, Night, alpaca, moved, opened, place
 from tests.gear.mounts.imaginary import NIGHT, at, guarded
@@ -23,7 +24,6 @@ from tests.gear.mounts.scripted import transcript
 from tests.gear.mounts.test_real_transcripts import GPS_START
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.dialects import open_any
-from tests.simulate.lines import own_line
 
 HOUR = timedelta(hours=1)
 ELSEWHERE = Site(48.0, -8.0)

@@ -19,12 +19,12 @@ from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.simulate.responders.skywatcher import NOT_STOPPED
 from kochab.simulate.responders.skywatcher import SkyWatcherResponder as Board
+from kochab.simulate.serial_line import own_line
 from tests.gear.mounts.bench import LIMITS, SITE, Night, moved, place, still
 from tests.gear.mounts.scripted import transcript
 from tests.gear.mounts.test_conformance import wait_for
 from tests.gear.mounts.test_transcripts import MOTORS_START
 from tests.simulate.bench_telescope import BenchTelescope
-from tests.simulate.lines import own_line
 
 
 @contextmanager
