@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 from time import gmtime
@@ -74,9 +73,10 @@ def open_journal(folder: Path | None = None, terminal: bool = False) -> Path | N
 
 
 class JournalFile(logging.FileHandler):
-    """A file that makes way for a new one when it is full, as :class:`logging.handlers.RotatingFileHandler`.
+    """A file that makes way for a new one when it is full.
 
-    That one brings sockets and queues along, a fiftieth of a short command.
+    :class:`logging.handlers.RotatingFileHandler`, which then moves the files, brings sockets and queues along: it is
+    loaded when it is needed, for that is a fiftieth of a short command.
     """
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -85,14 +85,13 @@ class JournalFile(logging.FileHandler):
         with suppress(OSError):  # Windows: another Kochab has it open; it grows until that ends
             if self.stream is not None and os.fstat(self.stream.fileno()).st_size >= FILE_BYTES:
                 self.stream.close()
-                self._rotate()
+                self._roll_over()
 
-    def _rotate(self) -> None:
-        names = [self.baseFilename, *(f"{self.baseFilename}.{n}" for n in range(1, FILES))]
+    def _roll_over(self) -> None:
+        from logging.handlers import RotatingFileHandler
+
         try:
-            for newer, older in reversed([*pairwise(names)]):
-                if os.path.exists(newer):
-                    os.replace(newer, older)
+            RotatingFileHandler(self.baseFilename, backupCount=FILES - 1, delay=True).doRollover()
         finally:
             self.stream = self._open()
 
