@@ -45,7 +45,7 @@ BATCHES = {"batch": 0, "batch beside busy loops": BUSY}
 COLD_RATIO, WARM_RATIO, WARM_LARGE_S, BATCH_FRAMES, BATCH_RATIO = 0.6, 0.2, 0.3, 8.0, 1.8
 BEFORE = "KOCHAB_BENCH_BEFORE"
 LEFT_OUT = ("PYTHONDONTWRITEBYTECODE", "OPENBLAS_NUM_THREADS")
-"""Variables that commands do not inherit; the second is what this process has set for itself."""
+"""Variables that commands do not inherit: what Python compiles is kept, and none has our own threads' limit."""
 CEDAR = """
 import math, sys
 import numpy
@@ -66,28 +66,40 @@ class Spent:
     solved: bool
 
 
+@contextmanager
+def _usual_variables() -> Iterator[None]:
+    """Let commands start as everybody's do: Python keeps what it compiles, and a command limits its own threads."""
+    before = {name: os.environ.pop(name) for name in LEFT_OUT if name in os.environ}
+    try:
+        yield
+    finally:
+        os.environ.update(before)
+
+
+@_usual_variables()
 def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
     """Measure commands on both frames, and a batch."""
-    with _usual_variables():
-        return _run(quick, report, only)
-
-
-def _run(quick: bool, report: Report, only: Only) -> BenchResult:
     turns = QUICK_TURNS if quick else TURNS
     with tempfile.TemporaryDirectory(prefix="kochab-bench-") as name:
         folder = Path(name)
         rows: list[dict[str, Any]] = []
         with _worker(folder) as worker:
-            for label, shape in ((label, shape) for label, shape in FRAMES.items() if only(label)):
+            for label, shape in FRAMES.items():
+                if not only(label):
+                    continue
                 report(f"{label}: {turns} turns ...")
                 file = rendered(folder / f"{label}.fits", *shape)
                 found = commands(file, shape[2], worker)
                 if quick and shape is LARGE:
                     found = {name: command for name, command in found.items() if name not in OTHERS}
                 rows += compared(label, found, turns if shape is not LARGE else min(turns, 7))
-        for busy in [busy for name, busy in BATCHES.items() if only(name)]:
+        for label, busy in BATCHES.items():
+            if not only(label):
+                continue
             report(f"batch of {BATCH}, {busy} busy loops ...")
-            file = rendered(folder / "batch.fits", *SMALL)
+            file = folder / "1.5 MP.fits"
+            if not file.exists():
+                rendered(file, *SMALL)
             rows += batch([file] * (BATCH // 4 if quick else BATCH), busy)
     return BenchResult("serve", rows, goals(rows))
 
@@ -111,16 +123,6 @@ def rendered(path: Path, width: int, height: int, fov_deg: float) -> Path:
     flux = 3e5 * 10 ** (-0.4 * (catalogue.mag(stars) - 8.0))
     write_fits(Frame(render(width, height, xy, flux, RenderedStar(3.0)).pixels), path)
     return path
-
-
-@contextmanager
-def _usual_variables() -> Iterator[None]:
-    """Let commands start as everybody's do: Python keeps what it compiles, and a command limits its own threads."""
-    before = {name: os.environ.pop(name) for name in LEFT_OUT if name in os.environ}
-    try:
-        yield
-    finally:
-        os.environ.update(before)
 
 
 @contextmanager
