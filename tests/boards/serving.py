@@ -89,5 +89,5 @@ class Line:
 
 
 def _close(end):
-    """On Windows a socket is no file."""
+    """On Windows a socket is not a file descriptor."""
     end.close() if isinstance(end, socket.socket) else os.close(end)

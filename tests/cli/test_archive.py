@@ -466,7 +466,7 @@ def test_ctrl_c_leaves_what_is_done_and_the_next_run_goes_on(frames, tmp_path, c
 
 
 def run_of(folder, urls, **how) -> Run:
-    """The run over inputs of which none is done."""
+    """A run over inputs none of which has been done."""
     one = {"url": "", "stamp": "1", "size_bytes": 9, "table_row": -1, "width": 0, "height": 0}
     left = pa.Table.from_pylist([one | {"url": url} for url in urls], INPUTS).append_column(
         "known", pa.nulls(len(urls))
@@ -492,7 +492,7 @@ def test_a_folder_goes_on_from_its_own_last_frame_and_the_longest_unused_is_forg
 
 @pytest.mark.parametrize("workers", [2, 16])
 def test_workers_end_together(tmp_path, workers) -> None:
-    """Chunks go to the worker that has least before it, each with two in hand, as Dask gives them out."""
+    """Each chunk goes to the least busy worker, and each worker holds two, as Dask hands them out."""
     urls = [f"{k:05d}" for k in range(1250 * workers)]
     run = run_of(tmp_path, urls, hands=workers, _mean_s=0.007)
     chunks, lanes, given = run.chunks(), [[] for _ in range(workers)], []

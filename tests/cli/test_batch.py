@@ -181,7 +181,7 @@ def test_processes_are_born_deaf_to_ctrl_c(monkeypatch, tmp_path, capsys) -> Non
 
 @pytest.mark.skipif(os.name == "nt", reason="SIGINT is sent to a process of POSIX")
 def test_a_process_that_was_born_hearing_leaves_ctrl_c_to_its_parent() -> None:
-    """As every one of Windows is, and one that a program starts which has made Ctrl-C its own."""
+    """As every process on Windows is, and one whose parent handles Ctrl-C itself."""
     told = "import os, signal; from kochab.cli.batch import _begin; signal.signal(signal.SIGINT, signal.SIG_DFL)"
     told += "; _begin(None); os.kill(os.getpid(), signal.SIGINT); print('at work')"
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, timeout=60)

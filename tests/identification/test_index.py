@@ -159,7 +159,7 @@ def test_the_quick_look_finds_the_stars_around_each_place_in_one_zone_or_two(toy
 
 @pytest.mark.parametrize(("pointings", "detections"), [(0, 5), (3, 0), (0, 0)])
 def test_the_quick_look_at_nothing_finds_nothing(toy_volume, pointings, detections):
-    """Eight detections are looked at first, where there are many pointings, and there may be no ninth."""
+    """With many pointings, eight detections are looked at first; there may be no ninth."""
     matrix, ones = Rotation.random(pointings, random_state=5).as_matrix(), np.ones(pointings, dtype=int)
     proposers = np.tile(np.arange(4), (pointings, 1))
     found = Hypotheses(matrix.reshape(-1, 3, 3), 900.0 * ones, ones < 0, ones, proposers, proposers)

@@ -184,7 +184,7 @@ def wobbled(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Fr
 
 
 def rotated(frame: Frame, rng: np.random.Generator, strength: float = 1.0) -> Frame:
-    """An alt-azimuth mount without a rotator: the field turns about a place in it."""
+    """An alt-azimuth mount without a rotator: the field rotates about a point in it."""
     from scipy.ndimage import affine_transform
 
     pixels, clip, sky, noise = _levels(frame)

@@ -1,4 +1,4 @@
-"""Backlash of Dec from frames and the mount's own word in their headers, against the wear of the practice rig."""
+"""Dec backlash from frames and the mount's position in their headers, against the gears of the practice rig."""
 
 from datetime import UTC, datetime, timedelta
 

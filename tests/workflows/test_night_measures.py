@@ -72,7 +72,7 @@ def test_even_fields_have_no_tilt_and_its_chance_means_what_it_says():
 
 @pytest.mark.parametrize(("own", "noise"), [(0.1, 0.0), (0.1, 0.05), (0.0, 0.1)])
 def test_many_frames_of_the_same_stars_are_not_surer_than_the_stars(own, noise):
-    """Each star's width errs by ``own`` px in all frames (a neighbour, its place in the pixel) and by ``noise`` in each."""
+    """Each star's width is off by ``own`` px in all frames (a neighbour, its place in the pixel), by ``noise`` in each."""
     pulls = []
     for seed in range(40):
         rng = np.random.default_rng(seed)

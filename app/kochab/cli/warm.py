@@ -12,7 +12,7 @@ SHORT = ("solve", "identify", "detect", "find", "chart")
 
 
 def is_short(arguments: "Sequence[str]") -> bool:
-    """Whether the command reads files, answers and ends."""
+    """Whether the command reads its files, prints the answer and ends."""
     return bool(arguments) and (arguments[0] in SHORT or face_of(arguments) is not None)
 
 

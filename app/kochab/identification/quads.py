@@ -181,7 +181,7 @@ class QuadShapes:
 
     @classmethod
     def of(cls, view: FieldStars, ask: QuadQuery) -> "QuadShapes":
-        """The shapes of the quads asked about."""
+        """The shapes of the quads that are asked for."""
         z, unit = ask.shape(view.xy)
         span = np.abs(z[:, PAIRS[:, 0]] - z[:, PAIRS[:, 1]]).max(axis=1)
         codes = with_variants(z, ask.noise_px / np.maximum(span * unit, 1e-9) + ask.slack)

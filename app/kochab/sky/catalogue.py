@@ -241,7 +241,7 @@ class Catalogue:
         return self.labels(np.array([row]))[0]
 
     def bright_rows(self, rows: Ints) -> Ints:
-        """The rows of the bright list that ``rows`` (N,) lead to (their brightest parts), -1 where there is none."""
+        """Rows (N,) of the bright list to which ``rows`` (N,) point (their brightest components); -1 for none."""
         deep, bright = self.container.column("link_deep"), self.container.column("link_bright")
         known = (self._flag[rows] & HIPPARCOS) != 0
         asked = rows[known].astype(deep.dtype)  # numbers of its own type: the column is not copied

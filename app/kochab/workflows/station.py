@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 EXTINCTION_MAG = 0.25
-"""Extinction in V of one air mass of clear air at sea level, about."""
+"""Approximate extinction in V per air mass of clear air at sea level."""
 STARS = 5000
 NEAREST_PX, FARTHEST_PX, LEAST_SNR = 2.5, 8.0, 7.0
 NUDGE = 0.02

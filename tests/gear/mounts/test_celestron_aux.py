@@ -14,11 +14,11 @@ from kochab.gear.mounts import open_mount, slew_supervisor
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.gear.mounts.protocols import nexstar
+from kochab.simulate.serial_line import own_line
 from tests.gear.mounts.bench import LIMITS, SITE, Night, moved, place, still
 from tests.gear.mounts.test_conformance import wait_for
 from tests.simulate.bench_telescope import BenchTelescope
 from tests.simulate.celestron_aux import EVOLUTION, CelestronAuxResponder, frame
-from tests.simulate.lines import own_line
 
 FLIPS = Limits(allow_flip=True, longest_slew_deg=180.0)
 

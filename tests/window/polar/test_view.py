@@ -259,7 +259,7 @@ def choose_files(view, files):
 
 
 def test_a_window_that_closes_while_motors_turn_leaves_the_systems_dialogs(polar):
-    """Its Stop key listens no longer; the window itself is deleted some time later."""
+    """Its Stop key no longer listens; the window itself is deleted some time later."""
     native = Qt.ApplicationAttribute.AA_DontUseNativeDialogs
     commands, view = polar()
     assert not QApplication.testAttribute(native)

@@ -249,7 +249,7 @@ def _centre(camera: Camera, attitude: Attitude) -> Floats:
 
 
 thread_s = perf_counter if sys.platform == "win32" else thread_time
-"""Seconds that a stage takes; Windows counts a thread's in steps of 15.6 ms, longer than most stages are."""
+"""The clock for stages, s: on Windows a thread's own advances in steps of 15.6 ms, longer than most stages last."""
 
 
 def timed(task: Task[T], limit_s: float) -> Task[tuple[T | None, dict[str, float]]]:

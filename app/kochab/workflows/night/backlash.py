@@ -64,7 +64,7 @@ def dec_backlash(
 
 
 def _reverses(motor: Floats) -> bool:
-    """Whether the motor turned both ways, by more than a header rounds to."""
+    """Whether the motor turned both ways, each by more than the rounding of a header."""
     steps = np.diff(motor)
     return bool(steps.max(initial=0.0) > SHOWN_ARCSEC and steps.min(initial=0.0) < -SHOWN_ARCSEC)
 

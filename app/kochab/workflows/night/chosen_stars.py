@@ -93,7 +93,7 @@ def stars_in_frame(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Others:
-    """The catalogued stars that a solution found: identifiers, V, B-V (N,), vectors (N, 3) and places (N, 2) px."""
+    """The catalogue stars that a solution matched: identifiers, V, B-V (N,), vectors (N, 3) and places (N, 2) px."""
 
     ids: tuple[str, ...]
     mag: Floats

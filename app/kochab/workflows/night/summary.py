@@ -104,12 +104,12 @@ class Night:
 
     @property
     def untracked(self) -> bool:
-        """Whether the mount stood still: trails are longer where Dec is lower, which passes for tilt."""
+        """Whether the mount stood still: stars then trail more at lower declination, which looks like tilt."""
         return any(one.untracked for one in self.tracking)
 
     @property
     def tilt(self) -> Measure | None:
-        """What the field shows of it, px; None where trails pass for it."""
+        """What the field shows of it, px; None where trails look like it."""
         return self.shape.tilt if self.shape and not self.untracked else None
 
     @property

@@ -235,7 +235,7 @@ class _Path(NamedTuple):
 
 
 def _path(run: GuidedRun) -> _Path | None:
-    """None for few rows, and where pulses in Dec are of unknown rate."""
+    """None when there are too few rows, or when the rate of the pulses in Dec is unknown."""
     rows = np.array(run.rows, dtype=np.float64).reshape(-1, 6)
     time, ra, dec, west, south, dither = rows.T
     if len(rows) < 6 or (south.any() and not run.y_rate > 0.0):
