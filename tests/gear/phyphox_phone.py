@@ -231,20 +231,20 @@ class PhyphoxPhone:
         try:
             asked = self._parameters(url.query, kind, body)
         except ValueError:
-            return self._wrong("Malformed request body.")
+            return _json({"error": "Malformed request body."}, 400)
         with self._lock:
             match url.path:
                 case "/get":
                     return self._get(asked)
                 case "/control":
-                    return self._json({"result": self._control(asked)})
+                    return _json({"result": self._control(asked)})
                 case "/config":
-                    return self._json(self._config())
+                    return _json(self._config())
                 case "/time":
                     keys = ("event", "experimentTime", "systemTime")
-                    return self._json([dict(zip(keys, (e, at, now), strict=True)) for e, at, _, now in self._events])
+                    return _json([dict(zip(keys, (e, at, now), strict=True)) for e, at, _, now in self._events])
                 case "/meta":
-                    return self._json(self._meta())
+                    return _json(self._meta())
         if url.path == "/" or self.android:  # [android] its HTTP library serves what it does not know from "/"
             return 200, "text/html", b"<!DOCTYPE html><html><head><title>phyphox</title></head><body></body></html>"
         return 404, "text/html", b""
@@ -275,31 +275,25 @@ class PhyphoxPhone:
                     least = float(number)
                 except ValueError:
                     if self.android or name in self.buffers:
-                        return self._wrong("Invalid threshold.")
+                        return _json({"error": "Invalid threshold."}, 400)
                 if math.isfinite(least) and least:  # of 8 digits, up by one in the last place
                     least += 10.0 ** math.floor(math.log10(abs(least) / 1e7))
             if name not in self.buffers:
                 continue
             if reference not in self.buffers:
-                return self._wrong("Unknown reference buffer.")
+                return _json({"error": "Unknown reference buffer."}, 400)
             values, against = self.buffers[name], self.buffers[reference]
             if mode == "single":
                 values = values[-1:] or [math.nan]
-            elif mode == "partial" and self.android:  # it skips what is not above; NaN is not below
-                values = [v for v, r in zip(values, against, strict=False) if not r <= least]
-            elif mode == "partial":
-                values = [v for v, r in zip(values, against, strict=False) if r > least]
+            elif mode == "partial":  # [android] skips what is not above, which NaN is not; [ios] takes what is
+                pairs = zip(values, against, strict=False)
+                values = [v for v, r in pairs if (not r <= least if self.android else r > least)]
             found.append((name, mode, values))
         self._full_next = self._full_next and self.android and not asked
         status = {"session": self.session, "measuring": self.measuring, "timedRun": False, "countDown": 0}
-        if not self.android:
-            buffers = {
-                name: {"size": 0, "updateMode": mode, "buffer": [v if math.isfinite(v) else None for v in values]}
-                for name, mode, values in found
-            }
-            return self._json({"buffer": buffers, "status": status})
+        write = _eight_digits if self.android else _all_digits
         texts = (
-            f'"{name}":{{"size":0,"updateMode":"{mode}", "buffer":[{",".join(map(_eight_digits, values))}]}}'
+            f'"{name}":{{"size":0,"updateMode":"{mode}", "buffer":[{",".join(write(v) for v in values)}]}}'
             for name, mode, values in found
         )
         text = '{"buffer":{\n' + ",\n".join(texts) + '\n},\n"status":' + json.dumps(status) + "\n}\n"
@@ -358,11 +352,9 @@ class PhyphoxPhone:
         known = {"version": "1.2.0", "fileFormat": "1.19", "deviceModel": "Phone", "deviceBrand": "Maker"}
         return {**known, "sensors": {"gyroscope": gyroscope, "humidity": {}}}
 
-    def _json(self, answer: object) -> tuple[int, str, bytes]:
-        return 200, "application/json", json.dumps(answer, ensure_ascii=False).encode()
 
-    def _wrong(self, reason: str) -> tuple[int, str, bytes]:
-        return 400, "application/json", json.dumps({"error": reason}).encode()
+def _json(answer: object, status: int = 200) -> tuple[int, str, bytes]:
+    return status, "application/json", json.dumps(answer, ensure_ascii=False).encode()
 
 
 def _eight_digits(value: float) -> str:
@@ -371,3 +363,8 @@ def _eight_digits(value: float) -> str:
         return "null"
     digits, _, power = f"{value:.7e}".partition("e")
     return f"{digits.rstrip('0').rstrip('.')}E{int(power)}"
+
+
+def _all_digits(value: float) -> str:
+    """[ios] what JSONSerialization writes; null as there."""
+    return repr(value) if math.isfinite(value) else "null"
