@@ -30,18 +30,38 @@ def test_inputs_without_a_row_and_rows_too_many_are_counted() -> None:
     assert (found["astray"], found["solved"]) == (0, 20)
     assert found["rate_s"] == pytest.approx(2.0)
     assert (found["cpu_ms"], found["all_ms"], found["read_kb"]) == (20.0, 200.0, 3.0)
+    assert found["main_percent"] is None
     assert row("x", 1, 20, Ran(1, 1, 1, table(urls[1:]), 0))["astray"] == 1
     assert row("x", 1, 20, Ran(1, 1, 1, table([*urls, "u3", "u3"]), 0))["astray"] == 2
     assert row("x", 1, 20, Ran(1, 1, 1, table([*urls[1:], "u3"]), 0))["astray"] == 2
 
 
+def test_what_gathers_is_compared_with_the_workers_of_the_same_while() -> None:
+    """From the first tenth of the rows to the last: the start of all processes is not in it."""
+    urls = [f"u{k}" for k in range(20)]
+    spent = [(START.timestamp() + k, 5.0 + 0.1 * k, 7.0 + 1.9 * k) for k in range(9)]
+    spent[0] = (START.timestamp(), 0.0, 0.0)
+    found = row("x", 2, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0, 0, spent))
+    assert found["main_percent"] == pytest.approx(5.0)
+    lost = [*spent[:6], (spent[6][0], spent[6][1], 1.0)]  # a worker was killed, with its time
+    assert row("x", 2, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0, 0, lost))["main_percent"] is None
+
+
+def test_two_programs_share_the_lists(tmp_path) -> None:
+    write_lists(tmp_path / "lists.parquet", 12)
+    found = row("star lists", archive.APART, 12, archived(tmp_path / "lists.parquet", tmp_path / "out", archive.APART))
+    assert (found["astray"], found["solved"]) == (0, 12)
+
+
 def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
     def one(what, workers, rate, cpu, busy, **more):
-        return {"inputs": what, "workers": workers, "rate_s": rate, "cpu_ms": cpu, "busy": busy, **more}
+        numbers = {"rate_s": rate, "cpu_ms": cpu, "busy": busy, "main_percent": None}
+        return {"inputs": what, "workers": workers, **numbers, **more}
 
     rows = [
         one("star lists", 1, 100.0, 9.0, 2.0),
-        one("star lists", 2, 190.0, 9.5, 1.0),
+        one("star lists", 2, 190.0, 9.5, 1.0, main_percent=6.0),
+        one("star lists", archive.APART, 195.0, 9.5, 1.0),
         one("star lists", 1, 90.0, 9.1, 2.0),  # a turn that was disturbed
         one("1.5 MP frames", 1, 20.0, 40.0, 2.0),
         one("1.5 MP frames", 2, 25.0, 50.0, 80.0),
@@ -49,7 +69,11 @@ def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
     ]
     found = {goal.name: (goal.value, goal.met) for goal in goals(rows)}
     assert found["star lists: two workers, times as fast as one"] == (1.9, True)
+    assert found["star lists: two workers, times as fast as two programs"] == (190.0 / 195.0, True)
+    assert found["star lists: processor of the process that gathers, percent"] == (6.0, False)
     assert found["1.5 MP frames: two workers, times as fast as one"] == (None, None)
+    assert found["1.5 MP frames: two workers, times as fast as two programs"] == (None, None)
+    assert found["1.5 MP frames: processor of the process that gathers, percent"] == (None, None)
     assert found["1.5 MP frames: the same by processor time"] == (1.6, False)
     assert found["of these without exactly one row"] == (1.0, False)
     assert found["frames on S3 without exactly one row"] == (None, None)
@@ -65,7 +89,7 @@ def test_rows_are_measured_alone(monkeypatch) -> None:
     monkeypatch.setattr(archive, "archived", archived)
     monkeypatch.setattr(archive, "QUICK_LISTS", 2)
     result = measure_rows("archive", True, lambda line: None, Only(("star lists",)))
-    assert asked == [("few.parquet", 1), ("few.parquet", 2)] * archive.TURNS
+    assert asked == [("few.parquet", 1), ("few.parquet", 2), ("few.parquet", archive.APART)] * archive.TURNS
     assert {one["inputs"] for one in result.rows} == {"star lists"}
 
 
