@@ -77,6 +77,33 @@ def test_a_dither_and_its_settling_are_no_bad_guiding(tmp_path):
     assert run.ra_arcsec.value == pytest.approx(0.3 * SCALE, rel=0.1)
 
 
+@pytest.mark.parametrize("ended", ["complete", "failed"])
+def test_the_star_settles_for_as_long_as_the_log_says(ended, tmp_path):
+    """PHD2 2.6.14 says that it settles before a run begins too, and lost stars have rows without numbers.
+
+    The order of the lines is that of public logs of 2026 (github.com/ste7e/PHD2Insight, samples).
+    """
+    rng = np.random.default_rng(5)
+    change = "INFO: SETTLING STATE CHANGE, Settling {}"
+    head, rows = HEAD.format(scale=SCALE).replace("\\\n", "").rstrip("\n").split("\n\n"), []
+    for k in range(300):
+        away = 6.0 if k < 20 or 150 <= k < 190 else 0.0
+        if k == 150:
+            rows += [change.format("started"), "INFO: DITHER by 3.0, 0.0, new lock pos = 500.0, 400.0"]
+        if k == 100:
+            rows.append('101,200.000,"DROP",,,,,,,,,,,,,0,0.00,5,"No star found"')
+        else:
+            ra, dec = rng.normal(away, 0.3), rng.normal(0, 0.2)
+            rows.append(f'{k + 1},{2.0 * k:.3f},"Mount",0,0,{ra:.3f},{dec:.3f},0,0,0,,0,,,,900,30,0')
+        if k in (19, 189):
+            rows.append(change.format("complete" if k == 19 else ended))
+    lines = [head[0], change.format("started"), "", *head[1].split("\n"), *rows, "Guiding Ends at 2026-03-01 22:40:00"]
+    (tmp_path / "PHD2_GuideLog.txt").write_text("\r\n".join(lines) + "\r\n")
+    (run,) = guiding_of([tmp_path])
+    assert (run.frames, run.dithers) == (300 - 20 - 40 - 1, 1)
+    assert run.ra_arcsec.value == pytest.approx(0.3 * SCALE, rel=0.1)
+
+
 def test_logs_that_others_write_give_the_rms_of_their_rows(tmp_path):
     """The reference logs of the polar axis, their rows read here as CSV."""
     path = tmp_path / "PHD2_GuideLog_2026.txt"

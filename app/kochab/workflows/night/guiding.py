@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from kochab.core.arrays import Floats, Ints
+from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.errors import FrameError
 from kochab.workflows.night.backlash import told_backlash
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log, response_of
 
 SETTLING_S = 15.0
-"""After a dither the star is not yet where it is to be."""
+"""After a dither the star is not yet where it is to be; where the log says when it is, that counts."""
 LEAST_FRAMES = 20
 ALIKE_MOST = 0.95
 """Neighbours are never taken to be more alike than that."""
@@ -71,7 +71,7 @@ def _guiding(run: GuidedRun) -> Guiding | None:
     if not run.scale > 0.0 or len(run.rows) < LEAST_FRAMES:
         return None
     time, ra, dec, _, _, dither = np.array(run.rows).T
-    parts = list(_settled(time, dither))
+    parts = list(_settled(time, dither, np.array(run.settling)))
     frames = sum(len(part) for part in parts)
     if frames < LEAST_FRAMES:
         return None
@@ -87,11 +87,14 @@ def _backlash(run: GuidedRun) -> Measure | None:
     return told_backlash(run.scale * found.backlash, run.scale * found.backlash_sigma)
 
 
-def _settled(time: Floats, dither: Floats) -> Iterator[Ints]:
+def _settled(time: Floats, dither: Floats, settling: Bools) -> Iterator[Ints]:
     """Frame indices of each stretch between dithers, without the frames taken while the guider settled."""
     for k, number in enumerate(np.unique(dither)):
         part = np.flatnonzero(dither == number)
-        kept = part[time[part] > time[part[0]] + SETTLING_S] if k else part
+        if k and not settling[part].any():
+            kept = part[time[part] > time[part[0]] + SETTLING_S]
+        else:
+            kept = part[~settling[part]]
         if len(kept) >= 3:
             yield kept
 

@@ -32,6 +32,7 @@ from kochab.sky.horizon import observed_at
 BIN_S = 30.0
 LEAST_ARCSEC = 0.1  # no mean over a bin is better than that
 OTHER_LOCK = ("INFO: DITHER", "INFO: SET LOCK POSITION", "INFO: Guiding parameter change, MountGuidingEnabled")
+SETTLING = "SETTLING STATE CHANGE, Settling "  # started, complete or failed
 SIGNS = {"+": 1, "?": 0, "-": -1}
 FOUND = (0, 1)  # PHD2's Star::FindResult: a star, a saturated star; others are none that can be believed
 DITHERS = 3  # places that the star was given on purpose, from which on pulses prove how far they move
@@ -43,6 +44,7 @@ JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse expla
 class GuidedRun:
     """One run of guiding; ``rows``: time, s, RA and Dec of the star, px, pulses west and south, ms, dithers so far.
 
+    ``settling`` says of each row whether the guider waited for the star to settle, as far as it writes that.
     ``begun`` is by the clock of whoever wrote the log, which PHD2 sets to local time; ``scale`` arcsec a px.
     """
 
@@ -56,6 +58,8 @@ class GuidedRun:
     pier: str = ""
     dithers: int = 0
     rows: list[tuple[float, ...]] = field(default_factory=list)
+    settling: list[bool] = field(default_factory=list)
+    settles: bool = False
 
 
 def is_guide_log(path: str | Path) -> bool:
@@ -97,12 +101,17 @@ def guided_runs(path: str | Path) -> list[GuidedRun]:
 def _sections(text: str) -> Iterator[GuidedRun]:
     now: GuidedRun | None = None
     columns: list[str] = []
+    settles = False  # PHD2 says so before the run that a program asked for begins
     for line in text.splitlines():
         if begun := re.match(r"Guiding Begins at (\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)", line):
-            now, columns = GuidedRun(datetime.fromisoformat(begun[1]).replace(tzinfo=UTC)), []
+            now, columns = GuidedRun(datetime.fromisoformat(begun[1]).replace(tzinfo=UTC), settles=settles), []
             yield now
         elif line.startswith(("Guiding Ends", "Calibration Begins")):
-            now = None
+            now, settles = None, False
+        elif SETTLING in line:
+            settles = line.endswith("started")
+            if now is not None:
+                now.settles = settles
         elif now is None:
             continue
         elif line.startswith("Frame,Time,mount"):
@@ -148,6 +157,7 @@ def _row(section: GuidedRun, row: Mapping[str, str]) -> None:
         return
     if found and np.isfinite(place).all():
         section.rows.append((*place, west, south, float(section.dithers)))
+        section.settling.append(section.settles)
     elif section.rows:  # moved before the next star that is believed, as the last one's own
         *last, was_west, was_south, dithers = section.rows[-1]
         section.rows[-1] = (*last, was_west + west, was_south + south, dithers)
