@@ -70,8 +70,8 @@ class PushedRig:
         return apart_deg(said[0].icrs_deg, self.rig.truth().attitude.ra_dec_deg), said[0].sigma_deg
 
     def close(self):
-        if self.telescope.encoders is not None:
-            self.telescope.encoders.stop()
+        if self.telescope.aid is not None:
+            self.telescope.aid.stop()
         self.camera.close()
         self.night.stop()
 
@@ -81,7 +81,7 @@ def pushed():
     rig = PushedRig()
     with DscBox(lambda: tuple(rig.pushed), in_a_turn=(8192, 8192)) as box:
         rig.box = box
-        rig.telescope.encoders = EncoderAid(box.port, rig.said.append, rig.rig.clock.now_utc, SITE)
+        rig.telescope.aid = EncoderAid(box.port, rig.said.append, rig.rig.clock.now_utc, SITE)
         yield rig
         rig.close()
 

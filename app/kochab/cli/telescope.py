@@ -56,6 +56,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
         help="box of encoders on the telescope's axes (DSC protocol): a serial port or tcp://HOST:PORT; they show the"
         " way between two solves, which align them",
     )
+    parser.add_argument(
+        "--gyro",
+        metavar="http://HOST:PORT",
+        help="a phone on the tube, its gyroscope shown by the app phyphox with remote access on: the same as encoders,"
+        " a little less exact",
+    )
     parser.add_argument("--target", metavar="NAME", help="what to push the telescope to: after each solve, which way")
     add_options(parser, *CAMERA, *MOUNT, "--profile", "--json", *SEARCH, "--detector")
     parser.add_argument("--fork", action="store_true", help="fork or wedge: no meridian flip needed")
@@ -86,12 +92,17 @@ def run(args: argparse.Namespace) -> int:
         telescope.target = parse_target(args.target, telescope.now(), args.site)
     if mount is not None:
         mount.telescope = telescope
-    if args.encoders is not None:
+    if args.encoders is not None and args.gyro is not None:
+        raise UsageError("Give either --encoders or --gyro.")
+    if (aid := args.encoders or args.gyro) is not None:
         if not args.source:
-            raise UsageError("Encoders are aligned by solved frames: give --folder DIR or --source NAME too.")
-        from kochab.workflows.telescope.encoder_aid import EncoderAid
+            raise UsageError(
+                "Encoders and gyroscopes are aligned by solved frames: give --folder DIR or --source NAME too."
+            )
+        from kochab.workflows.telescope.gyro_aid import PHONE, pointing_aid
 
-        telescope.encoders = EncoderAid(args.encoders, say, telescope.now, args.site)
+        address = PHONE + aid.removeprefix(PHONE) if args.gyro else aid
+        telescope.aid = pointing_aid(address, say, telescope.now, args.site)
     camera = _Camera(args, telescope) if args.source else None
     module, _, name = OFFER.partition(":")
     offer = getattr(import_module(module), name)(telescope, wanted, args.lan, args.stellarium_remote)
@@ -106,8 +117,8 @@ def run(args: argparse.Namespace) -> int:
         offer.stop()
         if camera is not None:
             camera.stop()
-        if telescope.encoders is not None:
-            telescope.encoders.stop()
+        if telescope.aid is not None:
+            telescope.aid.stop()
 
 
 def _wanted(text: str) -> tuple[str, int | None]:
@@ -126,7 +137,7 @@ def _until_over(mount: "_CliMount | None", camera: "_Camera | None") -> int:
     if mount is None:
         assert camera is not None
         while not camera.over.wait(0.5):
-            camera.tell_way_by_encoders()
+            camera.tell_way_by_aid()
     else:
         mount.serve(lambda: camera is not None and camera.over.is_set())
     if camera is not None and camera.fault is not None:
@@ -261,9 +272,9 @@ class _Camera:
         finally:
             self.over.set()
 
-    def tell_way_by_encoders(self) -> None:
+    def tell_way_by_aid(self) -> None:
         """Say it between two solves, when the telescope was pushed by a clear part of the way."""
-        if self._telescope.encoders is not None:
+        if self._telescope.aid is not None:
             self._tell_way(monotonic(), CLEAR_SHARE)
 
     def _tell_way(self, now_s: float, share: float = 0.0) -> None:

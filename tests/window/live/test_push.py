@@ -191,13 +191,13 @@ def test_stellariums_view_follows_when_switched_on(qtbot, view) -> None:
 
 def test_encoders_move_the_arrow_between_two_frames(qtbot, view) -> None:
     push, angles = view.push, [0.0, 0.0]
-    push.encoders.setChecked(True)
+    push.aid.setChecked(True)
     assert "Give the port" in push.message.text()
-    assert not push.encoders.isChecked()
+    assert not push.aid.isChecked()
     push._aim(target_at(83.0, -4.0))
     with DscBox(lambda: tuple(angles)) as box:
-        push.encoder_port.setText(box.port)
-        push.encoders.setChecked(True)
+        push.aid_address.setText(box.port)
+        push.aid.setChecked(True)
         qtbot.waitUntil(lambda: "Encoders connected" in push.message.text(), timeout=LIMIT_MS)
         for number, (west, north) in enumerate(((0.0, 0.0), (8.0, 6.0), (-5.0, 3.0), (4.0, -8.0)), 1):
             angles[:] = west, north
@@ -208,9 +208,9 @@ def test_encoders_move_the_arrow_between_two_frames(qtbot, view) -> None:
         true = apart_deg(on_sky(6.0, -3.0), (83.0, -4.0))
         qtbot.waitUntil(lambda: abs(push.arrow.way.distance_deg - true) < 0.1, timeout=LIMIT_MS)
         assert "±" in push.distance.text()
-        push.encoders.setChecked(False)
+        push.aid.setChecked(False)
         assert "±" not in push.distance.text()
-        assert push.encoder_port.isEnabled()
+        assert push.aid_address.isEnabled()
 
 
 def on_sky(west, north):

@@ -21,7 +21,7 @@ from kochab.window.widgets import Page, button, column, label, row, show_text, s
 from kochab.workflows.goto_target import Target, resolved
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.wiring import TelescopePorts
-from kochab.workflows.telescope.encoder_aid import EncoderAid
+from kochab.workflows.telescope.gyro_aid import pointing_aid
 from kochab.workflows.telescope.offered import OfferedTelescope
 from kochab.workflows.telescope.push_to import PushTo, push_to
 
@@ -124,7 +124,7 @@ class PushPanel(Page):
         self._solved = 0
         self._played_deg: float | None = None
         self._build()
-        self._moves = QTimer(self, interval=MOVES_MS)  # by encoders, between two frames
+        self._moves = QTimer(self, interval=MOVES_MS)  # by encoders or a gyroscope, between two frames
         self._moves.timeout.connect(self.write)
         self.status.connect(self._say)
         services.mount.changed.connect(self._follow_mount)
@@ -141,14 +141,17 @@ class PushPanel(Page):
         self.age = label("", "wrong", wrap=True)
         self.tones = switch(tr("T&ones: nearer, further, there"), self.cues.description)
         self.tones.toggled.connect(self._sound)
-        self.encoders = switch(tr("Encoders"), tr("Move the arrow between two solves, which align them"))
-        self.encoders.toggled.connect(self._use_encoders)
-        self.encoder_port = text_field(
-            tr("Port of the encoders"),
-            tr("/dev/ttyUSB0, COM3 or tcp://HOST:PORT"),
-            tr("Where the box of encoders is connected (DSC protocol)"),
+        self.aid = switch(tr("Encoders or phone"), tr("Move the arrow between two solves, which align them"))
+        self.aid.toggled.connect(self._use_aid)
+        self.aid_address = text_field(
+            tr("Port of the encoders, or the phone's address"),
+            tr("/dev/ttyUSB0, COM3, tcp://HOST:PORT; phone: http://HOST:PORT"),
+            tr(
+                "A box of encoders (DSC protocol), or a phone on the tube: its gyroscope, shown by the app phyphox "
+                "with remote access on"
+            ),
         )
-        self.encoder_port.setText(self._services.settings.text("encoders", ""))
+        self.aid_address.setText(self._services.settings.text("encoders", ""))
         self.offer = switch(tr("&Offer to planetarium programs"))
         self.offer.setEnabled(self._services.wiring.offer_telescope is not None)
         self.offer.toggled.connect(self._toggle)
@@ -173,7 +176,7 @@ class PushPanel(Page):
             row((self.target, 1), self.set),
             row(self.arrow, (reading, 1)),
             self.tones,
-            row(self.encoders, (self.encoder_port, 1)),
+            row(self.aid, (self.aid_address, 1)),
             self.offer,
             what,
             self.lan,
@@ -207,8 +210,8 @@ class PushPanel(Page):
         site = self._services.mount.kept.site
         if site != self.telescope.site:
             self.telescope.site = site
-            if self.encoders.isChecked():
-                self._use_encoders(True)  # where the base stands is another place
+            if self.aid.isChecked():
+                self._use_aid(True)  # where the base stands is another place
         way = push_to(self.telescope, monotonic())
         self._play(self.arrow.way, way)
         self.arrow.way = way
@@ -263,26 +266,26 @@ class PushPanel(Page):
     def _allow(self, on: bool) -> None:
         self.telescope.may_move = on
 
-    def _use_encoders(self, on: bool) -> None:
-        self._leave_encoders(0.0)
-        port = self.encoder_port.text().strip()
-        if on and not port:
-            with QSignalBlocker(self.encoders):
-                self.encoders.setChecked(False)
-            self._say(tr("Give the port of the encoder box first."))
+    def _use_aid(self, on: bool) -> None:
+        self._leave_aid(0.0)
+        address = self.aid_address.text().strip()
+        if on and not address:
+            with QSignalBlocker(self.aid):
+                self.aid.setChecked(False)
+            self._say(tr("Give the port of the encoder box, or the phone's address, first."))
             return
-        self.encoder_port.setEnabled(not on)
+        self.aid_address.setEnabled(not on)
         if on:
-            self._services.settings.keep("encoders", port)
-            self.telescope.encoders = EncoderAid(port, self.status.emit, self.telescope.now, self.telescope.site)
+            self._services.settings.keep("encoders", address)
+            self.telescope.aid = pointing_aid(address, self.status.emit, self.telescope.now, self.telescope.site)
             self._moves.start()
         self.write()
 
-    def _leave_encoders(self, wait_s: float) -> None:
+    def _leave_aid(self, wait_s: float) -> None:
         self._moves.stop()
-        encoders, self.telescope.encoders = self.telescope.encoders, None
-        if encoders is not None:
-            encoders.stop(wait_s)
+        aid, self.telescope.aid = self.telescope.aid, None
+        if aid is not None:
+            aid.stop(wait_s)
 
     def _toggle(self, on: bool) -> None:
         for choice in (self.lan, self.remote, self.remote_address):
@@ -325,4 +328,4 @@ class PushPanel(Page):
 
     def _close(self) -> None:
         self.close_ports()
-        self._leave_encoders(CLOSING_S)
+        self._leave_aid(CLOSING_S)

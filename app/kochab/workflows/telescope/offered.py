@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from time import monotonic
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from kochab.text.angle_text import angle_text
 from kochab.text.translation import tr, tr_noop
 from kochab.workflows.goto_target import Target, aimed, goto_target, target_at
 from kochab.workflows.sync_mount import SyncDone
-from kochab.workflows.telescope.encoder_aid import EncoderAid
+from kochab.workflows.telescope.aid import PointingAid
 
 NEWEST_S = 15.0
 """A solved frame older than this gives way to what a connected mount says."""
@@ -67,7 +67,7 @@ class Seen:
     at_s: float
     slewing: bool = False
     sigma_deg: float = 0.0
-    """1 sigma by encoders; 0 of a solve or a mount, whose own error is no matter to a person who pushes."""
+    """1 sigma by encoders or a gyroscope; 0 of a solve or a mount, whose own error is no matter to who pushes."""
 
     @property
     def past(self) -> bool:
@@ -103,8 +103,8 @@ class OfferedTelescope:
         self._tell, self.mount, self.may_move, self.now = tell, mount, may_move, now
         self.site = site
         self.target: Target | None = None
-        self.encoders: EncoderAid | None = None
-        """Tell where it points between two solves."""
+        self.aid: PointingAid[Any] | None = None
+        """Encoders or a gyroscope, which tell where it points between two solves."""
         self.programs: dict[str, int] = {}
         """Who is connected, and over how many lines."""
         self._lock = threading.Lock()
@@ -119,8 +119,8 @@ class OfferedTelescope:
     def see_solution(self, solution: Solution, at_s: float | None = None) -> None:
         """Take a solved frame that was exposed at ``at_s`` of :func:`time.monotonic`."""
         self._solved = solution, monotonic() if at_s is None else at_s
-        if self.encoders is not None:
-            self.encoders.see(*self._solved)
+        if self.aid is not None:
+            self.aid.see(*self._solved)
 
     def see_mount(self, icrs_deg: Degrees | None, slewing: bool = False) -> None:
         """Take what the mount says, ICRS degrees; None when it is gone."""
@@ -134,7 +134,7 @@ class OfferedTelescope:
         slewing = busy or (mount is not None and mount.slewing)
         if solved is not None and (mount is None or monotonic() - solved[1] < NEWEST_S):
             solution, at_s = solved
-            by = None if self.encoders is None else self.encoders.pointing(self._eyepiece)
+            by = None if self.aid is None else self.aid.pointing(self._eyepiece)
             if by is not None:
                 return Seen(by.icrs_deg, by.at_s, slewing, by.sigma_deg)
             return Seen(radec_deg(self._eyepiece @ solution.centre_attitude.matrix), at_s, slewing)

@@ -2,7 +2,7 @@
 
 With a site the way is in azimuth and altitude, as a Dobsonian turns; without one it is along right ascension and
 declination, as an equatorial mount does. The solves tell where it points, so no encoder and no alignment is needed;
-encoders that are there tell it between two solves, too.
+encoders or a gyroscope on it tell it between two solves, too.
 """
 
 import math
@@ -42,7 +42,7 @@ class PushTo:
     made_s: float = 0.0
     """When this was so, on :func:`time.monotonic`."""
     sigma_deg: float = 0.0
-    """1 sigma of where it points, by encoders; 0 of a solve."""
+    """1 sigma of where it points, by encoders or a gyroscope; 0 of a solve."""
 
     @property
     def there(self) -> bool:
@@ -79,7 +79,7 @@ class PushTo:
 
     @property
     def distance_text(self) -> str:
-        """The distance, with its 1 sigma when it comes from the encoders."""
+        """The distance, with its 1 sigma when it comes from encoders or a gyroscope."""
         distance = angle_text(self.distance_deg)
         return f"{distance} ± {angle_text(self.sigma_deg)}" if self.sigma_deg >= WORTH_SAYING_DEG else distance
 

@@ -1,0 +1,262 @@
+"""A gyroscope on a telescope that is pushed, aligned by solved frames: where it points by the turns felt since.
+
+The gyroscope's rates, less what it shows at rest, add up to a rotation ``P`` in its own axes. It is fixed to the camera
+somehow, ``A = K P``, and its axes are a little too long or short: between two solves the camera turned by the vector
+``c`` about its axes and the gyroscope felt ``p``, and::
+
+    c = K (1 + s) p
+
+gives the mounting ``K`` (a rotation) and the scales ``s`` (3), as soon as two such turns were about different axes.
+They are fitted by least squares, the scales with the chips' tolerance as prior. The newest solve is met exactly.
+While it rests nothing is added up, so the error grows with the time in motion alone (zero velocity update).
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from kochab.attitude import wahba
+from kochab.core.arrays import Floats
+from kochab.core.attitude import rotation_vector, separation_deg, small_rotation
+
+SCALE = 0.01
+"""1 sigma of an axis's scale: chips are given to 1 % (BMI160, LSM6DSO)."""
+NOISE_DEG_RT_S = 0.01
+"""1 sigma of a turn after one second by the rates' noise: 0.004 to 0.007 deg/s/sqrt(Hz) in the same chips."""
+REST_DEG_S = 0.005
+"""1 sigma of what is taken for the rate at rest: hands on the tube, the chip's own wandering."""
+POINTING_DEG = 1.0 / 60.0
+LAG_S = 0.05
+"""How late a rate is known: over the network, and until the next one."""
+CREEP_DEG_S = 1.0 / 3600.0
+STEADY_S, STEADY_DEG_S, RESTING_DEG_S = 0.8, 0.15, 0.03
+"""It rests when within the window rates scatter no more than that, and their mean is that near the rate at rest."""
+WANDER_DEG_S, REST_SEEN_DEG_S = 0.001, 0.01
+"""Of the rate at rest: how far it goes in a second (root of time), and how well one window shows it."""
+BREAK_S = 0.5
+"""Without rates for so long, a turn may have been missed."""
+KEPT_S = 60.0
+"""Seconds from mid-exposure within which a frame is solved."""
+NEW_PLACE_DEG, LARGEST_TURN_DEG, MOST_TURNS = 2.0, 120.0, 20
+UNMOVED_DEG = 2.0 / 60.0
+SLIP_DEG, SLIP_SIGMAS = 15.0 / 60.0, 4.0
+UNKNOWN_RAD = 1.0
+"""Prior of the mounting's errors: none, but finite."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Felt:
+    """The gyroscope at a moment: turned by ``turned`` (3, 3) since the beginning, in motion for ``moved_s``."""
+
+    at_s: float
+    turned: Floats
+    moved_s: float
+    steady: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sighting:
+    attitude: Floats
+    felt: _Felt
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Turn:
+    """What the camera did (3,), what the gyroscope felt with the scales of then taken off (3,), and 1 sigma, rad."""
+
+    camera: Floats
+    felt: Floats
+    sigma: float
+
+
+class GyroModel:
+    """Takes rates and solves, and tells attitudes. Attitudes take Earth-fixed directions to camera axes."""
+
+    def __init__(self) -> None:
+        self._rest = np.zeros(3)
+        self._rest_variance = math.inf
+        self._window: deque[tuple[float, Floats]] = deque()
+        self._past: deque[_Felt] = deque()
+        self._anchor: _Sighting | None = None
+        self._place: _Sighting | None = None
+        self._missed = 0
+        self.rate_deg_s = 0.0
+        self._forget_mounting()
+
+    def _forget_mounting(self) -> None:
+        self._turns: deque[_Turn] = deque(maxlen=MOST_TURNS)
+        self._mounting, self._scale = np.eye(3), np.zeros(3)
+        self._covariance = np.diag([UNKNOWN_RAD**2] * 3 + [SCALE**2] * 3)
+
+    # -- What is felt ------------------------------------------------------------------------------
+
+    def feel(self, at_s: Floats, rates: Floats) -> None:
+        """Take rates (N, 3), rad/s about the gyroscope's axes, at moments (N,) in seconds that only grow."""
+        for moment, rate in zip(at_s.tolist(), rates, strict=True):
+            before = self._past[-1] if self._past else None
+            step_s = BREAK_S if before is None else moment - before.at_s
+            if step_s <= 0.0:
+                continue
+            if step_s >= BREAK_S:
+                self.lose()
+                self._past.append(_Felt(moment, np.eye(3), 0.0, False))
+                continue
+            assert before is not None
+            self._window.append((moment, rate))
+            while moment - self._window[0][0] > STEADY_S:
+                self._window.popleft()
+            steady, resting = self._look_at_window(step_s)
+            turned, moved_s = before.turned, before.moved_s
+            if not resting:
+                turned = small_rotation(-(1.0 + self._scale) * (rate - self._rest) * step_s) @ turned
+                moved_s += step_s
+            self.rate_deg_s = 0.0 if resting else math.degrees(float(np.linalg.norm(rate - self._rest)))
+            self._past.append(_Felt(moment, turned, moved_s, steady))
+        while self._past and self._past[-1].at_s - self._past[0].at_s > KEPT_S:
+            self._past.popleft()
+
+    def lose(self) -> None:
+        """Rates are missing: where it points, only the next solve tells."""
+        self._past.clear()
+        self._window.clear()
+        self._anchor = self._place = None
+
+    def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
+        """Whether the rates are steady, and whether that is rest, which then is measured."""
+        if self._window[-1][0] - self._window[0][0] < 0.9 * STEADY_S:
+            return False, False
+        seen = np.array([rate for _, rate in self._window])
+        mean = seen.mean(axis=0)
+        if np.degrees(seen.std(axis=0).max()) > STEADY_DEG_S:
+            return False, False
+        if not math.isinf(self._rest_variance):
+            self._rest_variance += math.radians(WANDER_DEG_S) ** 2 * step_s
+            if math.degrees(float(np.abs(mean - self._rest).max())) > RESTING_DEG_S:
+                return True, False
+        self._measure_rest(mean, math.radians(REST_SEEN_DEG_S) ** 2 * STEADY_S / step_s)
+        return True, True
+
+    def _measure_rest(self, mean: Floats, variance: float) -> None:
+        gain = 1.0 if math.isinf(self._rest_variance) else self._rest_variance / (self._rest_variance + variance)
+        self._rest = self._rest + gain * (mean - self._rest)
+        self._rest_variance = variance if math.isinf(self._rest_variance) else (1.0 - gain) * self._rest_variance
+
+    # -- What is solved ----------------------------------------------------------------------------
+
+    def see(self, attitude: Floats, at_s: float) -> float | None:
+        """Take a solve of mid-exposure ``at_s``, unless it moved then.
+
+        Returns how far off the turns were, degrees, when that is more than they can be: the gyroscope was moved on the
+        telescope. Twice in a row, its mounting is learned anew.
+        """
+        felt = min(self._past, key=lambda one: abs(one.at_s - at_s), default=None)
+        if felt is None or not felt.steady or abs(felt.at_s - at_s) > STEADY_S:
+            return None
+        new, last, place = _Sighting(np.asarray(attitude, dtype=np.float64), felt), self._anchor, self._place
+        if last is None or place is None:
+            self._anchor = self._place = new
+            return None
+        camera, turned = _between(last, new)
+        moved_s = felt.moved_s - last.felt.moved_s
+        unmoved = math.degrees(float(np.linalg.norm(camera))) < UNMOVED_DEG
+        if unmoved and moved_s > STEADY_S:  # what was felt is the rate at rest, which has wandered off
+            self._rest_variance = math.inf  # all that was known of it
+            self._measure_rest(self._rest - turned / moved_s, math.radians(UNMOVED_DEG / moved_s) ** 2)
+            self._anchor = new
+            return None
+        sigma = self.sigma_deg(felt)
+        away = separation_deg(self._attitude(felt)[2], new.attitude[2])
+        off = away if away > max(SLIP_DEG, SLIP_SIGMAS * sigma) else None
+        self._missed = 0 if off is None else self._missed + 1
+        if self._missed > 1:
+            self._forget_mounting()
+        self._anchor = new
+        camera, turned = _between(place, new)
+        turn_deg = math.degrees(float(np.linalg.norm(camera)))
+        if off is None and turn_deg < NEW_PLACE_DEG:
+            return None  # short ways add up to one that tells something
+        self._place = new
+        if off is None and turn_deg < LARGEST_TURN_DEG:
+            self._turns.append(_Turn(camera, turned / (1.0 + self._scale), self._turn_sigma(place.felt, felt)))
+            self._fit()
+        return off
+
+    def _turn_sigma(self, last: _Felt, felt: _Felt) -> float:
+        moved_s = felt.moved_s - last.moved_s
+        rest = math.hypot(math.radians(REST_DEG_S), math.sqrt(min(self._rest_variance, 1.0)))
+        return math.hypot(math.radians(POINTING_DEG), rest * moved_s, math.radians(NOISE_DEG_RT_S) * math.sqrt(moved_s))
+
+    def _fit(self) -> None:
+        camera = np.array([turn.camera for turn in self._turns])
+        felt = np.array([turn.felt for turn in self._turns])
+        weight = 1.0 / np.array([turn.sigma for turn in self._turns])
+        lengths = np.linalg.norm(camera, axis=1, keepdims=True)
+        mounting, scale = self._mounting, self._scale
+        if len(self._turns) > 1:
+            ways = camera / lengths, felt / np.linalg.norm(felt, axis=1, keepdims=True)
+            mounting = wahba(*ways, 1.0 / (weight * lengths[:, 0])).matrix
+        elif len(self._turns) == 1:
+            mounting = _shortest(felt[0], camera[0])
+        for _ in range(5):
+            model = ((1.0 + scale) * felt) @ mounting.T
+            left = (camera - model) * weight[:, None]
+            # a small turn k of the mounting moves the model by k x model; a scale along its own axis
+            by_turn = np.cross(np.eye(3)[None], model[:, None]).transpose(0, 2, 1)
+            by_scale = mounting[None] * felt[:, None, :]
+            slope = np.concatenate([by_turn, by_scale], axis=2) * weight[:, None, None]
+            slope, rest = slope.reshape(-1, 6), left.reshape(-1)
+            information = slope.T @ slope + np.diag([UNKNOWN_RAD**-2] * 3 + [SCALE**-2] * 3)
+            step = np.linalg.solve(information, slope.T @ rest - np.concatenate([np.zeros(3), scale / SCALE**2]))
+            mounting, scale = small_rotation(step[:3]) @ mounting, scale + step[3:]
+        self._mounting, self._scale, self._covariance = mounting, scale, np.linalg.inv(information)
+
+    # -- What is asked -----------------------------------------------------------------------------
+
+    @property
+    def newest(self) -> _Felt | None:
+        """The last moment that was felt; None before the first solve, or since a loss."""
+        return self._past[-1] if self._past and self._anchor is not None else None
+
+    def attitude(self) -> Floats | None:
+        """The attitude (3, 3) at the last moment; None while it cannot be told."""
+        return None if self.newest is None else self._attitude(self.newest)
+
+    def _attitude(self, felt: _Felt) -> Floats:
+        assert self._anchor is not None
+        turned = rotation_vector(felt.turned @ self._anchor.felt.turned.T)
+        return np.asarray(small_rotation(self._mounting @ turned) @ self._anchor.attitude)
+
+    def sigma_deg(self, felt: _Felt | None = None) -> float:
+        """1 sigma of the direction then, the last moment if not given; infinite before the first solve."""
+        felt, last = felt or self.newest, self._anchor
+        if felt is None or last is None:
+            return math.inf
+        creep = CREEP_DEG_S * max(0.0, felt.at_s - last.felt.at_s)
+        if felt.moved_s <= last.felt.moved_s:
+            return creep
+        turned = rotation_vector(felt.turned @ last.felt.turned.T)
+        by_turn = np.cross(np.eye(3), self._mounting @ turned).T
+        slope = np.concatenate([by_turn, self._mounting * turned], axis=1)[:2]
+        mounting = math.degrees(math.sqrt(max(float(np.trace(slope @ self._covariance @ slope.T)), 0.0)))
+        moved = math.degrees(self._turn_sigma(last.felt, felt))
+        return math.hypot(mounting, math.sqrt(2.0) * moved, LAG_S * self.rate_deg_s, creep)
+
+
+def _between(one: _Sighting, other: _Sighting) -> tuple[Floats, Floats]:
+    """The turn from one solve to another, as the camera made it and as it was felt: vectors (3,), rad."""
+    camera = rotation_vector(other.attitude @ one.attitude.T)
+    return camera, rotation_vector(other.felt.turned @ one.felt.turned.T)
+
+
+def _shortest(start: Floats, end: Floats) -> Floats:
+    """The rotation (3, 3) that takes the direction of one vector to that of another by the shortest way."""
+    a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    axis = np.cross(a, b)
+    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+    if sine < 1e-9:
+        axis, sine = np.cross(a, np.eye(3)[np.abs(a).argmin()]), 1.0
+        axis /= np.linalg.norm(axis)
+        return np.asarray(small_rotation(axis * (0.0 if cosine > 0.0 else math.pi)))
+    return np.asarray(small_rotation(axis / sine * math.atan2(sine, cosine)))
