@@ -5,8 +5,9 @@
 [ios] phyphox/phyphox-ios, ExperimentWebServer.swift, ExperimentTimeReference.swift.
 [file] phyphox/phyphox-experiments, gyroscope.phyphox and accelerometer.phyphox: titles, buffers, export sets.
 [config] an iPhone's answers: LaurentBerger/phyphox-py, tests/config_1.bin and tests/meta_1.bin.
-[chip] Bosch Sensortec, BMI160 data sheet, BST-BMI160-DS000 (gyroscope, typical): noise 0.007 deg/s/sqrt(Hz), zero-rate
-offset 3 deg/s, which a phone's own calibration takes away but for tenths, range 2000 deg/s, 16.4 counts a deg/s there.
+[cdd] Android Compatibility Definition, 7.3.9, C-2-3, of a phone's gyroscope: noise of at most 0.014, better 0.007
+deg/s/sqrt(Hz), rate random walk below 0.001 deg/s*sqrt(Hz), calibration within 0.002 rad/s (0.115 deg/s), a range of 1000
+deg/s or more and 16 counts a deg/s or more. A Bosch BMI160, as in many phones: range 2000 deg/s, 16.4 counts a deg/s there.
 """
 
 import json
@@ -60,10 +61,11 @@ class PhyphoxPhone:
     gyroscope says: the rotation since the sample before, over the time between, so that rates times differences of
     time add up to the turn. On that ``scale``, ``bias_deg_s`` (each second it walks by ``bias_walk`` deg/s, as the root
     of the time) and white noise of a one-sided density: at 100 Hz its sigma is the density times sqrt(50 Hz).
-    ``step_deg_s`` is the gyroscope's least count (1 / 16.4 at the chip's full range), none at 0.
+    ``step_deg_s`` is the gyroscope's least count (1 / 16.4 at the full range of [cdd]'s example), none at 0.
 
     May be set at any time: ``measuring``, as a finger on the phone would; ``says``, bytes that replace every answer;
-    ``refuses``, and no start succeeds; ``bias_deg_s``, where NaN makes values that are none."""
+    ``refuses``, and no start succeeds; ``lag_s``, after which a start or stop that was answered takes effect ([android]
+    looks every 0.4 s what it is to do); ``bias_deg_s``, where NaN makes values that are none."""
 
     def __init__(
         self,
@@ -84,6 +86,7 @@ class PhyphoxPhone:
         self.noise_deg_s_rt_hz, self.bias_walk, self.step_deg_s = noise_deg_s_rt_hz, bias_walk, step_deg_s
         self.bias_deg_s: np.ndarray | tuple[float, ...] = bias_deg_s
         self.android, self.says, self.refuses = flavour == "android", None, False
+        self.lag_s, self._intent = 0.0, (math.inf, False)  # when to start or stop
         self.requests: list[str] = []  # the paths that were asked for, with their queries
         self._random, self._lock = np.random.default_rng(seed), threading.RLock()
         self._awake, self._away, self._port = threading.Event(), threading.Event(), 0
@@ -172,12 +175,16 @@ class PhyphoxPhone:
 
     def _sample(self) -> None:
         before, was = self._look()
-        while not self._away.wait(max(before + 1.0 / self.rate_hz - time.perf_counter(), 0.001)):
+        due = before + 1.0 / self.rate_hz
+        while not self._away.wait(due - time.perf_counter()):
             now, attitude = self._look()
+            due = max(due + 1.0 / self.rate_hz, now + 0.5 / self.rate_hz)
             rate = self._rate(-Rotation.from_matrix(attitude @ was.T).as_rotvec(), now - before)
             before, was = now, attitude
             force = 9.81 * attitude[:, 2] + self._random.normal(0.0, 0.01, 3)
             with self._lock:
+                if now >= self._intent[0]:
+                    self.measuring, self._intent = self._intent[1], (math.inf, False)
                 if self.measuring:
                     for source, names in self.inputs.items():
                         values = rate if source == "gyroscope" else force
@@ -301,10 +308,10 @@ class PhyphoxPhone:
 
     def _control(self, asked: dict[str, str]) -> bool:
         match asked.get("cmd"):
-            case "start" if not self.refuses:
-                self.measuring = True
-            case "stop":
-                self.measuring = False
+            case "start" | "stop" as command if command == "stop" or not self.refuses:
+                self._intent = (time.perf_counter() + self.lag_s, command == "start")
+                if not self.lag_s:
+                    self.measuring, self._intent = command == "start", (math.inf, False)
             case "clear":
                 self.clear()
             case "set" if asked.get("buffer") in self.buffers:

@@ -126,8 +126,11 @@ def test_who_asks_from_the_last_time_on_gets_each_sample_once(flavour) -> None:
         polled = {"gyr_time": [], "gyrX": []}
 
         def poll() -> bool:
-            since = repr(float(polled["gyr_time"][-1])) if polled["gyr_time"] else "0"
-            for name, more in values(phone, f"gyr_time={since}&gyrX={since}%7Cgyr_time").items():
+            query = "gyr_time=full&gyrX=full"  # the first sample may be of 0 s, which is not above 0
+            if polled["gyr_time"]:
+                since = repr(float(polled["gyr_time"][-1]))
+                query = f"gyr_time={since}&gyrX={since}%7Cgyr_time"
+            for name, more in values(phone, query).items():
                 polled[name] += more
             return len(polled["gyr_time"]) > 60
 
@@ -208,6 +211,19 @@ def test_refusing_garbage_silence_and_a_phone_that_goes_and_comes_back() -> None
         phone.back()
         assert phone.address == address
         assert ask(phone, "/config")[0] == 200
+
+
+def test_a_command_may_take_effect_after_its_answer() -> None:
+    """Of openapi.yaml, control: accepted, not whether it has finished taking effect."""
+    with PhyphoxPhone(still) as phone:
+        phone.lag_s = 3600.0
+        assert ask(phone, "/control?cmd=start") == (200, {"result": True})
+        assert ask(phone, "/get")[1]["status"]["measuring"] is False
+        phone.lag_s = 0.05
+        for command, then in (("start", True), ("stop", False)):
+            assert ask(phone, f"/control?cmd={command}") == (200, {"result": True})
+            assert wait_for(lambda then=then: ask(phone, "/get")[1]["status"]["measuring"] == then)
+        assert [event["event"] for event in ask(phone, "/time")[1]] == ["START", "PAUSE"]
 
 
 def rates(phone):
