@@ -10,6 +10,7 @@ Rates are of the phone against the stars, in its axes: x to the right of the scr
 
 import http.client
 from collections import deque
+from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 from urllib.parse import quote
@@ -25,11 +26,26 @@ from kochab.parsing.text_input import TextError, parse_json
 PORT = 80
 """An iPhone's, which its address leaves out; Android shows 8080."""
 ANSWER_S, MOST_BYTES = 2.5, 2_000_000
+MOST_S = 900.0
+"""Seconds of measurement that the phone may keep: some hundred thousand rates."""
 CLOCKS_S = 20.0
 """For so long the quickest answer tells how the phone's clock stands to ours."""
 STALE_S = 1.0
 """Nothing new for so long, though it measures: its time may have begun anew."""
 SOURCE, AXES = "gyroscope", ("t", "x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rates:
+    """What was measured: moments (N,) of the phone's clock, s, and rates (N, 3), rad/s about the phone's axes.
+
+    ``ahead_s`` is to be added for :func:`time.monotonic`; ``anew`` when what came between this and the last is missing.
+    """
+
+    at_s: Floats
+    rates: Floats
+    ahead_s: float
+    anew: bool
 
 
 class PhoneGyro:
@@ -54,8 +70,8 @@ class PhoneGyro:
     def close(self) -> None:
         """Nothing is kept open."""
 
-    def rates(self) -> tuple[Floats, Floats]:
-        """What was measured since the last call: moments (N,) of :func:`time.monotonic`, and rates (N, 3) in rad/s.
+    def rates(self) -> Rates:
+        """What was measured since the last call.
 
         Raises `NoAnswerError` when it does not measure or says something else, `LineLostError` when it is gone.
         """
@@ -72,21 +88,30 @@ class PhoneGyro:
         except (KeyError, TypeError, ValueError):
             self._names = self._gyroscope()  # another experiment may call them otherwise
             raise self._no_gyroscope() from None
+        anew = self._newest is None
         if session != self._session or not measuring or now - self._heard_s > STALE_S:
-            self._session = session
+            self._session, anew = session, True
             self._forget_time()  # another experiment, a pause, or a measurement that was cleared: its time begins anew
         if not measuring:
             raise NoAnswerError("The phone is paused. Press start in phyphox.")
         table = table[:, np.isfinite(table).all(axis=0)]
         if not table.size:
-            return np.zeros(0), np.zeros((0, 3))
+            return Rates(np.zeros(0), np.zeros((0, 3)), 0.0, anew)
         self._newest, self._heard_s = float(table[0, -1]), now
         if self._clocks and now - self._newest > self._clocks[-1][1] + STALE_S:
             self._clocks.clear()  # a pause that nobody saw: its clock stood still
+            anew = True
         self._clocks.append((now, now - self._newest))
         while now - self._clocks[0][0] > CLOCKS_S:
             self._clocks.popleft()
-        return table[0] + min(ahead for _, ahead in self._clocks), table[1:].T
+        return Rates(table[0], table[1:].T, min(ahead for _, ahead in self._clocks), anew)
+
+    def renew(self) -> None:
+        """Let the phone forget what it has measured, when that has become much: it keeps all, and slows down."""
+        if self._newest is not None and self._newest > MOST_S:
+            for command in ("clear", "start"):
+                self._ask(f"/control?cmd={command}")
+            self._forget_time()
 
     def _forget_time(self) -> None:
         self._newest, self._heard_s = None, monotonic()

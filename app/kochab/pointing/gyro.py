@@ -97,9 +97,9 @@ class GyroModel:
         for moment, rate in zip(at_s.tolist(), rates, strict=True):
             before = self._past[-1] if self._past else None
             step_s = BREAK_S if before is None else moment - before.at_s
-            if step_s <= 0.0:
+            if -BREAK_S < step_s <= 0.0:
                 continue
-            if step_s >= BREAK_S:
+            if abs(step_s) >= BREAK_S:
                 self.lose()
                 self._past.append(_Felt(moment, np.eye(3), 0.0, False))
                 continue

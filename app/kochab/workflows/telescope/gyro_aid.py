@@ -47,12 +47,13 @@ class GyroAid(PointingAid[PhoneGyro]):
         )
         self.answers_again = tr("The phone answers again.")
         self._model = GyroModel()
+        self._ahead_s = 0.0
         super().__init__(tell, now, site)
 
     def see(self, solution: Solution, at_s: float) -> None:
         """Align with a frame whose mid-exposure was ``at_s`` of :func:`time.monotonic`, unless it moved then."""
         with self.lock:
-            off = self._model.see(self.earth_fixed(solution, at_s), at_s)
+            off = self._model.see(self.earth_fixed(solution, at_s), at_s - self._ahead_s)
         if off is not None:
             self.say(
                 tr(
@@ -64,9 +65,9 @@ class GyroAid(PointingAid[PhoneGyro]):
 
     def _attitude(self) -> tuple[Floats, float, float] | None:
         attitude, newest = self._model.attitude(), self._model.newest
-        if attitude is None or newest is None or monotonic() - newest.at_s > FRESH_S:
+        if attitude is None or newest is None or monotonic() - newest.at_s - self._ahead_s > FRESH_S:
             return None
-        return attitude, self._model.sigma_deg(), newest.at_s
+        return attitude, self._model.sigma_deg(), newest.at_s + self._ahead_s
 
     def _opened(self) -> AbstractContextManager[PhoneGyro]:
         return closing(PhoneGyro(self._address))
@@ -74,7 +75,14 @@ class GyroAid(PointingAid[PhoneGyro]):
     def _look(self, device: PhoneGyro) -> None:
         felt = device.rates()
         with self.lock:
-            self._model.feel(*felt)
+            if felt.anew:
+                self._model.lose()
+            if len(felt.at_s):
+                self._ahead_s = felt.ahead_s
+                self._model.feel(felt.at_s, felt.rates)
+            rests = self._model.rate_deg_s == 0.0
+        if rests:
+            device.renew()
 
     def _lose(self) -> None:
         self._model.lose()
