@@ -8,6 +8,7 @@ from contextlib import closing
 from functools import partial
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from kochab.core.attitude import apart_deg
@@ -25,6 +26,7 @@ from kochab.workflows.session.wiring import Wiring
 from kochab.workflows.sync_mount import SyncDone
 from kochab.workflows.telescope.offered import _sync
 from tests.gear.dsc_box import DscBox
+from tests.gear.phyphox_phone import PhyphoxPhone
 from tests.server.telescope.conftest import Program
 from tests.server.telescope.test_stellarium_remote import Stellarium
 from tests.window.polar.test_phone import ask, switch_on
@@ -217,3 +219,16 @@ def on_sky(west, north):
     """ICRS degrees of an equatorial mount without a drive that was turned so far."""
     turned = 15.041 * (time.monotonic() - BEGAN_S) / 3600.0
     return 90.0 - west + turned, 2.0 + north
+
+
+def test_a_phone_on_the_tube_is_asked_in_the_same_field(qtbot, view) -> None:
+    push = view.push
+    with PhyphoxPhone(lambda: np.eye(3)) as phone:
+        push.aid_address.setText(f"http://{phone.address}/")
+        push.aid.setChecked(True)
+        qtbot.waitUntil(lambda: "gyroscope is connected" in push.message.text(), timeout=LIMIT_MS)
+        assert phone.measuring
+        phone.pull()
+        qtbot.waitUntil(lambda: "Lost the phone" in push.message.text(), timeout=LIMIT_MS)
+    push.aid.setChecked(False)
+    assert push.aid_address.isEnabled()

@@ -145,10 +145,10 @@ class PushPanel(Page):
         self.aid.toggled.connect(self._use_aid)
         self.aid_address = text_field(
             tr("Port of the encoders, or the phone's address"),
-            tr("/dev/ttyUSB0, COM3, tcp://HOST:PORT; phone: http://HOST:PORT"),
+            tr("COM3 or http://PHONE:8080"),
             tr(
-                "A box of encoders (DSC protocol), or a phone on the tube: its gyroscope, shown by the app phyphox "
-                "with remote access on"
+                "A box of encoders (DSC protocol) at a serial port or tcp://HOST:PORT, or a phone on the tube: its "
+                "gyroscope, shown by the app phyphox with remote access on"
             ),
         )
         self.aid_address.setText(self._services.settings.text("encoders", ""))
