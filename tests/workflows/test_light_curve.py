@@ -126,6 +126,23 @@ def test_constant_stars_of_a_real_series_lie_within_their_sigmas():
     assert np.mean(np.abs(pulls) < 2.0) > 0.93
 
 
+@pytest.mark.parametrize("slope", [1.0, 0.6])
+def test_a_tone_curve_does_not_make_a_faint_star_one_of_the_bright_ones(slope):
+    """It shows faint stars brighter than they are; those that it shows alike are as faint by the catalogue."""
+    rng = np.random.default_rng(8)
+    mags = rng.uniform(6.0, 10.0, 400)
+    names = tuple(f"s{k}" for k in range(400))
+    vectors = unit_vectors(rng.uniform(0, 90, 400), rng.uniform(0, 60, 400))
+    seen = 7.0 + slope * (mags - 7.0) + rng.normal(0, 0.05, 400)
+    others = chosen_stars._Others(names, mags, np.full(400, 0.8), seen, vectors)
+    for k in np.flatnonzero((mags > 8.5) & (mags < 9.7)):
+        star = ChosenStar(names[k], vectors[k], mags[k], 0.8)
+        checks = dict(chosen_stars._checks(others, star, float(seen[k])))
+        true = np.median([mags[int(name[1:])] for name in checks])
+        assert names[k] not in checks
+        assert true == pytest.approx(mags[k], abs=4.0 * 0.05 / slope + 0.05)  # as it shows itself in this frame
+
+
 def test_a_star_is_compared_with_stars_as_faint_as_it_is(monkeypatch):
     """Of a frame full of stars the sky's brightness takes the brightest alone; with those a fainter one has no like."""
     monkeypatch.setattr(sky_brightness, "MOST", 30)

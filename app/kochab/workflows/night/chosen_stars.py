@@ -15,6 +15,7 @@ from kochab.core.attitude import unit_vectors
 from kochab.core.errors import UsageError
 from kochab.core.frame import Frame
 from kochab.core.progress import run
+from kochab.core.robust import median
 from kochab.core.solution import Solution
 from kochab.sky.catalogue import open_catalogue
 from kochab.sky.finder import NotFound, find
@@ -79,35 +80,44 @@ def stars_in_frame(
     chosen : sequence of ChosenStar
         Whom to measure.
     """
-    found, others = [], _others(solution)
+    found, others = [], _others(frame, solution, stars)
     places = solution.pixels_of(np.array([star.vector for star in chosen]).reshape(-1, 3))
     lights, noise = photometry_at(frame, places, stars)
     for star, light in zip(chosen, lights.tolist(), strict=True):
         if light > 0.0:
             zero = _zero(stars, star.colour)
             mag = zero.value - 2.5 * math.log10(light)
-            checks = _checks(frame, stars, others, star, mag)
+            checks = _checks(others, star, mag)
             found.append(StarInFrame(star.name, mag, 1.0857 * noise / light, zero.sigma, checks))
     return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Others:
-    """The catalogue stars that a solution matched: identifiers, V, B-V (N,), vectors (N, 3) and places (N, 2) px."""
+    """The catalogue stars that a solution matched and a frame measures.
+
+    Identifiers, V and B-V (N,) of the catalogue, V as this frame has it (N,), and ICRS unit vectors (N, 3).
+    """
 
     ids: tuple[str, ...]
     mag: Floats
     colour: Floats
+    seen_mag: Floats
     vectors: Floats
-    places: Floats
 
 
-def _others(solution: Solution) -> _Others:
+def _others(frame: Frame, solution: Solution, stars: StarsOnSky) -> _Others:
     known = [star for star in solution.stars if math.isfinite(star.mag)]
     vectors = unit_vectors(*np.array([(star.ra_deg, star.dec_deg) for star in known]).reshape(-1, 2).T)
-    colour = colours_of(known, solution)
-    mags = np.array([star.mag for star in known])
-    return _Others(tuple(star.id for star in known), mags, colour, vectors, solution.pixels_of(vectors))
+    light, _ = photometry_at(frame, solution.pixels_of(vectors), stars)
+    lit = np.flatnonzero(light > 0.0)
+    known = [known[k] for k in lit]
+    colour = colours_of(known, solution) if known else np.zeros(0)
+    colour = np.where(np.isfinite(colour), colour, COLOUR)
+    zero = _zero(stars, math.nan)
+    tint = 0.0 if math.isnan(zero.slope) else zero.slope * (colour - COLOUR)
+    seen = zero.value + tint - 2.5 * np.log10(light[lit])
+    return _Others(tuple(star.id for star in known), np.array([s.mag for s in known]), colour, seen, vectors[lit])
 
 
 def _zero(stars: StarsOnSky, colour: float) -> OfColour:
@@ -116,32 +126,26 @@ def _zero(stars: StarsOnSky, colour: float) -> OfColour:
     return of_colour(values, stars.colour, COLOUR if math.isnan(colour) else colour)
 
 
-def _checks(
-    frame: Frame, stars: StarsOnSky, others: _Others, star: ChosenStar, mag: float
-) -> tuple[tuple[str, float], ...]:
-    """V of the stars most like one, beside itself, as this frame has them: as faint as it is, and measured as it is.
+def _checks(others: _Others, star: ChosenStar, mag: float) -> tuple[tuple[str, float], ...]:
+    """V of the stars most like one, beside itself, as this frame has them: as faint as those that look as it does.
+
+    By their catalogue magnitudes, which do not change from frame to frame; but not by its own measured one, for a frame
+    whose numbers are not proportional to light shows faint stars brighter than they are, and bright ones scatter less.
 
     Parameters
     ----------
-    frame : Frame
-        Its pixels.
-    stars : StarsOnSky
-        Its brightest stars, which tell what a count is.
     others : _Others
-        All that are known in it.
+        All that are known in the frame.
     star : ChosenStar
         The one.
     mag : float
         Its V in this frame.
     """
-    colours = np.where(np.isfinite(others.colour), others.colour, COLOUR)
-    unlike = np.abs(others.mag - mag) + 0.5 * np.abs(colours - (COLOUR if math.isnan(star.colour) else star.colour))
-    unlike[np.linalg.norm(others.vectors - star.vector, axis=1) < SAME_RAD] = np.inf  # itself
-    alike = np.argsort(unlike)[: 2 * CHECKS]
-    alike = alike[np.isfinite(unlike[alike])]
-    light, _ = photometry_at(frame, others.places[alike], stars)
-    alike, light = alike[light > 0.0][:CHECKS], light[light > 0.0][:CHECKS]
-    zero = _zero(stars, math.nan)
-    tint = 0.0 if math.isnan(zero.slope) else zero.slope * (colours[alike] - COLOUR)
-    own = zero.value + tint - 2.5 * np.log10(light)
-    return tuple((others.ids[k], float(v)) for k, v in zip(alike.tolist(), own, strict=True))
+    beside = np.linalg.norm(others.vectors - star.vector, axis=1) >= SAME_RAD  # not itself
+    if not beside.any():
+        return ()
+    look_alike = np.argsort(np.where(beside, np.abs(others.seen_mag - mag), np.inf))[: min(CHECKS, int(beside.sum()))]
+    colour = COLOUR if math.isnan(star.colour) else star.colour
+    unlike = np.abs(others.mag - median(others.mag[look_alike])) + 0.5 * np.abs(others.colour - colour)
+    alike = np.argsort(np.where(beside, unlike, np.inf))[: min(CHECKS, int(beside.sum()))]
+    return tuple((others.ids[k], float(others.seen_mag[k])) for k in alike.tolist())
