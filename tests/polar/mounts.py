@@ -6,6 +6,7 @@ built from angles, turns are scipy's, and noise is a small rotation about the ca
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,7 +22,7 @@ def pointing(alt_rad, az_rad):
     return np.array([np.cos(alt_rad) * np.sin(az_rad), np.cos(alt_rad) * np.cos(az_rad), np.sin(alt_rad)])
 
 
-@dataclass
+@dataclass(frozen=True)
 class Mount:
     """An equatorial mount with its axis off the (true) pole, arcsec; the camera rolled at will."""
 
@@ -50,16 +51,7 @@ class Mount:
 
     def attitude(self, turn_deg):
         """Camera to E, N, U after a turn about the axis."""
-        axis = self.axis
-        side = np.cross(axis, [0.0, 0.0, 1.0])
-        side /= np.linalg.norm(side)
-        boresight = Rotation.from_rotvec(side * np.radians(self.rho_deg)).apply(axis)
-        x = np.cross(boresight, axis) if self.rho_deg else side
-        x /= np.linalg.norm(x)
-        upright = np.stack([x, np.cross(boresight, x), boresight], axis=1)
-        rolled = upright @ Rotation.from_euler("z", self.roll_deg, degrees=True).as_matrix()
-        turn = Rotation.from_rotvec(axis * np.radians(self.hour_deg + turn_deg)).as_matrix()
-        return turn @ rolled
+        return attitude(self, float(turn_deg))
 
     def see(self, turns_deg, rng=None, after=None, seconds=60.0, sweep=0):
         """Local attitudes at these turns; ``after`` (k, matrix) turns the camera from frame k on."""
@@ -74,3 +66,19 @@ class Mount:
             when = WHEN + timedelta(seconds=seconds * k)
             seen.append(LocalAttitude(matrix, np.diag(sigma**2), when, f"frame {k + 1}", sweep))
         return seen
+
+
+@lru_cache(maxsize=4096)
+def attitude(mount, turn_deg):
+    axis = mount.axis
+    side = np.cross(axis, [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side)
+    boresight = Rotation.from_rotvec(side * np.radians(mount.rho_deg)).apply(axis)
+    x = np.cross(boresight, axis) if mount.rho_deg else side
+    x /= np.linalg.norm(x)
+    upright = np.stack([x, np.cross(boresight, x), boresight], axis=1)
+    rolled = upright @ Rotation.from_euler("z", mount.roll_deg, degrees=True).as_matrix()
+    turn = Rotation.from_rotvec(axis * np.radians(mount.hour_deg + turn_deg)).as_matrix()
+    matrix = turn @ rolled
+    matrix.flags.writeable = False  # one for all who ask
+    return matrix

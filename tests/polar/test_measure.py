@@ -238,9 +238,8 @@ def test_a_camera_that_turned_in_its_holder_is_named():
 
 
 def test_frames_that_nothing_explains_widen_the_ellipse():
-    mount = Mount(40.0, 600.0, 400.0)
+    mount = Mount(40.0, 600.0, 400.0, sigma=60.0)
     rng = np.random.default_rng(3)
-    mount.sigma = 60.0
     shaken = mount.see([0, 15, 30, 45, 60, 75], rng)
     claimed = [type(a)(a.matrix, a.covariance / 900.0, a.time_utc, a.label) for a in shaken]
     found = measure_local(claimed, MeasureSettings(mount.site, Pole.TRUE, VACUUM))

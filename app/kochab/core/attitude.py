@@ -118,8 +118,11 @@ def radec_deg(vector: Floats) -> tuple[float, float]:
 
 def angle_between(a: Floats, b: Floats) -> float:
     """Angle between two vectors (3,), radians, exact for small ones too."""
-    # The arc cosine of a @ b is zero or noise below about 1e-8 rad (2 mas).
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+    # The arc cosine of a @ b is zero or noise below about 1e-8 rad (2 mas). Numpy's cross takes ten times as long.
+    ax, ay, az = np.asarray(a).tolist()
+    bx, by, bz = np.asarray(b).tolist()
+    across = math.hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    return math.atan2(across, ax * bx + ay * by + az * bz)
 
 
 def separation_deg(a: Floats, b: Floats) -> float:

@@ -207,7 +207,8 @@ def _linear(axis: Floats, turns: Floats, reference: Floats, measured: Floats, wh
     """
     count = len(turns)
     # Moving the axis by t is a rotation Q about axis x t, and Q Rot Q^T differs from Rot by (1 - Rot)(axis x t).
-    basis = np.stack([np.cross(axis, t) for t in tangents(axis)], axis=1)
+    upward, clockwise = tangents(axis)
+    basis = np.stack([clockwise, -upward], axis=1)
     turned = about_each(axis, turns)
     model = turned @ reference
     gaps = rotation_vectors(np.swapaxes(measured, 1, 2) @ model)

@@ -7,6 +7,7 @@ between two frames moves one side of it alone: declination takes c away from the
 takes it around, a knock on the tube does both, and a kicked tripod or a turned bolt moves a and leaves c.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -72,13 +73,13 @@ class _State:
 
     def places(self) -> tuple[Floats, Floats, Floats]:
         """Where the camera sees the axis (2, 3), and unit vectors away from the boresight and around it (2, 3)."""
-        rho, side = np.array(self.rho), np.array(self.side)
-        zero = np.zeros(2)
-        out = np.stack([np.cos(side), np.sin(side), zero], axis=-1)
-        around = np.stack([-np.sin(side), np.cos(side), zero], axis=-1)
-        up = np.array([0.0, 0.0, 1.0])
-        place = np.sin(rho)[:, None] * out + np.cos(rho)[:, None] * up
-        return place, np.cos(rho)[:, None] * out - np.sin(rho)[:, None] * up, around
+        place, outward, around = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
+        for k, (rho, side) in enumerate(zip(self.rho, self.side, strict=True)):
+            x, y, away, near = math.cos(side), math.sin(side), math.sin(rho), math.cos(rho)
+            place[k] = away * x, away * y, near
+            outward[k] = near * x, near * y, -away
+            around[k] = -y, x, 0.0
+        return place, outward, around
 
 
 def fit_with_movement(attitudes: Sequence[LocalAttitude], towards: Floats) -> list[MovementFit]:
@@ -87,16 +88,28 @@ def fit_with_movement(attitudes: Sequence[LocalAttitude], towards: Floats) -> li
     covariances = np.stack([a.covariance for a in attitudes])
     count = len(attitudes)
     number, everywhere = np.arange(count), (Cause.DECLINATION, Cause.CAMERA, Cause.TUBE, Cause.MOUNT)
-    each = [(cause, after, number <= after) for after in range(count - 1) for cause in everywhere]
-    each += [(Cause.FRAME, alone, number == alone) for alone in range(1, count - 1)]
-    return [_fitted(*one, matrices, covariances, towards) for one in each]
+    splits: list[tuple[tuple[Cause, ...], int, NDArray[np.bool_]]] = [
+        (everywhere, after, number <= after) for after in range(count - 1)
+    ]
+    splits += [((Cause.FRAME,), alone, number == alone) for alone in range(1, count - 1)]
+    found = []
+    for causes, after, early in splits:
+        turns = [_most_turned(side) for side in (matrices[~early], matrices[early])]
+        found += [_fitted(cause, after, early, turns, matrices, covariances, towards) for cause in causes]
+    return found
 
 
 def _fitted(
-    cause: Cause, after: int, early: NDArray[np.bool_], matrices: Floats, covariances: Floats, towards: Floats
+    cause: Cause,
+    after: int,
+    early: NDArray[np.bool_],
+    turns: Sequence[Floats],
+    matrices: Floats,
+    covariances: Floats,
+    towards: Floats,
 ) -> MovementFit:
     """Gauss-Newton from the side of the gap whose frames turned further."""
-    state, which = _start(cause, early, matrices, towards), early.astype(np.intp)
+    state, which = _start(cause, early, turns, matrices, towards), early.astype(np.intp)
     for _ in range(STEPS):
         residual, jacobian = _linear(cause, state, which, matrices, covariances)
         step = np.asarray(np.linalg.lstsq(jacobian, -residual, rcond=None)[0], dtype=np.float64)
@@ -106,9 +119,10 @@ def _fitted(
     return _concluded(cause, after, state, which, matrices, covariances)
 
 
-def _start(cause: Cause, early: NDArray[np.bool_], matrices: Floats, towards: Floats) -> _State:
+def _start(
+    cause: Cause, early: NDArray[np.bool_], turns: Sequence[Floats], matrices: Floats, towards: Floats
+) -> _State:
     sides = [matrices[~early], matrices[early]]
-    turns = [_most_turned(side) for side in sides]
     surer = int(np.linalg.norm(turns[1]) > np.linalg.norm(turns[0])) if cause is not Cause.FRAME else 0
     axis = turns[surer] / max(float(np.linalg.norm(turns[surer])), 1e-12)
     axis = axis if axis @ towards > 0 else -axis
@@ -146,12 +160,12 @@ def _linear(
 ) -> tuple[Floats, Floats]:
     """Weighted residuals (2 N,) and Jacobian: axis (2), distance and side in the camera, then what moved."""
     places, outward, around = (each[which] for each in state.places())
-    bases = np.stack([np.stack(tangents(axis), axis=1) for axis in state.axes])
+    bases = np.array([tangents(axis) for axis in state.axes]).swapaxes(1, 2)
     across = np.stack([outward, around], axis=1)  # (N, 2, 3)
-    seen = np.einsum("kji,kj->ki", matrices, np.stack(state.axes)[which])
+    seen = np.einsum("kji,kj->ki", matrices, np.array(state.axes)[which])
     residual = np.einsum("kij,kj->ki", across, seen - places)
     # a small rotation of the camera, v, moves what it sees by -v x c
-    noisy = np.stack([np.cross(places, outward), np.cross(places, around)], axis=1)
+    noisy = np.stack([around, -outward], axis=1)  # places x outward, places x around
     whiten = np.linalg.inv(np.linalg.cholesky(noisy @ covariances @ np.swapaxes(noisy, 1, 2)))
     by_axis = across @ np.swapaxes(matrices, 1, 2) @ bases[which]
     by_place = np.zeros((len(which), 2, 2))

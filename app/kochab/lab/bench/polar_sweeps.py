@@ -59,14 +59,16 @@ def catalogue_places(enu: Floats, when: dt.datetime, place: Place) -> Floats:
     """ICRS unit vectors (N, 3) of what is observed in directions (N, 3; E, N, U) at a moment, UTC."""
     azimuth = np.arctan2(enu[:, 0], enu[:, 1])
     zenith_distance = np.arccos(np.clip(enu[:, 2], -1, 1))
-    ra, dec = erfa.atoc13("A", azimuth, zenith_distance, *julian_dates(when), 0.0, *place.erfa_site())
+    moment, _ = erfa.apco13(*julian_dates(when), 0.0, *place.erfa_site())
+    ra, dec = erfa.aticq(*erfa.atoiq("A", azimuth, zenith_distance, moment), moment)
     return np.asarray(erfa.s2c(ra, dec))
 
 
 def observed_places(icrs: Floats, when: dt.datetime, place: Place) -> Floats:
     """East, north, up of where catalogue places (N, 3) are observed: the way back, by erfa.atco13."""
     ra, dec = erfa.c2s(icrs)
-    azimuth, zenith_distance, *_ = erfa.atco13(ra, dec, 0, 0, 0, 0, *julian_dates(when), 0.0, *place.erfa_site())
+    moment, _ = erfa.apco13(*julian_dates(when), 0.0, *place.erfa_site())
+    azimuth, zenith_distance, *_ = erfa.atioq(*erfa.atciqz(ra, dec, moment), moment)
     return np.stack(
         (np.sin(azimuth) * np.sin(zenith_distance), np.cos(azimuth) * np.sin(zenith_distance), np.cos(zenith_distance)),
         axis=-1,
