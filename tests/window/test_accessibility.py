@@ -4,7 +4,7 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAccessible, QGuiApplication
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QLabel, QTabBar, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QDialog, QLabel, QTabBar, QWidget
 
 from kochab.core.solution import Solution
 from kochab.window.shell.views import VIEWS
@@ -52,24 +52,26 @@ def test_the_welcome_page_has_names(make_window, engine):
     assert not nameless(window)
 
 
-@pytest.mark.parametrize("mode", ["image", "details", *VIEWS])
-def test_every_control_of_a_mode_has_a_name(qtbot, opened, mode):
+def test_every_control_of_every_mode_has_a_name(qtbot, opened):
     window, commands = opened
-    commands.views.show(mode)
-    if mode != "image":
-        qtbot.waitUntil(lambda: commands.views.docks[mode].view is not None)
-    assert not nameless(window)
+    for mode in ("image", "details", *VIEWS):
+        commands.views.show(mode)
+        if mode != "image":
+            qtbot.waitUntil(lambda mode=mode: commands.views.docks[mode].view is not None)
+        assert not nameless(window), mode
 
 
-@pytest.mark.parametrize("name", ["preferences", "help", "keys", "about", "tour"])
-def test_every_control_of_a_dialog_has_a_name(opened, name):
+def test_every_control_of_every_dialog_has_a_name(opened):
     window, commands = opened
-    commands.actions[name].trigger()
-    assert not nameless(window)
-    for tabs in (dialog.tabs for dialog in window.findChildren(QWidget) if dialog.inherits("Preferences")):
-        for index in range(tabs.count()):
-            tabs.setCurrentIndex(index)
-            assert not nameless(tabs)
+    for name in ("preferences", "help", "keys", "about", "tour"):
+        commands.actions[name].trigger()
+        assert not nameless(window), name
+        for tabs in (dialog.tabs for dialog in window.findChildren(QWidget) if dialog.inherits("Preferences")):
+            for index in range(tabs.count()):
+                tabs.setCurrentIndex(index)
+                assert not nameless(tabs), index
+        for dialog in window.findChildren(QDialog):
+            dialog.close()
 
 
 def press(window, key, modifier=Qt.KeyboardModifier.NoModifier):

@@ -2,8 +2,6 @@
 
 import json
 
-import pytest
-
 from kochab.window.shell.views import VIEWS
 
 HOSTILE = ({}, 10**40, [[]], None, "x", 1e999, {"x": {"y": []}}, [5, {}], True, "9" * 99)
@@ -25,18 +23,23 @@ def test_what_views_keep_is_known_here(make_window, engine, settings) -> None:
     assert set(KEPT) | {"mount", "last_night"} == set(VIEWS)  # these keep their fields one by one
 
 
-@pytest.mark.parametrize("name", sorted(KEPT))
-def test_a_view_opens_whatever_was_kept(make_window, engine, settings, name) -> None:
-    names = KEPT[name].split()
-    texts = ["[" * 100_000, "5"]
-    for turn in range(0, len(HOSTILE), 2):
-        values = {k: HOSTILE[(turn + at) % len(HOSTILE)] for at, k in enumerate(names)}
-        texts.append(json.dumps(values))
-    for text in texts:
-        settings.keep(name, text)
+def test_each_view_opens_whatever_was_kept(make_window, engine, settings) -> None:
+    """Each kind of damage in one window, in all its views."""
+    whole: list[dict[str, str]] = [dict.fromkeys(KEPT, "[" * 100_000), dict.fromkeys(KEPT, "5")]
+    whole += [
+        {
+            name: json.dumps({k: HOSTILE[(turn + at) % len(HOSTILE)] for at, k in enumerate(names.split())})
+            for name, names in KEPT.items()
+        }
+        for turn in range(0, len(HOSTILE), 2)
+    ]
+    for damaged in whole:
+        for name, text in damaged.items():
+            settings.keep(name, text)
         window, commands = make_window(engine)
-        commands.views.show(name)
-        assert commands.views.docks[name].view is not None
+        for name in damaged:
+            commands.views.show(name)
+            assert commands.views.docks[name].view is not None
         window.close()
 
 

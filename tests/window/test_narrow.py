@@ -1,6 +1,7 @@
 """A small screen: the window never outgrows it, and nothing on it is lost."""
 
 from dataclasses import replace
+from itertools import product
 
 import pytest
 from PySide6.QtCore import QPoint, QRect, Qt
@@ -28,17 +29,16 @@ def beside(qtbot, opened, name, width, height):
     return window, commands.views.docks[name]
 
 
-@pytest.mark.parametrize("name", VIEWS)
-def test_a_tool_beside_a_frame_fits_on_1024_by_600(qtbot, opened, name):
+def test_each_tool_beside_a_frame_fits_on_1024_by_600(qtbot, opened):
     window, commands = opened
-    resize(qtbot, window, 1024)
-    commands.views.show(name)
-    qtbot.wait(50)
-    resize(qtbot, window, 1024)
-    assert (window.width(), window.height()) == (1024, 600)
-    dock = commands.views.docks[name]
-    inside = dock.side.area
-    assert inside.widget().minimumSizeHint().width() <= inside.viewport().width(), "cut at the right"
+    for name in VIEWS:
+        resize(qtbot, window, 1024)
+        commands.views.show(name)
+        qtbot.wait(50)
+        resize(qtbot, window, 1024)
+        assert (window.width(), window.height()) == (1024, 600), name
+        inside = commands.views.docks[name].side.area
+        assert inside.widget().minimumSizeHint().width() <= inside.viewport().width(), f"{name} is cut at the right"
 
 
 def whole(window, shown):
@@ -47,20 +47,20 @@ def whole(window, shown):
     return shown.isVisible() and inside and shown.visibleRegion().boundingRect() == shown.rect()
 
 
-@pytest.mark.parametrize("name", ["image", *VIEWS])
-def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, opened, name):
+def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, opened):
     """Live needed 776 x 467 px, the Polar room 730 x 474, and the rail lost Night and Settings."""
     window, commands = opened
-    commands.views.show(name)
-    qtbot.wait(50)
-    resize(qtbot, window, 683, 467)
-    resize(qtbot, window, 683, 467)
-    assert (window.width(), window.height()) == (683, 467)
-    for low in (467, 384):
-        resize(qtbot, window, 683, low)
-        assert window.height() == low
-        for action in (commands.views.image, window.actions_by_name["preferences"]):
-            assert whole(window, window.rail.widgetForAction(action)), (low, action.text())
+    for name in ("image", *VIEWS):
+        commands.views.show(name)
+        qtbot.wait(50)
+        resize(qtbot, window, 683, 467)
+        resize(qtbot, window, 683, 467)
+        assert (window.width(), window.height()) == (683, 467), name
+        for low in (467, 384):
+            resize(qtbot, window, 683, low)
+            assert window.height() == low, name
+            for action in (commands.views.image, window.actions_by_name["preferences"]):
+                assert whole(window, window.rail.widgetForAction(action)), (name, low, action.text())
 
 
 SCREENS = sorted({(round(w / s), round(h / s)) for w, h in ((1024, 700), (1366, 768)) for s in (1.0, 1.5, 2.0)})
@@ -79,8 +79,7 @@ def no_larger_than(qtbot, window, screen):
 
 
 @pytest.mark.parametrize("letters", ["normal", "huge"])
-@pytest.mark.parametrize("name", ["image", "details", *VIEWS])
-def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, name, letters):
+def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, letters):
     """At a scale of two 1024 x 700 is 512 x 350: details, Live, Mount, Polar and Lab needed 635 to 674 px."""
     window, commands = opened
     commands.appearance.use_theme(text_size=letters)
@@ -88,16 +87,21 @@ def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, name
     for screen in SCREENS:
         if letters == "huge" and screen[0] < 683:
             continue
-        resize(qtbot, window, *screen)
-        commands.views.show("image")
-        commands.views.show(name)
-        no_larger_than(qtbot, window, screen)
+        for name in ("image", "details", *VIEWS):
+            resize(qtbot, window, *screen)
+            commands.views.show("image")
+            commands.views.show(name)
+            no_larger_than(qtbot, window, screen)
     commands.appearance.use_theme(text_size="normal")
     qtbot.waitUntil(lambda: commands.appearance.settled)
 
 
-@pytest.mark.parametrize("name", ["details", *VIEWS])
-def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtbot, opened, name):
+def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtbot, opened):
+    for name in ("details", *VIEWS):
+        takes_its_place_and_gives_it_back(qtbot, opened, name)
+
+
+def takes_its_place_and_gives_it_back(qtbot, opened, name):
     _, commands = opened
     window, dock = beside(qtbot, opened, name, 500, 350)
     if name == "last_night":  # as narrow as it is, both have room
@@ -231,14 +235,14 @@ def test_the_card_is_short_where_the_whole_of_it_would_hide_the_image(qtbot, ope
 
 
 @pytest.mark.parametrize("letters", ["normal", "huge"])
-@pytest.mark.parametrize("size", [(1024, 700), (1600, 1000), (3840, 2160)])
-def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, opened, size, letters):
+def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, opened, letters):
     """At 1024 x 700 no RA and Dec could be seen after a solve; at 1600 the image was 390 px wide."""
     window, commands = opened
     panes, card = window.workspace, window.workspace.card
     commands.appearance.use_theme(text_size=letters)
     qtbot.waitUntil(lambda: commands.appearance.settled)
-    for name in ("image", "details", *VIEWS):
+    sizes = (1024, 700), (1600, 1000), (3840, 2160)
+    for size, name in product(sizes, ("image", "details", *VIEWS)):
         commands.views.show(name)
         resize(qtbot, window, *size)
         resize(qtbot, window, *size)

@@ -43,43 +43,43 @@ def usable(widget):
     return widget.isVisible() and widget.isEnabled() and not own
 
 
-@pytest.mark.parametrize("tab", [0, 1, 2])
-def test_tab_stops_at_every_control(qtbot, opened, tab):
+def test_tab_stops_at_every_control(qtbot, opened):
     window, commands = opened
     opened[1].views.show("details")
-    window.workspace.tabs.setCurrentIndex(tab)
     commands.actions["log"].trigger()
-    stops = tab_stops(qtbot, window)
-    missed = [
-        w
-        for w in window.findChildren(QWidget)
-        if isinstance(w, REACHABLE)
-        and usable(w)
-        and w not in stops
-        and not w.inherits("QDockWidgetTitleButton")
-        and not isinstance(w.parent(), QComboBox)
-        and w.objectName() != "qt_toolbar_ext_button"
-        and not w.inherits("QTableCornerButton")
-    ]
-    assert not missed, [(w.metaObject().className(), w.accessibleName() or w.objectName()) for w in missed]
-    assert window.workspace.view in stops
+    for tab in range(3):
+        window.workspace.tabs.setCurrentIndex(tab)
+        stops = tab_stops(qtbot, window)
+        missed = [
+            w
+            for w in window.findChildren(QWidget)
+            if isinstance(w, REACHABLE)
+            and usable(w)
+            and w not in stops
+            and not w.inherits("QDockWidgetTitleButton")
+            and not isinstance(w.parent(), QComboBox)
+            and w.objectName() != "qt_toolbar_ext_button"
+            and not w.inherits("QTableCornerButton")
+        ]
+        assert not missed, [(w.metaObject().className(), w.accessibleName() or w.objectName()) for w in missed]
+        assert window.workspace.view in stops
 
 
-@pytest.mark.parametrize("tab", [0, 1, 2])
-def test_every_control_says_what_it_is(opened, tab):
+def test_every_control_says_what_it_is(opened):
     window, _ = opened
     opened[1].views.show("details")
-    window.workspace.tabs.setCurrentIndex(tab)
-    silent = [
-        w
-        for w in window.findChildren(QWidget)
-        if isinstance(w, REACHABLE)
-        and usable(w)
-        and not (w.accessibleName() or getattr(w, "text", str)())
-        and not isinstance(w.parent(), QComboBox)
-        and not w.inherits("QTableCornerButton")
-    ]
-    assert not silent, [w.metaObject().className() for w in silent]
+    for tab in range(3):
+        window.workspace.tabs.setCurrentIndex(tab)
+        silent = [
+            w
+            for w in window.findChildren(QWidget)
+            if isinstance(w, REACHABLE)
+            and usable(w)
+            and not (w.accessibleName() or getattr(w, "text", str)())
+            and not isinstance(w.parent(), QComboBox)
+            and not w.inherits("QTableCornerButton")
+        ]
+        assert not silent, [w.metaObject().className() for w in silent]
 
 
 def test_no_two_actions_share_a_key():
@@ -117,18 +117,20 @@ def test_mnemonics_in_a_menu_differ(opened):
         assert len(letters) == len(set(letters)), (menu.title() if isinstance(menu, QMenu) else "bar", letters)
 
 
-@pytest.mark.parametrize("tab", [0, 1, 2])
-def test_mnemonics_in_sight_differ(opened, tab):
+def test_mnemonics_in_sight_differ(opened):
     window, _ = opened
     opened[1].views.show("details")
     panes = window.workspace
-    panes.tabs.setCurrentIndex(tab)
-    texts = [b.text() for b in window.findChildren(QAbstractButton) if b.isVisible() and not isinstance(b, QToolButton)]
-    texts += [w.text() for w in window.findChildren(QLabel) if w.isVisible() and w.buddy()]
-    texts += [panes.tabs.tabText(i) for i in range(3)]
-    texts += [a.text() for a in window.bar.menus.actions()]
-    letters = sorted(m for t in texts if (m := mnemonic(t)))
-    assert len(letters) == len(set(letters)), letters
+    for tab in range(3):
+        panes.tabs.setCurrentIndex(tab)
+        texts = [
+            b.text() for b in window.findChildren(QAbstractButton) if b.isVisible() and not isinstance(b, QToolButton)
+        ]
+        texts += [w.text() for w in window.findChildren(QLabel) if w.isVisible() and w.buddy()]
+        texts += [panes.tabs.tabText(i) for i in range(3)]
+        texts += [a.text() for a in window.bar.menus.actions()]
+        letters = sorted(m for t in texts if (m := mnemonic(t)))
+        assert len(letters) == len(set(letters)), letters
 
 
 def test_typing_in_a_field_does_not_set_off_single_key_actions(qtbot, opened):
