@@ -1,6 +1,7 @@
 """What an archive is tested on: a rendered night, and lists of stars that astropy's tangent plane has placed."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ SIZE, SCALE = (1000, 800), 40.0
 CENTRES = ((84.0, -2.0), (201.0, 55.0), (310.0, 41.0), (15.0, 60.5), (120.0, -30.0), (250.0, 10.0))
 
 
+@cache
 def stars_of(centre) -> np.ndarray:
     """Pixels (N, 2) of the brightest stars about a place, brightest first."""
     wcs = WCS(naxis=2)

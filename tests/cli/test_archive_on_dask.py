@@ -66,8 +66,9 @@ def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list
 ) -> None:
     """A terminal sends it to the workers too; people press it twice."""
     lists, out = tmp_path / "lists.parquet", tmp_path / "out"
-    count = 100 * len(CENTRES)
-    write_lists(lists, CENTRES * 100)
+    times = 2 if while_it == "starts" else 50  # it must still be at work when it has told of its first rows
+    count = times * len(CENTRES)
+    write_lists(lists, CENTRES * times)
     process = begun(out, lists, "--workers", "2")
     seen: set[psutil.Process] = set()
     until = time.monotonic() + 100
