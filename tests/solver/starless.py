@@ -48,13 +48,17 @@ def amp_glow(picture: Picture, rng: Random, strength: float) -> Picture:
 
 def dust(picture: Picture, rng: Random, count: int, depth: float, radius_px: float = 0.0) -> Picture:
     """Shadows of specks, rings as wide as the light's cone there; a flat of another night makes them bright."""
-    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    picture = picture.copy()
+    height, width = picture.shape
     for _ in range(count):
         outer = radius_px or rng.choice([11.0, 24.0, 60.0]) * rng.uniform(0.95, 1.05)
         hole = 0.35 * outer
-        r = np.hypot(x - rng.uniform(0, picture.shape[1]), y - rng.uniform(0, picture.shape[0]))
+        across, down = rng.uniform(0, width), rng.uniform(0, height)
+        around = tuple(slice(max(int(c - outer) - 1, 0), int(c + outer) + 3) for c in (down, across))
+        y, x = np.mgrid[around[0].start : min(around[0].stop, height), around[1].start : min(around[1].stop, width)]
+        r = np.hypot(x - across, y - down)
         ring = np.clip(outer + 0.5 - r, 0.0, 1.0) * np.clip(r - hole + 0.5, 0.0, 1.0)
-        picture = picture * (1.0 - depth * rng.uniform(0.5, 1.0) * ring)
+        picture[around] *= 1.0 - depth * rng.uniform(0.5, 1.0) * ring
     return picture
 
 
