@@ -507,6 +507,43 @@ def test_half_a_turn_of_the_worm_is_not_told_as_a_sure_drift():
     assert found.ra_arcsec_h.sigmas < 5
 
 
+def test_a_drift_that_is_all_uncertainty_is_unknown_and_no_number_breaks_over_a_line():
+    rng = np.random.default_rng(12)
+    short, long = held(rng, (40.0, -20.0), 8, noise=15.0, minutes=0.25), held(rng, (40.0, -20.0), 8, minutes=10.0)
+
+    def page_of(places):
+        one = measured(lambda u, v: 3.4 + 0 * u)
+        seen = {"solved": True, "width_deg": 2.0, "sharp": one}
+        frames = [
+            NightFrame(f"{k}", p.time_utc, 5.0, SIZE, ra_deg=p.ra_deg, dec_deg=p.dec_deg, **seen)
+            for k, p in enumerate(places)
+        ]
+        night = night_of(frames)
+        return night, night_page(night, "lights")
+
+    night, page = page_of(short)
+    assert night.tracking[0].ra_arcsec_h.sigma > 200.0
+    assert (night.tracking[0].drifts, night.tracking[0].rate) == ((None, None), None)
+    assert "<b>unknown</b><span>2 min is too short</span>" in page
+    assert "<td>2\u00a0min</td><td>unknown</td><td>unknown</td>" in page
+    assert not {"ra_arcsec_h", "dec_arcsec_h"} & set(record_of(night).values)
+    night, page = page_of(long)
+    assert "<td>1\u00a0h\u00a010\u00a0min</td><td>+" in page
+    assert {"ra_arcsec_h", "dec_arcsec_h"} <= set(record_of(night).values)
+    assert "\u00a0±\u00a0" in page
+    assert " ± " not in page
+
+
+@pytest.mark.parametrize("count", [6, 20])
+def test_wander_has_an_uncertainty_that_holds(count):
+    """Of white scatter of 1.5 arcsec, in fields of few and of many frames."""
+    rng = np.random.default_rng(13)
+    found = [one for _ in range(200) for one in tracking_of(held(rng, (6.0, -4.0), count))]
+    pulls = np.array([(wander.value - 1.5) / wander.sigma for one in found for wander in one.wander_arcsec])
+    assert 0.55 < np.mean(np.abs(pulls) < 1.0) < 0.85
+    assert np.mean(np.abs(pulls) < 2.0) > 0.9
+
+
 def test_a_mount_that_does_not_track_is_told_and_no_guiding_is_blamed():
     rng = np.random.default_rng(9)
     sidereal = 15.041 * 3600 * np.cos(np.radians(60))
@@ -528,10 +565,13 @@ def test_a_mount_that_does_not_track_is_told_and_no_guiding_is_blamed():
     assert night.shape.tilt.sigmas > 10.0  # the number is there, and says nothing of the sensor
     kept, as_json = record_of(night), night_json(night)
     assert "tilt_px" not in kept.values
-    for row in [as_json["field"], *as_json["frames"]]:
-        assert (row["tilt_px"], row["tilt_px_sigma"], row["softest"]) == (None, None, None)
-    assert as_json["field"]["tilt_chance"] is None
-    assert as_json["field"]["corners_px"]
+    for row in as_json["frames"]:
+        assert (row["tilt_px"], row["tilt_px_sigma"], row["softest"], row["curvature_px"]) == (None, None, None, None)
+    assert as_json["field"] is None
+    assert "Corners against the middle" not in night_page(night, "lights")
+    assert "Corners against the middle" in night_page(
+        night_of([replace(f, ra_deg=5.0) for f in night.frames]), "lights"
+    )
     tracked = night_of([replace(f, sharp=trailed, ra_deg=5.0) for f in frames])
     assert "tilt_px" in record_of(tracked).values
     assert night_json(tracked)["field"]["softest"] == night_json(tracked)["frames"][0]["softest"] == "right"

@@ -64,6 +64,7 @@ def test_noise_and_wander_have_none(alike):
     assert found <= 1
     assert periodic_error(*(one[:10] for one in worm(rng, 400.0, (15.0,)))) is None
     assert periodic_error(*worm(rng, 1500.0, (15.0,), count=45)) is None  # 1.2 turns
+    assert periodic_error(np.arange(20) * 40.0, np.zeros(20), np.zeros(20, int)) is None, "an axis that stands still"
 
 
 def test_astropys_periodogram_has_the_same_period():

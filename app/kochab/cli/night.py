@@ -209,14 +209,14 @@ def _summary(night: "Night", earlier: "Sequence[Compared]") -> Json:
 def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> str:
     """For a person: a few lines, and where the page is."""
     from kochab.text.angle_text import AngleStyle, radec_text
+    from kochab.text.duration_text import duration_text
     from kochab.workflows.night.earlier import QUANTITIES
     from kochab.workflows.night.events import words_of
     from kochab.workflows.night.summary import CLOUD_MAG, NO_TILT, advice_of
     from kochab.workflows.night.tracking import SIDEREAL_ARCSEC_S
 
     solved = len(night.frames) - len(night.unsolved)
-    span = f"{night.hours:.1f} h" if night.hours >= 1.0 else f"{60.0 * night.hours:.0f} min"
-    lines = [f"{solved} of {night.asked} frames solved, {span}"]
+    lines = [f"{solved} of {night.asked} frames solved, {duration_text(3600.0 * night.hours)}"]
     if len(night.frames) < night.asked:
         lines.append(f"stopped after {len(night.frames)} frames")
     if night.fwhm and night.elongation:
@@ -237,16 +237,17 @@ def text_of(night: "Night", page: str, earlier: "Sequence[Compared]" = ()) -> st
         lines.append(f"star     {curve.name}, {mag}, {len(curve.points)} frames, check {curve.check or 'none'}")
     for run in night.guiding:
         axes = f"RA {run.ra_arcsec.text()}, Dec {run.dec_arcsec.text()} arcsec RMS"
-        lines.append(f"guiding  {axes} ({run.frames} frames, {run.hours:.1f} h)")
+        lines.append(f"guiding  {axes} ({run.frames} frames, {duration_text(3600.0 * run.hours)})")
         if run.backlash_arcsec:
             lines.append(f"backlash Dec {run.backlash_arcsec.text()} arcsec, by the guide pulses")
     for held in night.tracking:
-        drift = f"RA {held.ra_arcsec_h.text('+')}, Dec {held.dec_arcsec_h.text('+')} arcsec an hour"
-        lines.append(f"drift    {drift} ({len(held.frames)} frames, {held.hours:.1f} h)")
+        ra, dec = (one.text("+") if one else "unknown" for one in held.drifts)
+        drift = f"RA {ra}, Dec {dec} arcsec an hour" if any(held.drifts) else "unknown, the time is too short"
+        lines.append(f"drift    {drift} ({len(held.frames)} frames, {duration_text(3600.0 * held.hours)})")
         if worm := held.periodic:
             lines.append(f"worm     {worm.amplitudes[0].text()} arcsec, period {worm.period_s.text()} s")
-        if held.rate_arcsec_s:
-            lines.append(f"rate     {held.rate_arcsec_s.text()} arcsec/s (sidereal {SIDEREAL_ARCSEC_S:.3f})")
+        if held.rate:
+            lines.append(f"rate     {held.rate.text()} arcsec/s (sidereal {SIDEREAL_ARCSEC_S:.3f})")
     lines += [f"{event.time_utc:%H:%M:%S} {event.text}" for event in night.events]
     for k, one in night.crossings:
         if night.frames[k].time_utc is None:  # those with a time stand among the events

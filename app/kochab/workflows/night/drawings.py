@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 from datetime import datetime, timedelta
-from itertools import pairwise
+from itertools import groupby, pairwise
+from operator import itemgetter
 
 import numpy as np
 
@@ -118,9 +119,11 @@ def _altitudes(row: int, night: Night, at: Floats, span: tuple[float, float]) ->
     seen = [(float(t), frame.sky) for t, frame in zip(at, night.frames, strict=True) if frame.sky]
     marks = []
     edges = [span[0], *((a[0] + b[0]) / 2.0 for a, b in pairwise(seen)), span[1]]
-    for (start, end), (_, sky) in zip(pairwise(edges), seen, strict=True):
-        shade = next((name for name, above in TWILIGHT_DEG if sky.sun_altitude_deg > above), "dark")
-        x0, x1 = _x(start, span), _x(end, span)
+    shades = [next((name for name, above in TWILIGHT_DEG if sky.sun_altitude_deg > above), "dark") for _, sky in seen]
+    # one of each shade, for a seam shows between two
+    for shade, alike in groupby(zip(shades, pairwise(edges), strict=True), key=itemgetter(0)):
+        (_, (start, end)), *more = alike
+        x0, x1 = _x(start, span), _x(more[-1][1][1] if more else end, span)
         marks.append(f'<rect class="{shade}" x="{x0:.1f}" y="{top}" width="{x1 - x0:.1f}" height="{STRIP}"/>')
     marks.append(_frame_of(top, tr("Altitude (°): field, Moon dashed")))
     for value in (0, 30, 60, 90):

@@ -108,8 +108,7 @@ def _values(night: Night, scale: float) -> Iterator[tuple[str, Measure]]:
         yield "focus_px_h", night.focus
     if night.tracking:
         held = max(night.tracking, key=lambda one: len(one.frames))
-        yield "ra_arcsec_h", held.ra_arcsec_h
-        yield "dec_arcsec_h", held.dec_arcsec_h
+        yield from ((name, one) for name, one in zip(("ra_arcsec_h", "dec_arcsec_h"), held.drifts, strict=True) if one)
         if held.periodic:
             yield "periodic_arcsec", held.periodic.amplitudes[0]
     if night.polar and night.polar.known:

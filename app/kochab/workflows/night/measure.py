@@ -32,6 +32,10 @@ class Measure:
         """How many uncertainties it lies from zero."""
         return abs(self.value) / self.sigma if self.sigma > 0 else math.inf
 
+    def tells(self, usual: float) -> bool:
+        """Whether it says more than that it is about as large as ``usual``: surer than that, or surely not zero."""
+        return self.sigma < usual or self.sigmas > 3.0
+
 
 def median_of(values: Floats) -> Measure | None:
     """The median of values (N,) with its uncertainty; None for fewer than three."""
@@ -47,16 +51,23 @@ def one_sigma(dof: int) -> float:
     return float(stdtrit(dof, 0.8413447460685429))
 
 
+def rms_of(rms: float, dof: float) -> Measure:
+    """An RMS of so many degrees of freedom, with how much larger it may be by one sigma (chi-squared's quantile)."""
+    from scipy.special import chdtri
+
+    return Measure(rms, rms * (math.sqrt(dof / float(chdtri(dof, 0.8413447460685429))) - 1.0))
+
+
 def clipped(residuals: Floats, times: float = 4.0) -> Bools:
     """Which residuals (N,) lie within so many scatters; all where there is no scatter."""
     wide = mad_sigma(residuals)
     return np.abs(residuals) <= times * wide if wide > 0 else np.ones(len(residuals), dtype=np.bool_)
 
 
-def slope(hours: Floats, values: Floats, group: Ints | None = None) -> tuple[Measure, float] | None:
-    """Change an hour with its uncertainty, and the RMS left about the line; None where nothing is left over to tell.
+def slope(hours: Floats, values: Floats, group: Ints | None = None) -> tuple[Measure, Measure] | None:
+    """Change an hour, and the RMS left about the line; None where nothing is left over to tell.
 
-    The uncertainty is that of the scatter, wider where neighbours err alike and for few values.
+    The uncertainties are those of the scatter, wider where neighbours err alike and for few values.
 
     Parameters
     ----------
@@ -77,4 +88,5 @@ def slope(hours: Floats, values: Floats, group: Ints | None = None) -> tuple[Mea
     alike = float(left[1:] @ left[:-1]) / float(left @ left) if rms > 0 and dof > 3 else 0.0
     alike = min(max(alike, 0.0), 0.95)
     wider = math.sqrt((1.0 + alike) / (1.0 - alike)) * one_sigma(dof)
-    return Measure(float(terms[0]), wider * rms / math.sqrt(float(centred @ centred))), rms
+    free = dof * (1.0 - alike**2) / (1.0 + alike**2)
+    return Measure(float(terms[0]), wider * rms / math.sqrt(float(centred @ centred))), rms_of(rms, free)

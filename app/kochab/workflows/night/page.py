@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 
 from kochab.text.angle_text import AngleStyle, angle_text, false_alarm_text, radec_text
+from kochab.text.duration_text import duration_text
 from kochab.text.translation import number, tr, tr_n
 from kochab.workflows.night.backlash import words_of
 from kochab.workflows.night.drawings import sharpness_map, timeline
@@ -26,7 +27,9 @@ STYLE = """
 @media print { :root { --ink: #000; --soft: #444; --line: #bbb; --paper: #fff; --tile: #f5f5f5; --accent: #1f5fa8;
  --lost: #1f5fa8; --sky: #2b6e54; --fwhm: #9a5b13; --field: #000; --moon: #b58a1b; --blur: #9a5b13;
  --night: #eceff4; }
- section, figure, .tile { break-inside: avoid; } }
+ section, figure, .tile { break-inside: avoid; }
+ body { font-size: 13px !important; padding: 0 !important; } h2 { margin: 20px 0 8px !important; }
+ .beside { grid-template-columns: 240px 1fr !important; } }
 * { box-sizing: border-box; }
 body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 0 auto;
  padding: 32px 24px 48px; max-width: 968px; }
@@ -117,7 +120,13 @@ def night_parts(night: Night, name: str, earlier: Sequence[Compared] = (), colum
             parts.append(f"<section><h2>{escape(heading)}</h2>{shown}</section>")
     notes = "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(night))
     heading = tr("How to read this")
-    return [*parts, f"<section><h2>{escape(heading)}</h2>{notes}</section>"]
+    parts.append(f"<section><h2>{escape(heading)}</h2>{notes}</section>")
+    return [part.replace(" ± ", _whole(" ± ")) for part in parts]
+
+
+def _whole(text: str) -> str:
+    """The same, not to be broken over two lines."""
+    return text.replace(" ", "\u00a0")
 
 
 def _side_by_side(kind: str, cells: list[str], columns: int) -> str:
@@ -141,10 +150,8 @@ def _title(night: Night, name: str) -> str:
 def _under(night: Night, name: str) -> str:
     solved = len(night.frames) - len(night.unsolved)
     parts = [name, tr("{solved} of {total} frames solved", solved=solved, total=len(night.frames))]
-    if night.hours >= 1.0:
-        parts.append(tr("{hours} h", hours=number(night.hours, ".1f")))
-    elif night.hours:
-        parts.append(tr("{minutes} min", minutes=number(60.0 * night.hours, ".0f")))
+    if night.hours:
+        parts.append(duration_text(3600.0 * night.hours))
     parts += [camera for camera, _ in Counter(f.camera for f in night.frames if f.camera).most_common(1)]
     return " · ".join(parts)
 
@@ -161,12 +168,16 @@ def _tiles(night: Night) -> list[str]:
             tiles.append(_tile("FWHM", f"{night.fwhm.text()} px", ""))
     if night.elongation:
         tiles.append(_tile(tr("Elongation"), night.elongation.text(), tr("1 is round")))
-    if night.focus:
+    if night.focus and night.fwhm and night.focus.tells(night.fwhm.value):
         tiles.append(_tile(tr("Focus trend (px/h)"), night.focus.text("+"), tr("change of FWHM")))
     if night.tracking:
         most = max(night.tracking, key=lambda one: len(one.frames))
-        dec = f"{tr('Dec')} {most.dec_arcsec_h.text('+')}"
-        tiles.append(_tile(tr("Drift (″/h)"), f"{tr('RA')} {most.ra_arcsec_h.text('+')}", dec))
+        if any(most.drifts):
+            ra, dec = (one.text("+") if one else tr("unknown") for one in most.drifts)
+            tiles.append(_tile(tr("Drift (″/h)"), f"{tr('RA')} {ra}", f"{tr('Dec')} {dec}"))
+        else:
+            short = tr("{time} is too short", time=duration_text(3600.0 * most.hours))
+            tiles.append(_tile(tr("Drift (″/h)"), tr("unknown"), short))
         if worm := most.periodic:
             below = tr("amplitude; period {period} s", period=worm.period_s.text())
             tiles.append(_tile(tr("Periodic error"), f"{worm.amplitudes[0].text()}″", below))
@@ -256,12 +267,13 @@ def _strangers(night: Night) -> str:
 
 
 def _field(night: Night) -> str:
-    shape, usual = night.shape, Counter(f.size for f in night.frames if f.sharp).most_common(1)[0][0]
-    assert shape is not None
+    heading = escape(tr("Sharpness over the field"))
+    if (shape := night.field) is None:
+        text = tr("Stars are trailed, by more where declination is lower: tilt can't be told.")
+        return f"<section><h2>{heading}</h2><p>{escape(text)}</p></section>"
+    usual = Counter(f.size for f in night.frames if f.sharp).most_common(1)[0][0]
     tilt, curved = shape.tilt, shape.curvature
-    if night.untracked:
-        verdict = tr("Stars are trailed, by more where declination is lower: tilt can't be told.")
-    elif shape.tilt_chance < NO_TILT:
+    if shape.tilt_chance < NO_TILT:
         where = tr(shape.softest)
         verdict = tr("Softest towards the {corner}: {tilt} px wider than opposite.", corner=where, tilt=tilt.text())
     elif shape.tilt_chance < 0.01:
@@ -272,14 +284,13 @@ def _field(night: Night) -> str:
     seen = tr("As the frame is recorded, FWHM in px. Tilt in micrometres can't be told at one focus position.")
     texts = "".join(f"<p>{escape(text)}</p>" for text in (verdict, corners))
     words = f'<div>{texts}<p class="note">{escape(seen)}</p></div>'
-    heading = escape(tr("Sharpness over the field"))
     return f'<section><h2>{heading}</h2><div class="beside">{sharpness_map(shape, usual)}{words}</div></section>'
 
 
 def _mount(tracking: tuple[Tracking, ...]) -> str:
     heads = (
         tr("Frames"),
-        tr("Hours"),
+        tr("Time"),
         tr("RA (″/h)"),
         tr("Dec (″/h)"),
         tr("Wander RA, Dec (″)"),
@@ -290,12 +301,11 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
     rows = [
         (
             str(len(one.frames)),
-            number(one.hours, ".1f"),
-            one.ra_arcsec_h.text("+"),
-            one.dec_arcsec_h.text("+"),
-            ", ".join(number(wander, ".1f") for wander in one.wander_arcsec),
+            _whole(duration_text(3600.0 * one.hours)),
+            *(drift.text("+") if drift else tr("unknown") for drift in one.drifts),
+            ", ".join(wander.text() if wander.sigmas > 1.0 else tr("unknown") for wander in one.wander_arcsec),
             str(one.dithers),
-            one.rate_arcsec_s.text() if one.rate_arcsec_s else "–",
+            one.rate.text() if one.rate else "–",
             one.backlash_arcsec.text() if isinstance(one.backlash_arcsec, Measure) else "–",
         )
         for one in tracking
@@ -308,13 +318,13 @@ def _mount(tracking: tuple[Tracking, ...]) -> str:
 def _guiding(runs: tuple[Guiding, ...]) -> str:
     """What the guider saw, a row a run."""
     heads = (
-        *(tr("Began (log's clock)"), tr("Hours"), tr("RA (″)"), tr("Dec (″)"), tr("Both (″)"), tr("Dithers")),
+        *(tr("Began (log's clock)"), tr("Time"), tr("RA (″)"), tr("Dec (″)"), tr("Both (″)"), tr("Dithers")),
         tr("Backlash in Dec (″)"),
     )
     rows = [
         (
             f"{one.begun:%Y-%m-%d %H:%M}",
-            number(one.hours, ".1f"),
+            _whole(duration_text(3600.0 * one.hours)),
             *(axis.text() for axis in (one.ra_arcsec, one.dec_arcsec, one.total_arcsec)),
             str(one.dithers),
             one.backlash_arcsec.text() if one.backlash_arcsec else "–",

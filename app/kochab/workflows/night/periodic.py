@@ -167,6 +167,7 @@ def _fit(
     alike = min(max(alike, 0.0), 0.9)
     wider = (1.0 + alike) / (1.0 - alike) * one_sigma(dof) ** 2
     scale = np.linalg.norm(whole, axis=0)
+    scale[scale == 0.0] = 1.0  # an axis that stands still has no sine, whose frequency then changes nothing
     inverse = np.linalg.pinv((whole / scale).T @ (whole / scale)) / np.outer(scale, scale)
     return terms, wider * max(rms, 1e-6) ** 2 * inverse, frequency, rms
 

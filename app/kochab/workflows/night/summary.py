@@ -108,9 +108,14 @@ class Night:
         return any(one.untracked for one in self.tracking)
 
     @property
+    def field(self) -> FieldOfSharpness | None:
+        """Sharpness over the field; None where trails look like it."""
+        return None if self.untracked else self.shape
+
+    @property
     def tilt(self) -> Measure | None:
-        """What the field shows of it, px; None where trails look like it."""
-        return self.shape.tilt if self.shape and not self.untracked else None
+        """What the field shows of it, px."""
+        return self.field.tilt if self.field else None
 
     @property
     def hours(self) -> float:

@@ -22,7 +22,8 @@ from kochab.workflows.night.tracking import Tracking
 
 def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
     """A row a frame, in order of time; None for what is not known."""
-    trailed = dict.fromkeys(("tilt_px", "tilt_px_sigma", "softest")) if night.untracked else {}
+    of_trails = ("tilt_px", "tilt_px_sigma", "softest", "curvature_px", "curvature_px_sigma")
+    trailed = dict.fromkeys(of_trails) if night.untracked else {}
     for frame, lost, cloud, sky in zip(night.frames, night.lost, night.cloud, night.brightness, strict=True):
         together = _pair("lost_mag", lost) | _pair("cloud_mag", cloud) | _pair("sky_mag_arcsec2", sky)
         yield frame_row(frame) | together | trailed
@@ -63,7 +64,7 @@ def frame_row(frame: NightFrame) -> dict[str, Any]:
 
 def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]:
     """The stable form of the whole, beside earlier nights of the same equipment."""
-    shape = night.shape
+    shape = night.field
     with in_english():
         return {
             "frames": list(frame_rows(night)),
@@ -76,9 +77,9 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             **_pair("sky_mag_arcsec2", night.usual(night.brightness)),
             **_pair("limiting_mag", night.usual(night.faintest)),
             "field": {
-                **_pair("tilt_px", night.tilt),
-                "tilt_chance": shape.tilt_chance if night.tilt else None,
-                "softest": shape.softest if night.tilt else None,
+                **_pair("tilt_px", shape.tilt),
+                "tilt_chance": shape.tilt_chance,
+                "softest": shape.softest,
                 **_pair("curvature_px", shape.curvature),
                 "corners_px": {name: [one.value, one.sigma] for name, one in shape.corners.items()},
             }
@@ -208,7 +209,8 @@ def _tracking(one: Tracking) -> dict[str, Any]:
         }
         if one.periodic
         else None,
-        "wander_arcsec": list(one.wander_arcsec),
+        "wander_arcsec": [wander.value for wander in one.wander_arcsec],
+        "wander_arcsec_sigma": [wander.sigma for wander in one.wander_arcsec],
         "jumps": [
             {
                 "kind": str(jump.kind),

@@ -18,7 +18,7 @@ import numpy as np
 
 from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import wrapped
-from kochab.core.mount import SIDEREAL_DEG_S
+from kochab.core.mount import SIDEREAL_DEG_S, SIDEREAL_RAD_S
 from kochab.core.robust import mad_sigma
 from kochab.polar.error import angle_in_words
 from kochab.text.translation import tr
@@ -134,7 +134,7 @@ class Tracking:
     hours: float
     ra_arcsec_h: Measure
     dec_arcsec_h: Measure
-    wander_arcsec: tuple[float, float]
+    wander_arcsec: tuple[Measure, Measure]
     jumps: tuple[Jump, ...]
     dec_deg: float
     periodic: Periodic | None = None
@@ -150,6 +150,21 @@ class Tracking:
     def knocks(self) -> tuple[Jump, ...]:
         """Jumps that nobody ordered, as far as the frames tell."""
         return tuple(jump for jump in self.jumps if jump.kind is JumpKind.KNOCK)
+
+    @property
+    def drifts(self) -> tuple[Measure | None, Measure | None]:
+        """Drift in RA and Dec, None where the frames tell less than what mounts do anyway: they are too few."""
+        usual = 3600.0 * SIDEREAL_RAD_S * POLAR_ARCSEC  # of a polar axis that nobody measured
+        ra, dec = ((one if one.tells(usual) else None) for one in (self.ra_arcsec_h, self.dec_arcsec_h))
+        return ra, dec
+
+    @property
+    def rate(self) -> Measure | None:
+        """The rate of the RA axis, arcsec/s, None where it is unknown or as unsure as the drift may be."""
+        if self.rate_arcsec_s is None:
+            return None
+        off = Measure(self.rate_arcsec_s.value - SIDEREAL_ARCSEC_S, self.rate_arcsec_s.sigma)
+        return self.rate_arcsec_s if off.tells(SIDEREAL_RAD_S * POLAR_ARCSEC) else None
 
     @property
     def untracked(self) -> bool:
@@ -215,7 +230,7 @@ def _held(places: list[Place], frames: tuple[int, ...], polar_arcsec: float) -> 
     (ra_drift, ra_rms), (dec_drift, dec_rms) = fits[0], fits[1]
     if worm is not None:
         ra_drift = Measure(ra_drift.value, max(ra_drift.sigma, worm.rate.sigma * abs(cosine)))
-    jumps = _jumps(places, frames, beside, jump.nonzero()[0].tolist(), (ra_rms, dec_rms))
+    jumps = _jumps(places, frames, beside, jump.nonzero()[0].tolist(), (ra_rms.value, dec_rms.value))
     lag = worm.rate if worm else (slope(hours, axis, group) or (None,))[0]
     rate = None
     if seen and lag is not None:
