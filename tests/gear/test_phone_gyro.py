@@ -12,12 +12,12 @@ from kochab.gear import phone_gyro
 from kochab.gear.phone_gyro import PhoneGyro
 from tests.gear.phyphox_phone import PhyphoxPhone
 
-BEGAN_S = time.monotonic()
+BEGAN_S = time.perf_counter()  # of the finer clock that Windows has
 
 
 def turning() -> np.ndarray:
     """About the phone's y axis, 30 degrees a second."""
-    return Rotation.from_euler("y", -30.0 * (time.monotonic() - BEGAN_S), degrees=True).as_matrix()
+    return Rotation.from_euler("y", -30.0 * (time.perf_counter() - BEGAN_S), degrees=True).as_matrix()
 
 
 def looks(gyro: PhoneGyro, seconds: float) -> tuple[np.ndarray, np.ndarray]:
