@@ -23,7 +23,7 @@ SMOKE = {
     "lab": ("lab/methods/test_pairs.py", "lab/bench/test_report.py"),
     "polar": ("polar/test_axis.py", "polar/test_plan.py", "polar/test_report.py"),
     "pointing": ("pointing/test_disagreement_odds.py",),
-    "server": ("server",),
+    "server": ("server/test_api.py", "server/test_nova.py", "server/test_phone_page.py"),
     "simulate": ("simulate/test_clock.py", "simulate/test_mechanics_axis.py", "simulate/test_stars.py"),
     "sky": ("sky/test_container.py", "sky/test_apparent.py", "sky/test_finder.py"),
     "solver": ("solver/test_estimate.py", "solver/test_growth.py", "solver/test_pairing.py"),
