@@ -37,9 +37,11 @@ START = 0.009
 STRETCH_ROUNDS, FEWEST_TO_STRETCH = 8, 10
 LEAST_STRETCH, OBLIQUE = 0.003, 0.25
 """Less of a stretch is none; and this part of it may be along another direction than rows and columns."""
-HALVED, MOST = 0.5, 0.8
-"""Square pixels are improved on when residuals are halved and few of their pairs lost, of which the wide are chance."""
+CLOSER, KEPT = 2, 0.5
+"""Square pixels are improved on when twice as many stars lie as close as the new fit's usually do, and half stay."""
 ASPECT_ROUNDS, SETTLED = 4, 2e-5
+HIDDEN = 0.005
+"""Residuals that may hide no larger stretch than this speak against all that are tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,27 +164,58 @@ def fitted(
     square, start = _square(detections, found, aspect)
     matches, fit = grow(square, start)
     left = stretch(square, matches, fit, catalogue, year)
-    for more, places in _trials(left, aspect, found, fit, detections):
-        again, other, ratio = _settled(grow, detections, replace(found, matches=places), more)
-        closer = other.rms_px < HALVED * fit.rms_px and len(again) >= MOST * len(matches)
-        if closer or len(again) >= 2 * len(matches):
-            return *_as_recorded(again, other, detections, ratio), None
+    ratio = None
+    for more, places in _trials(left, start, found, matches, fit, detections):
+        again, other, tried = _settled(grow, detections, replace(found, matches=places), more)
+        if len(again) >= KEPT * len(matches) and _closer(other, other.rms_px) >= CLOSER * _closer(fit, other.rms_px):
+            matches, fit, ratio = again, other, tried
+            if fit.rms_px < POOR_FIT * max(detections.width, detections.height):
+                break
+    if ratio is not None:
+        return *_as_recorded(matches, fit, detections, ratio), None
     if aspect != 1.0:  # near enough to be seen by, but one of a few that were tried
         again, other, ratio = _settled(grow, detections, replace(found, matches=_recorded(matches, detections)), aspect)
         return *_as_recorded(again, other, detections, ratio), None
     return matches, fit, left if left is not None and left.sure else None
 
 
+def _closer(fit: Fit, than_px: float) -> int:
+    """How many stars lie so close to their places."""
+    return int((np.hypot(*fit.residuals_px.T) <= than_px).sum())
+
+
+def _hidden_stretch(matches: Matches, fit: Fit) -> float:
+    """The stretch that would make all residuals of a fit: scale and turn have taken up what they can of it.
+
+    Stars that spread by sx and sy are left with s sx sy / sqrt(sx^2 + sy^2) by a stretch s, RMS.
+    """
+    x, y = matches.xy.std(axis=0).tolist()
+    return float(fit.rms_px * math.hypot(x, y) / max(x * y, 1e-9))
+
+
 def _trials(
-    left: Stretch | None, aspect: float, found: Identification, fit: Fit, detections: Detections
+    left: Stretch | None,
+    start: Identification,
+    found: Identification,
+    matches: Matches,
+    fit: Fit,
+    detections: Detections,
 ) -> Iterator[tuple[float, Matches]]:
     """Ratios to try and the stars to begin with: what is left to be seen, and of a poor fit to few stars any."""
+    aspect, side = found.camera.aspect, max(detections.width, detections.height)
     if left is not None and left.aspect is not None:
         yield aspect * left.aspect, _recorded(left.matches, detections)
+    if fit.rms_px > POOR_FIT * side:
+        # a lens tilted by 13 deg looks like 3 % of a stretch: what the stars say before any lens is fitted
+        c = start.camera
+        plain = fitted_anew(start.matches, type(c).centred(c.width, c.height, c.focal_px, c.mirrored))
+        ratio = _ratio(start.matches, plain)
+        if abs(math.log(ratio)) > LEAST_STRETCH:
+            yield aspect * ratio, found.matches
     few = len(detections) / max(int(fit.inliers.sum()), 1)
-    poor = fit.rms_px > POORER_FIT * max(detections.width, detections.height)
-    if aspect == 1.0 and (few > 4.0 or (few > 2.0 and poor)):
-        yield from ((tried, found.matches) for tried in ASPECTS)
+    tried = few > 4.0 or (few > 2.0 and fit.rms_px > POORER_FIT * side)
+    if aspect == 1.0 and tried and _hidden_stretch(matches, fit) > HIDDEN:
+        yield from ((ratio, found.matches) for ratio in ASPECTS)
 
 
 def _settled(grow: Grow, detections: Detections, found: Identification, aspect: float) -> tuple[Matches, Fit, float]:
@@ -192,13 +225,19 @@ def _settled(grow: Grow, detections: Detections, found: Identification, aspect: 
         matches, fit = grow(square, start)
         if len(matches) < FEWEST_TO_STRETCH:
             break
-        left = _linear(fit.camera.project(matches.vectors @ fit.attitude.matrix.T), matches.xy)
-        across, down = np.hypot(*left[:2])
-        aspect *= float(across / down)
+        ratio = _ratio(matches, fit)
+        aspect *= ratio
         found = replace(found, matches=_recorded(matches, detections))
-        if abs(across / down - 1.0) < SETTLED:
+        if abs(ratio - 1.0) < SETTLED:
             break
     return matches, fit, aspect
+
+
+def _ratio(matches: Matches, fit: Fit) -> float:
+    """How many times longer than by square pixels the stars lie along the rows than along the columns."""
+    left = _linear(fit.camera.project(matches.vectors @ fit.attitude.matrix.T), matches.xy)
+    across, down = np.hypot(*left[:2])
+    return float(across / down)
 
 
 def _square(detections: Detections, found: Identification, aspect: float) -> tuple[Detections, Identification]:
