@@ -9,7 +9,7 @@ from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import NoSolution, Reason
 from kochab.frames.fits_write import write_fits
-from kochab.lab.bench import narrow_fields, reach
+from kochab.lab.bench import Only, narrow_fields, reach
 from kochab.simulate.random_fields import FieldPlan, random_field, random_picture
 from kochab.sky import open_catalogue
 from kochab.solver.pipeline import solve_detections, solve_frame
@@ -86,6 +86,16 @@ def test_without_the_pictures_and_answers_no_goal_of_theirs_is_met(few, monkeypa
     assert any("not measured" in line for line in lines)
     assert goals["rendered whole skies found, %"].met is False
     assert goals["captions and roofs found, %"].met is False
+
+
+def test_rows_are_measured_one_by_one_and_written_as_they_come(few) -> None:
+    lines = []
+    result = reach.run(True, lines.append, Only(("stretched", "1.4 deg, blind, shipped")))
+    names = ["stretched fields", "1.4 deg, blind, shipped patterns"]
+    assert [row["what"] for row in result.rows] == names
+    assert [line.split(":")[0] for line in lines] == names
+    measured = [goal.name for goal in result.goals if goal.met is not None]
+    assert measured == ["stretched fields found, %", "1.4 deg, blind, shipped patterns, found, %", "wrong answers"]
 
 
 def test_letters_and_windows_outshine_the_stars_they_stand_among() -> None:

@@ -13,7 +13,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser = subparsers.add_parser("bench", help="measure and compare with the goals")
     parser.add_argument("name", choices=sorted(BENCHES), help="what to measure")
     parser.add_argument("--quick", action="store_true", help="a small part, in about a minute")
-    parser.add_argument("--only", nargs="+", metavar="ROW", help="archive, mount, polar, serve: rows so named")
+    parser.add_argument("--only", nargs="+", metavar="ROW", help="archive, mount, polar, reach, serve: rows so named")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 

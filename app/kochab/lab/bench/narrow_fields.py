@@ -17,7 +17,7 @@ from kochab.core.solution import NoSolution
 from kochab.identification.index import shipped
 from kochab.identification.index_build import make_fine
 from kochab.identification.patterns import Patterns
-from kochab.lab.bench import Report
+from kochab.lab.bench import ALL_ROWS, Only, Report
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_field
 from kochab.sky import open_catalogue
 from kochab.solver import UNKNOWN_YEAR, SolveOptions
@@ -30,19 +30,18 @@ BLIND_STARS, TOLD_STARS = 10, 7
 SHIPPED, MADE, TOLD = "blind, shipped patterns", "blind", "place and scale told"
 
 
-def narrow_fields(quick: bool, report: Report) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    """What was done, and a fact sheet for each field, of every width and way."""
-    if not quick:  # it takes long, once on a machine
+def narrow_fields(quick: bool, report: Report, only: Only = ALL_ROWS) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """What was done, and a fact sheet for each field, of every width and way that is wanted."""
+    if not quick and any(only(f"{field_deg:g} deg, {MADE}") for field_deg in FIELDS_DEG):  # long, once on a machine
         drive(make_fine(), lambda p: report(f"patterns for small fields: {p.detail}"))
     count = QUICK_COUNT if quick else COUNT
     for field_deg in FIELDS_DEG:
         for way, fewest in ((SHIPPED, BLIND_STARS), (MADE, BLIND_STARS), (TOLD, TOLD_STARS)):
-            if way == MADE and quick:
+            if (way == MADE and quick) or not only(f"{field_deg:g} deg, {way}"):
                 continue
             rng = np.random.default_rng([SEED, round(100 * field_deg)])
-            kept = [_sheet(field, way, rng) for field in _rich_fields(field_deg, fewest, count, rng)]
-            report(f"{field_deg:g} deg, {way}: {sum(k['found'] for k in kept)} of {len(kept)}")
-            yield f"{field_deg:g} deg, {way}", kept
+            fields = _rich_fields(field_deg, fewest, count, rng)
+            yield f"{field_deg:g} deg, {way}", [_sheet(field, way, rng) for field in fields]
 
 
 def _rich_fields(field_deg: float, fewest: int, count: int, rng: np.random.Generator) -> list[RandomField]:
