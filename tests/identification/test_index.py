@@ -1,6 +1,7 @@
 import gc
 import json
 import mmap
+import os
 import shutil
 import subprocess
 import sys
@@ -265,6 +266,26 @@ def small_plan(monkeypatch, tmp_path):
     monkeypatch.setattr(index_build, "FINE", (range(12, 15), ((4, 5),) * 3, 8))
     monkeypatch.setattr(index_build, "all_levels", lambda ra, dec: all_levels(ra[:BRIGHT], dec[:BRIGHT]))
     return tmp_path
+
+
+def test_a_build_gets_its_name_once_all_its_files_are_on_the_disk(tmp_path, monkeypatch):
+    """After a power cut a name may be there without its content."""
+    scratch, place, synced = tmp_path / "build.part", tmp_path / "build", set()
+    (scratch / "part-0").mkdir(parents=True)
+    files = [scratch / "index.json", scratch / "part-0" / "quads.npy"]
+    for path in files:
+        path.write_text("content")
+    wanted = {path.stat().st_ino for path in files}
+
+    def fsync(handle):
+        assert not place.exists()
+        synced.add(os.fstat(handle).st_ino)
+
+    monkeypatch.setattr(index_build.os, "fsync", fsync)
+    index_build.put_in_place(scratch, place)
+    assert synced == wanted
+    assert (place / "part-0" / "quads.npy").exists()
+    assert not scratch.exists()
 
 
 def test_the_fine_volume_is_made_once_and_kept(small_plan):

@@ -502,14 +502,11 @@ def make_fine() -> Task[Volume]:
         if ready is not None:
             return ready
         yield from _build(scratch, *FINE)
-        for path in scratch.iterdir():  # on the disk itself: a name may get there before its content
-            with path.open("rb+") as file:
-                os.fsync(file.fileno())
         for place in fine_folders():
             shutil.rmtree(place, ignore_errors=True)
             if not place.exists():
                 break
-        scratch.rename(place)
+        put_in_place(scratch, place)
     except OSError as error:
         shutil.rmtree(scratch, ignore_errors=True)
         raise CatalogueError(
@@ -519,6 +516,15 @@ def make_fine() -> Task[Volume]:
         drop_unless_begun(scratch)
         release(handle, lock)
     return open_volume(place)
+
+
+def put_in_place(scratch: Path, place: Path) -> None:
+    """Give the folder of a build its name, once all its files are on the disk itself: a name may get there before."""
+    for path in scratch.rglob("*"):
+        if path.is_file():
+            with path.open("rb+") as file:
+                os.fsync(file.fileno())
+    scratch.rename(place)
 
 
 def drop_unless_begun(scratch: Path) -> None:

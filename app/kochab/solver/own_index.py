@@ -8,6 +8,7 @@ be ended. What it finds is a place and a scale, which the cone search then belie
 
 import hashlib
 import math
+import os
 import shutil
 from contextlib import suppress
 from dataclasses import replace
@@ -24,7 +25,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, NoSolution, Reason
 from kochab.folders import cache_folder
 from kochab.identification.index import Volume, open_volume
-from kochab.identification.index_build import EPOCH, acquire, release, write_volume
+from kochab.identification.index_build import EPOCH, acquire, put_in_place, release, write_volume
 from kochab.identification.local_index import brightest_of_each_field
 from kochab.identification.patterns import Patterns, SearchStage
 from kochab.sky import user_catalogues
@@ -110,7 +111,7 @@ def make_own() -> Task[tuple[Volume, ...]]:
             for other in folder.parent.glob("own-*"):
                 if other.is_dir() and other != scratch:
                     shutil.rmtree(other, ignore_errors=True)
-            scratch.rename(folder)
+            put_in_place(scratch, folder)
         finally:
             release(handle, lock)
     except OSError as error:
@@ -133,6 +134,8 @@ def _make(own: UserCatalogue, scratch: Path) -> Task[None]:
             new = path.with_suffix(".new")
             with new.open("wb") as file:
                 np.save(file, stars)
+                file.flush()
+                os.fsync(file.fileno())
             new.replace(path)  # whole, or not there
     for number, (south, north) in enumerate(PARTS_DEG):
         place, done = scratch / f"part-{number}", number / len(PARTS_DEG)
