@@ -11,15 +11,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
 
-from kochab.cli.cluster import WAITING, cluster, on_cluster
+from kochab.cli.cluster import WAITING, _result, cluster, on_cluster
 from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
-from kochab.workflows.archive.run import Chunk
+from kochab.workflows.archive.run import Chunk, Outcome
 from tests.cli.archive_inputs import CENTRES, archive, rows_of, write_lists
 from tests.cli.poisoned import ends_for_poison, told_as_lost
 
@@ -149,3 +150,22 @@ def test_a_scheduler_of_somebody_elses_is_used(tmp_path, capsys) -> None:
             process.wait(30)
     assert told["solved"] == len(CENTRES)
     assert json.loads((tmp_path / "out" / "_kochab" / "run-all.json").read_text())["workers"] == str(file)
+
+
+def test_an_outcome_that_goes_with_its_worker_is_waited_for_while_workers_are_kept() -> None:
+    """All workers may end between the end of a chunk and the fetching of its rows: nobody else would start one."""
+    kept, answers = [], [TimeoutError, TimeoutError, Outcome("", [])]
+
+    def result(timeout):
+        answer = answers.pop(0)
+        if answer is TimeoutError:
+            raise answer
+        return answer
+
+    future = SimpleNamespace(status="pending", result=result)
+    workers = SimpleNamespace(keep=lambda: kept.append(1))
+    assert _result(future, workers) == Outcome("", [])
+    assert len(kept) == 2
+    answers[:], future.status = [TimeoutError], "error"  # of the work itself
+    with pytest.raises(TimeoutError):
+        _result(future, workers)

@@ -188,4 +188,5 @@ def test_the_program_itself_is_told_in_any_locale(repository, environment) -> No
     done = run(repository, "solve", SAMPLES / "orion.png", env=environment, capture_output=True)
     assert done.returncode == 0
     assert b"eta Ori" in done.stdout or "η Ori".encode("cp437", "ignore") in done.stdout
-    assert done.stderr == b""
+    # a slow machine is told how far it is
+    assert all(line.endswith(b" ...") for line in done.stderr.splitlines())

@@ -213,9 +213,18 @@ def test_no_ratio_is_tried_where_stars_all_over_the_frame_agree_too_well_for_one
 
 @pytest.mark.parametrize(
     ("kept", "count", "near_before", "taken"),
-    [(20, 20, 7, True), (20, 20, 8, False), (20, 10, 0, True), (20, 9, 0, False)],
+    [
+        (20, 20, 3, True),
+        (20, 20, 4, False),
+        (20, 11, 0, True),
+        (20, 10, 1, False),
+        (24, 12, 0, True),
+        (24, 11, 0, False),
+    ],
 )
-def test_a_ratio_is_taken_that_brings_twice_as_many_stars_close_and_keeps_half(kept, count, near_before, taken) -> None:
+def test_a_ratio_is_taken_that_brings_twice_as_many_and_eight_stars_close_and_keeps_half(
+    kept, count, near_before, taken
+) -> None:
     """Of the new fit's stars three in four are closer than its RMS; of those before so many."""
     detections, matches, fit, catalogue = stretched(0.0)
 

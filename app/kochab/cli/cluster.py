@@ -21,7 +21,7 @@ from kochab.core.errors import UsageError
 from kochab.workflows.archive.run import Chunk, Outcome
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 PATIENCE_S = 20
 """To reach a scheduler."""
@@ -235,7 +235,22 @@ def _rounds(
         future = next(done)
         chunk = waiting.pop(future.key)
         try:
-            yield future.result()
+            yield _result(future, workers)
         except KilledWorker:
             (again.extend if len(chunk.items) > 1 else killers.extend)(chunk.alone())
         fill()
+
+
+def _result(future: "Future[Outcome]", workers: Workers) -> Outcome:
+    """What a chunk that is done came to.
+
+    The worker that has it may end before it is fetched: then it is done again, and there must be workers for that.
+    """
+    while True:
+        try:
+            outcome: Outcome = future.result(timeout=LOOK_S)
+            return outcome
+        except TimeoutError:
+            if future.status == "error":
+                raise
+            workers.keep()

@@ -37,8 +37,9 @@ START = 0.009
 STRETCH_ROUNDS, FEWEST_TO_STRETCH = 8, 10
 LEAST_STRETCH, OBLIQUE = 0.003, 0.25
 """Less of a stretch is none; and this part of it may be along another direction than rows and columns."""
-CLOSER, KEPT = 2, 0.5
-"""Square pixels are improved on when twice as many stars lie as close as the new fit's usually do, and half stay."""
+CLOSER, SURE, KEPT = 2, 8, 0.5
+"""Square pixels are improved on when twice as many stars and eight lie as close as the new fit's usually do, and half
+stay: of nine stars in whole pixels, seven lay so close by a ratio that was none."""
 ASPECT_ROUNDS, SETTLED = 4, 2e-5
 HIDDEN = 0.005
 """Residuals that may hide no larger stretch than this speak against all that are tried."""
@@ -167,7 +168,8 @@ def fitted(
     ratio = None
     for more, places in _trials(left, start, found, matches, fit, detections):
         again, other, tried = _settled(grow, detections, replace(found, matches=places), more)
-        if len(again) >= KEPT * len(matches) and _closer(other, other.rms_px) >= CLOSER * _closer(fit, other.rms_px):
+        close, before = (_closer(each, other.rms_px) for each in (other, fit))
+        if len(again) >= KEPT * len(matches) and close >= CLOSER * before + SURE:
             matches, fit, ratio = again, other, tried
             if fit.rms_px < POOR_FIT * max(detections.width, detections.height):
                 break
