@@ -146,7 +146,7 @@ def test_a_move_whose_line_broke_is_stopped_on_reconnect(bench) -> None:
 
 
 def test_unplugging_during_a_move_leaves_one_sentence(bench) -> None:
-    bench.guard.move(Direction.NORTH, 0.5, 0.3)
+    bench.guard.move(Direction.NORTH, 0.5, 1.0)
     bench.mount.position()
     bench.line.unplug()
     wait_for(lambda: bench.mount.watchdog.failure)
