@@ -100,7 +100,8 @@ def test_behind_leaves_as_bright_as_stars_the_stars_themselves_are_seen(leaves) 
 
 def test_where_light_is_as_dense_beside_the_places_no_star_is_looked_for(monkeypatch) -> None:
     """A camera that looks elsewhere than the fit says, behind leaves: what is found is found anywhere."""
-    detections, catalogue = AutoDetector().detect(Frame(orion(leaves=3000).astype(np.float32))), open_catalogue()
+    frame = Frame(orion(leaves=3000).astype(np.float32))
+    detections, catalogue = AutoDetector().detect(frame), open_catalogue()
     attitude = Attitude(small_rotation(np.array([0.05, 0.03, 0.0])) @ ATTITUDE.matrix)
     rows = catalogue.brightest(attitude.boresight, np.radians(10.0), 300, YEAR)
     vectors = catalogue.vectors(rows, YEAR)
@@ -108,7 +109,6 @@ def test_where_light_is_as_dense_beside_the_places_no_star_is_looked_for(monkeyp
     matches = Matches(seen, rows[stars], detections.xy[seen], vectors[stars])
     residuals = matches.xy - CAMERA.project(matches.vectors @ attitude.matrix.T)
     fit = Fit(CAMERA, attitude, residuals, 2.0, np.ones(len(seen), dtype=np.bool_), ())
-    frame = Frame(orion(leaves=3000).astype(np.float32))
     given = (frame, detections, matches, fit, catalogue, YEAR)
     assert stars_at_their_places(*given) == ()
     monkeypatch.setattr(bright_stars, "DOUBTFUL", 99.0)

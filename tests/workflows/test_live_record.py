@@ -68,7 +68,7 @@ def test_a_nearly_full_disk_ends_the_recording_and_not_the_stream(tmp_path, monk
         Recorder(tmp_path / "t", line)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows lets no folder go whose files are open")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not delete a folder with open files")
 def test_a_folder_that_goes_ends_the_recording_and_not_the_stream(tmp_path) -> None:
     recorder = Recorder(tmp_path / "s", line)
     shutil.rmtree(tmp_path / "s")

@@ -1,4 +1,4 @@
-"""Tracking rate and drift of a mount nobody here wrote: INDI's telescope simulator, that tracks or stands still."""
+"""Tracking rate and drift of a mount nobody here wrote: INDI's telescope simulator, tracking and not tracking."""
 
 import time
 from datetime import UTC, datetime

@@ -19,7 +19,8 @@ import numpy as np
 
 from kochab.attitude import wahba
 from kochab.core.arrays import Floats
-from kochab.core.attitude import rotation_vector, separation_deg, small_rotation
+from kochab.core.attitude import rotation_vector, separation_deg, small_rotation, unit
+from kochab.pointing.encoders import CREEP_DEG_S, POINTING_DEG, SLIP_SIGMAS
 
 SCALE = 0.01
 """1 sigma of an axis's scale: chips are given to 1 % (BMI160, LSM6DSO)."""
@@ -27,10 +28,8 @@ NOISE_DEG_RT_S = 0.01
 """1 sigma of a turn after one second by the rates' noise: 0.004 to 0.007 deg/s/sqrt(Hz) in the same chips."""
 REST_DEG_S = 0.005
 """1 sigma of what is taken for the rate at rest: hands on the tube, the chip's own wandering."""
-POINTING_DEG = 1.0 / 60.0
 LAG_S = 0.05
 """How late a rate is known: over the network, and until the next one."""
-CREEP_DEG_S = 1.0 / 3600.0
 STEADY_S, STEADY_DEG_S, RESTING_DEG_S = 0.8, 0.15, 0.03
 """It rests when within the window rates scatter no more than that, and their mean is that near the rate at rest."""
 WANDER_DEG_S, REST_SEEN_DEG_S = 0.001, 0.01
@@ -41,7 +40,7 @@ KEPT_S = 60.0
 """Seconds from mid-exposure within which a frame is solved."""
 NEW_PLACE_DEG, LARGEST_TURN_DEG, MOST_TURNS = 2.0, 120.0, 20
 UNMOVED_DEG = 2.0 / 60.0
-SLIP_DEG, SLIP_SIGMAS = 15.0 / 60.0, 4.0
+SLIP_DEG = 15.0 / 60.0
 UNKNOWN_RAD = 1.0
 """Prior of the mounting's errors: none, but finite."""
 
@@ -93,7 +92,7 @@ class GyroModel:
     # -- What is felt ------------------------------------------------------------------------------
 
     def feel(self, at_s: Floats, rates: Floats) -> None:
-        """Take rates (N, 3), rad/s about the gyroscope's axes, at moments (N,) in seconds that only grow."""
+        """Take rates (N, 3), rad/s about the gyroscope's axes, at moments (N,) s, in increasing order."""
         for moment, rate in zip(at_s.tolist(), rates, strict=True):
             before = self._past[-1] if self._past else None
             step_s = BREAK_S if before is None else moment - before.at_s
@@ -124,7 +123,7 @@ class GyroModel:
         self._anchor = self._place = None
 
     def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
-        """Whether the rates are steady, and whether that is rest, which then is measured."""
+        """Whether the rates are steady, and whether the gyroscope is at rest; at rest its bias is updated."""
         if self._window[-1][0] - self._window[0][0] < 0.9 * STEADY_S:
             return False, False
         seen = np.array([rate for _, rate in self._window])
@@ -192,11 +191,11 @@ class GyroModel:
         camera = np.array([turn.camera for turn in self._turns])
         felt = np.array([turn.felt for turn in self._turns])
         weight = 1.0 / np.array([turn.sigma for turn in self._turns])
-        lengths = np.linalg.norm(camera, axis=1, keepdims=True)
+        lengths = np.linalg.norm(camera, axis=1)
         mounting, scale = self._mounting, self._scale
         if len(self._turns) > 1:
-            ways = camera / lengths, felt / np.linalg.norm(felt, axis=1, keepdims=True)
-            mounting = wahba(*ways, 1.0 / (weight * lengths[:, 0])).matrix
+            ways = unit(camera), unit(felt)
+            mounting = wahba(*ways, 1.0 / (weight * lengths)).matrix
         elif len(self._turns) == 1:
             mounting = _shortest(felt[0], camera[0])
         for _ in range(5):
@@ -252,7 +251,7 @@ def _between(one: _Sighting, other: _Sighting) -> tuple[Floats, Floats]:
 
 def _shortest(start: Floats, end: Floats) -> Floats:
     """The rotation (3, 3) that takes the direction of one vector to that of another by the shortest way."""
-    a, b = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    a, b = unit(start), unit(end)
     axis = np.cross(a, b)
     sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
     if sine < 1e-9:

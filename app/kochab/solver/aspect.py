@@ -42,7 +42,7 @@ CLOSER, SURE, KEPT = 2, 8, 0.5
 stay: of nine stars in whole pixels, seven lay so close by a ratio that was none."""
 ASPECT_ROUNDS, SETTLED = 4, 2e-5
 HIDDEN = 0.005
-"""Residuals that may hide no larger stretch than this speak against all that are tried."""
+"""Where the residuals leave room for no larger stretch than this, no ratio is tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,7 +236,7 @@ def _settled(grow: Grow, detections: Detections, found: Identification, aspect: 
 
 
 def _ratio(matches: Matches, fit: Fit) -> float:
-    """How many times longer than by square pixels the stars lie along the rows than along the columns."""
+    """The stretch along the rows over that along the columns: 1 for square pixels."""
     left = _linear(fit.camera.project(matches.vectors @ fit.attitude.matrix.T), matches.xy)
     across, down = np.hypot(*left[:2])
     return float(across / down)

@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, radec_deg
+from kochab.core.attitude import Degrees, radec_deg, unit
 from kochab.core.errors import DeviceError, NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.solution import Solution
@@ -26,7 +26,7 @@ from kochab.text.translation import tr
 
 EVERY_S, AGAIN_S, JOIN_S = 0.1, 3.0, 6.0
 MOST_SIGMA_DEG = 2.0
-"""Degrees of 1 sigma: when less certain, no position is told."""
+"""Above this uncertainty (1 sigma, degrees) no position is reported."""
 BESIDE_RAD = 1e-3
 
 Device = TypeVar("Device")
@@ -100,7 +100,7 @@ class PointingAid(ABC, Generic[Device]):
         """What turned meanwhile, nobody noticed: the next solve tells."""
 
     first_step: str
-    """What a person does next, once it is connected."""
+    """Shown once it is connected: what to do next."""
     answers_again: str
 
     # -- What they share -----------------------------------------------------------------------------
@@ -114,7 +114,7 @@ class PointingAid(ABC, Generic[Device]):
         """The attitude (3, 3) of a solve, from Earth-fixed directions."""
         axes = solution.centre_attitude.matrix
         toward_x = axes[2] + BESIDE_RAD * axes[0]
-        return earth_fixed(self._horizon(at_s).observed(np.stack([axes[2], toward_x / np.linalg.norm(toward_x)])))
+        return earth_fixed(self._horizon(at_s).observed(np.stack([axes[2], unit(toward_x)])))
 
     def _horizon(self, at_s: float) -> Horizon:
         return Horizon(self._site, self._now() - timedelta(seconds=monotonic() - at_s), self._air)

@@ -1,4 +1,4 @@
-"""Encoders beside the live solves: the arrow moves with the hands (:mod:`kochab.pointing.encoders` aligns them)."""
+"""Encoders between live solves: the arrow follows the telescope. :mod:`kochab.pointing.encoders` aligns them."""
 
 from collections import deque
 from collections.abc import Callable
