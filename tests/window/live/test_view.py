@@ -343,10 +343,11 @@ def test_a_lost_camera_is_waited_for_when_that_is_wished(qtbot, live, monkeypatc
 
 def test_an_answer_grows_old_on_the_screen_by_itself(qtbot, live):
     view, _ = live
+    silent = threading.Event()
 
     class Silent(Stars):
         def next_frame(self, timeout_s):
-            if self.given < 5:
+            if not silent.is_set():
                 return super().next_frame(timeout_s)
             time.sleep(timeout_s)
             return None
@@ -354,10 +355,9 @@ def test_an_answer_grows_old_on_the_screen_by_itself(qtbot, live):
     source = Silent(0.02)
     source.settings = replace(source.settings, exposure_s=0.01)
     run(view, source)
-    wait_drawn(qtbot, view, 1)
-    qtbot.waitUntil(lambda: view.stream.latest is not None)
-    view.write()
-    assert not view.pointing.old.isVisibleTo(view.pointing)
+    # No frame is missing until it is silent, however late a busy machine draws the first ones.
+    qtbot.waitUntil(lambda: view.title.text() == "Tracking" and not view.pointing.old.isVisibleTo(view.pointing))
+    silent.set()
     qtbot.waitUntil(lambda: view.pointing.old.isVisibleTo(view.pointing), timeout=10_000)
     assert "Last solved" in view.pointing.old.text()
     qtbot.waitUntil(lambda: view.title.text() == "No new frames")  # the last may have come after the last solved
