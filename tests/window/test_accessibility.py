@@ -7,7 +7,9 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QDialog, QLabel, QTabBar, QWidget
 
 from kochab.core.solution import Solution
+from kochab.window.accessibility import keep_scroll_areas_steady
 from kochab.window.shell.views import VIEWS
+from kochab.window.widgets import scrolled
 
 CONTROLS = {
     QAccessible.Role.Button,
@@ -120,3 +122,22 @@ def test_a_screen_reader_opens_and_closes_a_mode(qtbot, opened, how):
     assert action.isChecked()
     button.doAction(how)
     qtbot.waitUntil(lambda: not dock.isVisible())
+
+
+def test_a_reader_that_counted_the_bars_of_a_scroll_area_may_ask_for_them_when_they_are_gone(qtbot):
+    """Qt reads past the end of its list for the child that was the bar."""
+    keep_scroll_areas_steady()
+    inside = QLabel("\n".join(40 * ["a line"]))
+    area = scrolled(inside)
+    qtbot.addWidget(area)
+    area.resize(200, 100)
+    area.show()
+    asked = QAccessible.queryAccessibleInterface(area)
+    assert area.verticalScrollBar().isVisible()
+    counted = asked.childCount()
+    inside.clear()
+    qtbot.waitUntil(lambda: not area.verticalScrollBar().isVisible())
+    assert asked.childCount() == counted
+    assert asked.child(counted) is None
+    assert asked.role() == QAccessible.Role.Client
+    assert asked.child(0).object() is area.viewport()

@@ -17,6 +17,7 @@ from kochab.folders import data_folder
 from kochab.identification import IDENTIFIERS
 from kochab.text.duration_text import duration_text
 from kochab.text.translation import speak, tr, tr_noop
+from kochab.window.accessibility import keep_scroll_areas_steady
 from kochab.window.devices.cameras import Cameras
 from kochab.window.devices.equipment import Equipment
 from kochab.window.devices.mount_control import MountControl
@@ -271,6 +272,7 @@ def run(paths: Sequence[str | Path] = (), wiring: Wiring | None = None, language
     app.setDesktopFileName("kochab")
     # Before use_language, which takes over how numbers are read.
     use_plain_numerals()
+    keep_scroll_areas_steady()
     settings = WindowSettings()
     without_texts = use_language(app, language or settings.text("language", ""))
     engine = whole_engine()
