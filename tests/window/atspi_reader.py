@@ -20,12 +20,15 @@ OF_QT = {"", "Scroll Left", "Scroll Right", "Close", "Float"}
 
 
 def nodes(top, within=None):
-    """All nodes below, and the role of what holds each; none of a program that is too busy to answer now."""
+    """All visible nodes below, and the role of what holds each; none of a program that is too busy to answer now.
+
+    Every question is a message to the program and back: the cells of a table that is not there to see are nine tenths.
+    """
     if top is None:
         return
     for place in range(top.get_child_count()):
         node = top.get_child_at_index(place)
-        if node is not None:
+        if node is not None and node.get_state_set().contains(Atspi.StateType.VISIBLE):
             yield node, within
             yield from nodes(node, node.get_role_name())
 

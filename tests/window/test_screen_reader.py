@@ -23,13 +23,6 @@ def absent():
     return subprocess.run([SYSTEM, "-c", asked], capture_output=True).returncode and "gir1.2-atspi-2.0 and python3-gi"
 
 
-def crashed_in_qt(stderr: str) -> bool:
-    """Whether the window's own thread was in Qt, called by nothing of ours but the start of its event loop."""
-    current = stderr.partition("Current thread")[2].partition("Extension modules")[0]
-    places = [line for line in current.splitlines() if "/kochab/" in line]
-    return OF_QT in stderr and bool(places) and "application.py" in places[0] and places[0].endswith(" in run")
-
-
 CRASH = "Fatal Python error"  # of any process: the window's, or one that it has started
 
 
@@ -39,23 +32,15 @@ def read_aloud(environment):  # noqa: F811
     try:
         return subprocess.run(command, env=environment | own, capture_output=True, text=True, timeout=570)
     except subprocess.TimeoutExpired as late:  # a reader may wait long for a window that is gone
-        return subprocess.CompletedProcess(command, 1, "", (late.stderr or b"").decode("utf-8", "replace"))
+        stderr = (late.stderr or b"").decode("utf-8", "replace")
+        return subprocess.CompletedProcess(command, 1, "", f"{stderr}\nIt took more than {late.timeout:g} s.")
 
 
-OF_QT = "Segmentation fault"
-"""Qt 6.11.3 crashes now and then, 3 times of 8, in QAccessibleCache::idForObject while it answers a request of AT-SPI: no
-frame of ours is between it and Qt's event loop. Such a run is made again."""
-
-
-@pytest.mark.timeout(2400)
+@pytest.mark.timeout(600)
 def test_a_screen_reader_solves_and_finds_a_name_for_every_control(environment):  # noqa: F811
     if missing := absent():
         pytest.skip(f"a screen reader needs {missing}")
     done = read_aloud(environment)
-    for _ in range(3):
-        if not crashed_in_qt(done.stderr):
-            break
-        done = read_aloud(environment)
     assert done.returncode == 0, done.stderr[-8000:]
     assert CRASH not in done.stderr, done.stderr[-8000:]  # where every thread was
     report = json.loads(done.stdout[done.stdout.index("{") :])  # after what the bus says of itself
