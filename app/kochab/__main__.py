@@ -4,7 +4,6 @@ import atexit
 import gc
 import os
 import sys
-import warnings
 
 from kochab.cli.faces import face_of, named_face
 from kochab.cli.warm import is_for_worker, is_short
@@ -48,6 +47,8 @@ def main(argv: "Sequence[str] | None" = None) -> int:
 
         support_frozen(arguments)
     if not sys.warnoptions:  # python -W shows them; what a person should know is said in sentences
+        import warnings
+
         warnings.simplefilter("ignore")
     spoken = arguments[1] if arguments[:1] == ["--language"] and len(arguments) > 1 else ""
     arguments = arguments[2:] if spoken else arguments
@@ -73,16 +74,16 @@ def run_process() -> int:
 
     Taking the interpreter apart would cost a twentieth of its time; what was registered for the end is done.
     """
-    from contextlib import suppress
-
     code = main()
     watched = sys.getprofile() or sys.gettrace()  # a profiler wants its own end
     if is_short(_own_arguments()) and not watched:
         atexit._run_exitfuncs()
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:
-                with suppress(OSError, ValueError):  # said where it was written
+            try:  # contextlib's suppress would take a tenth of a handed over command's time
+                if stream is not None:
                     stream.flush()
+            except (OSError, ValueError):  # said where it was written
+                pass
         os._exit(code)
     return code
 

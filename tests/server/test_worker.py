@@ -190,11 +190,13 @@ def test_a_command_is_done_by_the_worker_and_as_its_own_process_would(shared_wor
 def test_the_command_itself_loads_nothing_heavy(shared_worker):
     """That is the whole point: the libraries are the worker's."""
     code = (
-        "import sys; sys.argv[1:] = sys.argv[1:]\n"
-        "from kochab.__main__ import main\n"
-        "code = main()\n"
-        "heavy = {'numpy', 'argparse', 'json', 'logging', 'pathlib', 'typing', 're', 'socket', 'signal'} & set(sys.modules)\n"
-        "print('LOADED', code, sorted(heavy), file=sys.stderr)"
+        "import os, sys; before = set(sys.modules)\n"  # what this environment's own start has loaded
+        "from kochab.__main__ import run_process\n"
+        "heavy = {'numpy', 'argparse', 'json', 'logging', 'pathlib', 'typing', 're', 'socket', 'signal'}\n"
+        "heavy |= {'collections', 'contextlib', 'struct', 'zlib'}\n"
+        "loaded = lambda: sorted(heavy & (set(sys.modules) - before))\n"
+        "os._exit = lambda code: print('LOADED', code, loaded(), file=sys.stderr)\n"
+        "run_process()"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, "solve", str(SAMPLES / "orion.png")], capture_output=True, text=True

@@ -1,7 +1,8 @@
 """A command's side of the worker (:mod:`kochab.server.worker`): find it, hand the command over, return its exit code.
 
-Loaded before anything heavy, with the standard library alone, and of its `socket` and `signal` with the compiled
-halves: the others make enumerations, which takes longer than all that is done here. The socket lies in a folder that
+Loaded before anything heavy, with the standard library alone, and of that without what takes longer to load than all
+that is done here: `socket` and `signal` (their compiled halves do), `collections`, `contextlib`, `struct`, `zlib`. The
+socket lies in a folder that
 only its owner may enter; its name stands for what must be equal on both sides: this installation, and the variables
 that change what Kochab reads and how it writes. The command's own streams and folder are handed over: nothing is
 copied, a terminal stays a terminal.
@@ -12,9 +13,6 @@ Whatever goes wrong before the command has written anything, the command is done
 import _signal  # type: ignore[import-not-found]  # typeshed has none
 import os
 import sys
-from collections import namedtuple
-from contextlib import suppress
-from zlib import crc32
 
 TYPE_CHECKING = False  # as in `kochab.cli.faces`
 if TYPE_CHECKING:
@@ -28,12 +26,27 @@ CONNECT_S = 5.0
 """For the worker to take the request: it forks at once, however busy the commands before are."""
 SAME = ("HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH", "LD_PRELOAD")
 SAME_PREFIXES = ("KOCHAB_", "XDG_", "LC_", "PYTHON", "OMP_", "OPENBLAS_", "MKL_")
+LARGEST_PRIME = 2**32 - 5
+"""Below 2**32: its remainder of a world is that world's name."""
 OWN = ("OPENBLAS_NUM_THREADS",)
 """What a process of ours sets for itself."""
 
 
-Place = namedtuple("Place", "path identity")
-"""Where this user's worker listens, and what it must be: its version, installation and variables, as bytes."""
+class Place:
+    """Where this user's worker listens, and what it must be: its version, installation and variables, as bytes."""
+
+    __slots__ = ("identity", "path")
+
+    def __init__(self, path: str, identity: bytes) -> None:
+        self.path, self.identity = path, identity
+
+    def __eq__(self, other: object) -> bool:
+        """Whether they are the same place of the same worker."""
+        return isinstance(other, Place) and (self.path, self.identity) == (other.path, other.identity)
+
+    def __hash__(self) -> int:
+        """As equal places have it."""
+        return hash((self.path, self.identity))
 
 
 def place() -> Place:
@@ -44,7 +57,8 @@ def place() -> Place:
     )
     world = os.fsencode("\n".join((package, sys.executable or "", *kept)))
     # What carries a version is not in the name: a newer Kochab finds the older one's worker, and ends it.
-    return Place(os.path.join(folder(), f"{crc32(world):08x}.sock"), _version().encode() + b"\n" + world)
+    number = int.from_bytes(world, "big") % LARGEST_PRIME
+    return Place(os.path.join(folder(), f"{number:08x}.sock"), _version().encode() + b"\n" + world)
 
 
 def folder() -> str:
@@ -93,13 +107,11 @@ def peer(connection: "_socket.socket") -> tuple[int, int]:
     Where it does not (macOS), they are 0 and this process's own user: the folder alone guards.
     """
     import _socket
-    import struct
 
     if not hasattr(_socket, "SO_PEERCRED"):
         return 0, os.geteuid()
-    credentials = connection.getsockopt(_socket.SOL_SOCKET, _socket.SO_PEERCRED, struct.calcsize("3i"))
-    process, user, _ = struct.unpack("3i", credentials)
-    return process, user
+    credentials = connection.getsockopt(_socket.SOL_SOCKET, _socket.SO_PEERCRED, 12)
+    return int.from_bytes(credentials[:4], sys.byteorder), int.from_bytes(credentials[4:8], sys.byteorder)
 
 
 def hand_over(arguments: "Sequence[str]") -> int | None:
@@ -124,7 +136,6 @@ def _send_request(connection: "_socket.socket", identity: bytes, arguments: "Seq
     """Send the command with its streams, folder, variables and limits; OSError when that cannot be."""
     import _socket
     import resource
-    import struct
 
     here = os.open(".", os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     try:
@@ -135,7 +146,8 @@ def _send_request(connection: "_socket.socket", identity: bytes, arguments: "Seq
         variables = [f"{name}={value}" for name, value in os.environ.items()]
         body = b"\0".join([identity, *(os.fsencode(text) for text in (*head, *arguments, *variables))])
         # OSError where one of the three is closed, which a child would have to imitate.
-        streams = (_socket.SOL_SOCKET, _socket.SCM_RIGHTS, struct.pack("4i", 0, 1, 2, here))
+        numbers = b"".join(number.to_bytes(4, sys.byteorder) for number in (0, 1, 2, here))
+        streams = (_socket.SOL_SOCKET, _socket.SCM_RIGHTS, numbers)
         connection.sendmsg([MAGIC + len(body).to_bytes(4, "big")], [streams])
         connection.sendall(body)
     finally:
@@ -157,8 +169,10 @@ def _awaited(connection: "_socket.socket") -> int | None:
     def relay(number: int, frame: object) -> None:
         nonlocal relayed
         relayed = number
-        with suppress(OSError):  # it is just ending
+        try:  # noqa: SIM105  # `suppress` is for those who have loaded contextlib
             connection.send(bytes([number]))
+        except OSError:  # it is just ending
+            pass
 
     asked = [_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP]
     before = {n: _signal.signal(n, relay) for n in asked if _signal.getsignal(n) != _signal.SIG_IGN}
@@ -196,6 +210,7 @@ def worker_command() -> list[str]:
 def _restart() -> None:
     """Start a worker of our own version, for the next command; the old one has ended itself."""
     import subprocess
+    from contextlib import suppress
 
     nothing = subprocess.DEVNULL
     with suppress(OSError):

@@ -80,6 +80,7 @@ class Worker:
 
     def serve(self) -> None:
         """Serve until idle, until another version is asked for, or until a signal, which raises KeyboardInterrupt."""
+        limit_numbers()  # loads what every child would
         gc.collect()
         gc.freeze()  # what is loaded stays shared: a collection in a child would copy it
         wake, waker = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
