@@ -152,20 +152,22 @@ def _star_image(u: Floats32, x: Floats32, y: Floats32, covariance: Floats) -> tu
     return image, image * along_x, image * along_y
 
 
+NODES = np.array([-0.5, 0.0, 0.5], dtype=np.float32)[:, None, None] * np.float32(np.sqrt(0.6))
+SHARES = np.array([5.0, 8.0, 5.0])[:, None, None] / 18.0
+
+
 def _profile(d: Floats32, sigma: float) -> tuple[Floats32, Floats32]:
     """A unit Gaussian averaged over pixels centred at ``d`` (N, K), and minus its slope.
 
     Three-point Gauss-Legendre over the pixel: exact to 1e-4 of the peak for sigma > 0.5.
     """
-    node = np.float32(0.5 * np.sqrt(0.6))
-    scale = np.float32(1.0 / sigma)
-    value, slope = np.zeros_like(d), np.zeros_like(d)
-    for shift, share in ((-node, 5 / 18), (np.float32(0), 8 / 18), (node, 5 / 18)):
-        t = (d + shift) * scale
-        part = np.exp(-0.5 * t * t) * np.float32(share / (np.sqrt(2.0 * np.pi) * sigma))
-        value += part
-        slope += part * t * scale
-    return value, slope
+    t = (d + NODES) * np.float32(1.0 / sigma)
+    parts = np.exp(-0.5 * t * t)
+    parts *= (SHARES / (np.sqrt(2.0 * np.pi) * sigma)).astype(np.float32)
+    value = parts.sum(axis=0)
+    parts *= t
+    parts *= np.float32(1.0 / sigma)
+    return value, parts.sum(axis=0)
 
 
 def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple[Floats32, Floats32, Floats32]:
@@ -243,25 +245,27 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px:
         The weight's sigma never falls below it.
     """
     n, size, _ = stamps.value.shape
-    u = stamps.offsets.astype(np.float64)
+    u, value = stamps.offsets.astype(np.float64), stamps.value.astype(np.float64)
     x, y = np.zeros(n), np.zeros(n)
     xx, yy, xy = np.full(n, sigma_px**2), np.full(n, sigma_px**2), np.zeros(n)
     limit, flux, good = size / 2.0 - 1.0, np.zeros(n), np.ones(n, dtype=np.bool_)
     for _ in range(steps):
         px, py = u - x[:, None], u - y[:, None]
-        det = np.maximum(xx * yy - xy * xy, 1e-6)
-        a, b, c = yy / det, xx / det, -xy / det
-        power = a[:, None, None] * (px * px)[:, None, :] + b[:, None, None] * (py * py)[:, :, None]
-        power += (2.0 * c)[:, None, None] * px[:, None, :] * py[:, :, None]
-        light = np.exp(-0.5 * power) * stamps.value
-        cols, rows = light.sum(axis=1), light.sum(axis=2)
-        total = cols.sum(axis=1)
+        det = np.maximum(xx * yy - xy * xy, 1e-6)[:, None]
+        # The exponent is one product of three columns and three rows, a tenth of the time of its terms a pixel each.
+        down = np.stack([np.ones_like(py), py, py * py], axis=2)
+        across = np.stack([yy[:, None] * px * px, -2.0 * xy[:, None] * px, xx[:, None] + 0.0 * px], axis=1)
+        light = down @ (across * (-0.5 / det[:, None]))
+        np.exp(light, out=light)
+        light *= value
+        cols, lines = light.sum(axis=1), light @ np.stack([np.ones_like(px), px], axis=2)
+        rows, total = lines[:, :, 0], cols.sum(axis=1)
         good &= total > 0
         safe = np.where(total > 0, total, np.inf)
         mx, my = (cols * px).sum(axis=1) / safe, (rows * py).sum(axis=1) / safe
         sxx = (cols * px * px).sum(axis=1) / safe - mx * mx
         syy = (rows * py * py).sum(axis=1) / safe - my * my
-        sxy = np.einsum("nij,nj,ni->n", light, px, py) / safe - mx * my
+        sxy = (lines[:, :, 1] * py).sum(axis=1) / safe - mx * my
         # Seen through its own shape a Gaussian keeps half its light and half its moments.
         flux = 2.0 * total
         before = np.stack([x, y, xx, yy])

@@ -25,8 +25,10 @@ from kochab.sky.names import StarNames, position_name
 ZONE_RAD = np.radians(0.5)
 
 
-def candidates(ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats, radius: float, tiers: range) -> Ints:
-    """Rows of ``tiers`` near the cone, a superset of those in it, ascending.
+def slices(
+    ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats, radius: float, tiers: range
+) -> tuple[Ints, Ints]:
+    """Where rows near the cone begin and end, a line for each of ``tiers``: a superset of those in it, ascending.
 
     Parameters
     ----------
@@ -63,6 +65,11 @@ def candidates(ra: NDArray[np.uint32], zones: NDArray[np.uint32], centre: Floats
     b = _bisect(ra, start, stop, high, right=True)
     # An arc across RA 0 is two pieces: the start of the zone up to high, and low to its end.
     begin, end = (np.stack([start, a], axis=1), np.stack([b, stop], axis=1)) if low > high else (a, b)
+    return begin.reshape(len(tiers), -1), end.reshape(len(tiers), -1)
+
+
+def _rows(begin: Ints, end: Ints) -> Ints:
+    """The rows of slices, one after the other."""
     length = np.maximum(end - begin, 0).ravel()
     offset = np.cumsum(length) - length
     return np.repeat(begin.ravel() - offset, length) + np.arange(int(length.sum()))
@@ -184,7 +191,10 @@ class Catalogue:
         if mag_limit is not None:
             tiers = range(int(np.searchsorted(TIER_EDGES_MMAG, mag_limit * 1e3, "right")) + 1)
         centre = np.asarray(vector, dtype=np.float64)
-        return self._sorted(self._inside(centre, radius_rad, tiers, mag_limit, year))
+        rows = _rows(*self._slices(centre, radius_rad, tiers, year))
+        if mag_limit is not None:
+            rows = rows[self._mag[rows] <= round(mag_limit * 1e3)]
+        return self._sorted(self._inside(rows, centre, radius_rad, year))
 
     def brightest(self, vector: ArrayLike, radius_rad: float, n: int, year: float = EPOCH) -> Ints:
         """The brightest rows of a cone, brightest first; fewer than ``n`` when it holds fewer.
@@ -204,8 +214,8 @@ class Catalogue:
         found: list[Ints] = []
         have = 0
         # tiers run from bright to faint, so the first that fill the list hold the brightest
-        for tier in range(len(TIER_EDGES_MMAG) + 1):
-            found.append(self._inside(centre, radius_rad, range(tier, tier + 1), None, year))
+        for tier in zip(*self._slices(centre, radius_rad, range(len(TIER_EDGES_MMAG) + 1), year), strict=True):
+            found.append(self._inside(_rows(*tier), centre, radius_rad, year))
             have += len(found[-1])
             if have >= n:
                 break
@@ -214,12 +224,12 @@ class Catalogue:
     def _sorted(self, rows: Ints) -> Ints:
         return np.asarray(rows[np.argsort(self._mag[rows], kind="stable")])
 
-    def _inside(self, centre: Floats, radius: float, tiers: range, limit: float | None, year: float) -> Ints:
+    def _slices(self, centre: Floats, radius: float, tiers: range, year: float) -> tuple[Ints, Ints]:
         # rows are indexed at J2000, so widen the search by what the fastest star may have moved
         pad = abs(year - EPOCH) * np.radians(self.max_pm_arcsec / 3600.0)
-        rows = candidates(self._ra, self._zones, centre, radius + pad, tiers)
-        if limit is not None:
-            rows = rows[self._mag[rows] <= round(limit * 1e3)]
+        return slices(self._ra, self._zones, centre, radius + pad, tiers)
+
+    def _inside(self, rows: Ints, centre: Floats, radius: float, year: float) -> Ints:
         # Chord rather than cosine: exact for small cones too.
         gap = self.vectors(rows, year) - centre
         chord = 2.0 * np.sin(min(radius, np.pi) / 2.0)

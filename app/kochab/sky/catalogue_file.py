@@ -50,6 +50,7 @@ class Container:
         if text is None:
             raise damaged
         self._start = _aligned(16 + len(text))
+        self._columns: dict[str, Array] = {}
         try:
             self.facts: dict[str, Any] = parse_json(text)
             self._sections = {str(name): _section(*facts) for name, facts in self.facts.pop("sections").items()}
@@ -70,10 +71,13 @@ class Container:
 
     def column(self, name: str) -> Array:
         """The column ``name``, read-only, read from disk only where it is touched."""
-        if name not in self:
-            raise CatalogueError("{path} lacks the column {name}.", path=self.path, name=name)
-        offset, dtype, count = self._sections[name]
-        return np.frombuffer(self._map, dtype, count, self._start + offset)
+        found = self._columns.get(name)  # asked for thousands of times by who names stars
+        if found is None:
+            if name not in self:
+                raise CatalogueError("{path} lacks the column {name}.", path=self.path, name=name)
+            offset, dtype, count = self._sections[name]
+            found = self._columns[name] = np.frombuffer(self._map, dtype, count, self._start + offset)
+        return found
 
     def __contains__(self, name: str) -> bool:
         return name in self._sections
