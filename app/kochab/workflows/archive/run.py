@@ -25,6 +25,8 @@ from kochab.workflows.archive.status import is_fresh, page_of, summary_of
 from kochab.workflows.solution_json import Json
 
 PART_ROWS, PART_S, STATE_S, PAGE_S = 10_000, 60.0, 5.0, 30.0
+PAGE_SHARE = 0.02
+"""Of the time at most is spent on the page, which reads all rows: a million take 2 to 4 s."""
 CHUNK_S, MOST_ITEMS = 5.0, 500
 """A chunk takes so long: what a worker that is lost has to do again."""
 SHARE = 4
@@ -86,6 +88,7 @@ class Run:
     _since: datetime = field(default_factory=lambda: datetime.now(UTC))
     _mean_s: float = 0.5
     _told: dict[str, float] = field(default_factory=dict)
+    _page_s: float = 0.0
 
     def __post_init__(self) -> None:
         others = self.index.filter(pc.is_valid(self.index["content"])).select(["url", "content"])
@@ -210,9 +213,10 @@ class Run:
     def tell(self, word: str) -> None:
         """Write the state, and now and then, or at the end, the page."""
         self.dataset.write_state(self.state(word))
-        if word != "running" or self._due("page", PAGE_S) or "first" not in self._told:
-            self._told["first"] = 0.0
+        if word != "running" or self._due("page", max(PAGE_S, self._page_s / PAGE_SHARE)) or self._page_s == 0.0:
+            began = time.monotonic()
             self.dataset.write_page(page_of(summary_of(self.dataset), self.dataset.url))
+            self._page_s = time.monotonic() - began
 
 
 def other_run(dataset: Dataset) -> Json | None:
