@@ -502,8 +502,9 @@ def stated(xy, noise, inliers=None):
 
 
 @pytest.mark.parametrize("wave_px", [0.0, 1.0])
-def test_blocks_of_the_frame_are_left_out_one_by_one(wave_px) -> None:
+def test_blocks_of_the_frame_are_left_out_one_by_one(monkeypatch, wave_px) -> None:
     """The jackknife's variance by ninths of the frame counts as eight freedoms beside the residuals' six."""
+    monkeypatch.setattr(fitting, "_misfit_px2", lambda *_: 0.0)
     xy = np.random.default_rng(13).uniform(0.0, [2999.0, 1999.0], (90, 2))
     covariance, plain, design, left = stated(xy, waving(xy, wave_px=wave_px))
     block = np.tile((xy[:, 0] * 3 // 3000) + 3 * (xy[:, 1] * 3 // 2000), 2)
@@ -525,12 +526,31 @@ def in_blocks(blocks, stars):
 
 
 @pytest.mark.parametrize(("blocks", "stars", "heard"), [(6, 15, False), (6, 16, True), (5, 40, False), (6, 40, True)])
-def test_blocks_are_heard_from_six_of_them_and_sixteen_stars_on(blocks, stars, heard) -> None:
+def test_blocks_are_heard_from_six_of_them_and_sixteen_stars_on(monkeypatch, blocks, stars, heard) -> None:
+    monkeypatch.setattr(fitting, "_misfit_px2", lambda *_: 0.0)
     xy = in_blocks(blocks, stars)
     push = np.random.default_rng(3).normal(0.0, 3.0, (9, 2))
     name = (xy[:, 0] * 3 // 3000 + 3 * (xy[:, 1] * 3 // 2000)).astype(int)
     covariance, plain, *_ = stated(xy, push[name])
     assert bool(np.diag(covariance / plain).max() > 1.0 + 1e-6) is heard
+
+
+@pytest.mark.parametrize("stars", [15, 24, 90])
+def test_what_blocks_are_off_together_is_in_the_middles_error(stars) -> None:
+    """Blocks that are off by 1 px, each its own way, leave the middle open by about as much; noise alone does not."""
+    variances = {0.0: [], 1.0: []}
+    for seed in range(40):
+        rng = np.random.default_rng([seed, stars])
+        xy = rng.uniform(0.0, [2999.0, 1999.0], (stars, 2))
+        push, noise = rng.normal(0.0, 1.0, (9, 2)), rng.normal(0.0, 0.2, (stars, 2))
+        name = (xy[:, 0] * 3 // 3000 + 3 * (xy[:, 1] * 3 // 2000)).astype(int)
+        for size, kept in variances.items():
+            covariance, *_ = stated(xy, noise + size * push[name])
+            kept.append(covariance[0, 0] * FOCAL**2)
+    heard = stars >= fitting.FEWEST_FOR_BLOCKS
+    assert np.median(variances[0.0]) < 4.0 * 0.2**2 / stars
+    assert bool(np.median(variances[1.0]) > 0.4) is heard
+    assert np.median(variances[1.0]) < 2.0
 
 
 def test_stars_that_are_left_out_have_no_say_in_the_blocks() -> None:
@@ -550,4 +570,23 @@ def test_stars_that_are_left_out_have_no_say_in_the_blocks() -> None:
 )
 def test_a_lens_is_centred_in_the_frames_middle_half(off_x, off_y, plausible, sign) -> None:
     lens = replace(CAMERA, cx=1499.5 + sign * off_x, cy=999.5 + sign * off_y)
-    assert least_squares._centre_plausible(lens) is plausible
+    assert least_squares.centre_plausible(lens) is plausible
+    assert least_squares.centre_plausible(lens, cropped=True)
+
+
+@pytest.mark.parametrize(("off_x", "off_y", "plausible"), [(2999.9, 1999.9, True), (3000.1, 0.0, False)])
+def test_the_lens_of_a_cropped_frame_is_centred_a_side_away_at_most(off_x, off_y, plausible) -> None:
+    lens = replace(CAMERA, cx=1499.5 + off_x, cy=999.5 - off_y)
+    assert least_squares.centre_plausible(lens, cropped=True) is plausible
+
+
+def test_an_axis_is_begun_wherever_the_stars_put_it() -> None:
+    """A third of the frame beside the middle, on stars without noise."""
+    rng = np.random.default_rng(22)
+    true = replace(CAMERA, cx=1499.5 + 2000.0, cy=999.5 - 300.0)
+    xy = rng.uniform(0.0, [2999.0, 1999.0], (12, 2))
+    rows = np.arange(12)
+    matches = Matches(rows, rows, xy, true.unproject(xy))
+    lens, _ = least_squares.off_axis(matches, CAMERA, np.eye(3))
+    assert (lens.cx, lens.cy) == pytest.approx((true.cx, true.cy), abs=5.0)
+    assert lens.focal_px == pytest.approx(true.focal_px, rel=1e-3)

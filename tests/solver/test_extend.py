@@ -157,3 +157,21 @@ def test_the_motion_of_an_undated_frame_is_a_turn_of_all_its_stars_and_nothing_w
     known = with_unknown_date(Attitude(np.eye(3), np.zeros((3, 3))), matches, later)
     np.testing.assert_allclose(known.covariance, np.outer(turn, turn), rtol=1e-6)
     assert with_unknown_date(Attitude(np.eye(3)), matches, later).covariance is None
+
+
+@pytest.mark.parametrize("off", [(0.55, 0.0), (0.4, 0.1)])
+def test_a_part_of_a_larger_frame_is_known_by_its_optical_axis(off: tuple[float, float]) -> None:
+    """Blind, 46 deg wide, its axis so much of a side beside the middle: a lens in the middle fitted a third of its stars,
+    or all poorly and with an aspect ratio, and was 2 to 60 px off."""
+    focal = 800 / np.tan(np.radians(23.0))
+    lens = Camera.centred(1600, 1100, focal)
+    lens = replace(lens, cx=lens.cx + off[0] * 1600, cy=lens.cy + off[1] * 1100, k1=-0.02)
+    field = photograph(lens, attitude_from(84.0, 20.0, 25.0), stars=220, spurious=15)
+    found = run(solve_detections(field.detections))
+    assert isinstance(found, Solution)
+    assert len(found.stars) > 200
+    assert found.camera.aspect == 1.0
+    assert (found.camera.cx, found.camera.cy) == pytest.approx((lens.cx, lens.cy), abs=8.0)
+    middle = np.array([[799.5, 549.5]])
+    true = (lens.unproject(middle) @ field.attitude.matrix)[0]
+    assert np.hypot(*(found.centre_attitude.matrix @ true)[:2]) * focal < 0.2

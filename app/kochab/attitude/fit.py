@@ -12,6 +12,7 @@ from kochab.attitude.least_squares import (
     PARAMETERS,
     FitState,
     Normal,
+    centre_plausible,
     columns,
     distortion_supported,
     project_with_jacobian,
@@ -19,7 +20,7 @@ from kochab.attitude.least_squares import (
     undistorted,
     without_distortion,
 )
-from kochab.core.arrays import Floats, Indices
+from kochab.core.arrays import Floats, Indices, Ints
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.robust import mad_sigma, median
@@ -202,9 +203,12 @@ def refine(
         plain,
         np.ones(count),
         largest=math.inf if worst_px is None else worst_px / 3.0,
+        cropped=not centre_plausible(camera),
     )
     base = columns(("rx", "ry", "rz") + ("log_focal",) * (count >= FEWEST_FOR_FOCAL))
-    free, state = _without_outliers(replace(given, camera=plain).descend(base), base, distortion, rounds)
+    free, state = _without_outliers(
+        replace(given, camera=plain, cropped=given.cropped and plain is camera).descend(base), base, distortion, rounds
+    )
     # A principal point far off, as in a crop, is out of reach from the middle: no fit is worse than what was given.
     if plain is not camera and _typical(state) > _typical(given):
         free, state = _without_outliers(given.descend(base), base, distortion, rounds)
@@ -235,7 +239,10 @@ def _without_outliers(state: FitState, base: Indices, distortion: bool, rounds: 
         keep = _inliers(state, len(free))
         if np.array_equal(keep, state.inliers) and np.array_equal(free, before):
             break  # terms were tested to first order where they stand
-        state = replace(state, inliers=keep).descend(free)
+        state = replace(state, inliers=keep)
+        tried = state.descend(free)
+        # one whose axis runs away from the frame stays where it was, and its terms are chosen anew
+        state = tried if centre_plausible(tried.camera, state.cropped) else state
     return free, state
 
 
@@ -339,6 +346,8 @@ def _fit_of(state: FitState, free: Indices, floor_px: float | None, principal_po
 BLOCKS = 3  # to a side of the frame
 FEWEST_BLOCKS = 6
 FEWEST_FOR_BLOCKS = 16
+SURELY_OFF = 3.0
+"""An optical axis is off the middle where its square is so many times its variance: by chance one time in twenty."""
 RESIDUALS_COUNT = 6.0
 """Degrees of freedom with which the residuals' variance is believed; the blocks have one less than blocks."""
 
@@ -359,7 +368,45 @@ def _covariance(state: FitState, free: Indices, floor_px: float, principal_point
     tilt = _tilt(
         state, free, flat, normal, variance, principal_point_sigma * max(state.camera.width, state.camera.height)
     )
-    return np.asarray(spread * np.sqrt(excess[:, None] * excess) + tilt @ tilt.T)
+    # what is left at the middle is the middle's own error, however well the whole is fitted
+    left = _misfit_px2(state, len(free), variance) / state.camera.focal_px**2
+    return np.asarray(spread * np.sqrt(excess[:, None] * excess) + tilt @ tilt.T + np.diag([left, left, 0.0]))
+
+
+def _misfit_px2(state: FitState, parameters: int, variance: float) -> float:
+    """Variance of a coordinate of the middle by what the model leaves there, px^2; 0 where nothing is seen of it.
+
+    How far the blocks' mean residuals differ by more than noise is its size anywhere in the frame (DerSimonian and
+    Laird 1986, Controlled Clin. Trials 7, 177); the stars of the middle block narrow down how much of it is there.
+    """
+    counts = np.square(state.counts)
+    weight, pulls = _by_block(state, counts), [_by_block(state, counts * r) for r in state.residuals().T]
+    full = weight > 0.0
+    freedom = 2.0 * int(full.sum()) - parameters
+    if int((counts > 0.0).sum()) < FEWEST_FOR_BLOCKS or freedom <= 0.0:
+        return 0.0
+    mean2 = np.square([pull[full] / weight[full] for pull in pulls]).sum(axis=0)
+    seen = float((weight[full] * mean2).sum()) / variance
+    total = float(weight.sum())
+    each = 2.0 * (total - float(np.square(weight).sum()) / total) / variance
+    anywhere = max(0.0, seen - freedom - math.sqrt(2.0 * freedom)) / max(each, 1e-300)
+    middle = BLOCKS**2 // 2
+    if anywhere == 0.0 or not full[middle]:
+        return anywhere
+    share = anywhere / (anywhere + variance / float(weight[middle]))
+    here = float(np.mean([(pull[middle] / weight[middle]) ** 2 for pull in pulls]))
+    return anywhere * (1.0 - share) + share**2 * here
+
+
+def _blocks(state: FitState) -> Ints:
+    """The block of the frame that each match (M,) is in."""
+    size = np.array([state.camera.width, state.camera.height])
+    return np.asarray(np.clip(state.matches.xy * BLOCKS // size, 0, BLOCKS - 1).astype(np.int64) @ [1, BLOCKS])
+
+
+def _by_block(state: FitState, what: Floats) -> Floats:
+    """Sums over the matches of each block of ``what`` (M,)."""
+    return np.asarray(np.bincount(_blocks(state), what, BLOCKS**2), dtype=np.float64)
 
 
 def _tilt(
@@ -373,9 +420,13 @@ def _tilt(
         return np.zeros((3, 2))
     axis = columns(("cx", "cy"))
     turns, fitted, with_axis = as_rotation(state.camera), normal.only(free), normal.only(np.append(free, axis))
+    open_px2, seen = variance * with_axis.inverse().diagonal()[-2:], with_axis.step(flat)[-2:]
+    # A crop's axis is far off: where the stars surely say so, it is as far as they say.
+    shown = float((np.square(seen) - SURELY_OFF * open_px2).mean())
+    prior = min(max(principal_point_sigma_px**2, shown), max(state.camera.width, state.camera.height) ** 2)
     # Prior variance over the sum of it and of what the stars leave open: 1 where they tell nothing.
-    share = principal_point_sigma_px**2 / (principal_point_sigma_px**2 + variance * with_axis.inverse().diagonal()[-2:])
-    off = np.sqrt(principal_point_sigma_px**2 * (1.0 - share) + np.square(share * with_axis.step(flat)[-2:]))
+    share = prior / (prior + open_px2)
+    off = np.sqrt(prior * (1.0 - share) + np.square(share * seen))
     return np.asarray(
         np.stack([turns[:, free] @ fitted.step(normal.rows[p]) - turns[:, p] for p in axis], axis=1) * off
     )
@@ -387,8 +438,7 @@ def _excess_of_blocks(state: FitState, fitted: Normal, flat: Floats, to_rotation
     counted = np.flatnonzero(state.counts > 0.0)
     if len(counted) < FEWEST_FOR_BLOCKS:
         return plain
-    size = np.array([state.camera.width, state.camera.height])
-    cell = np.clip(state.matches.xy * BLOCKS // size, 0, BLOCKS - 1).astype(np.int64) @ [1, BLOCKS]
+    cell = _blocks(state)
     # Only blocks with stars that count can be left out.
     names = sorted(set(cell[counted].tolist()))
     if len(names) < FEWEST_BLOCKS:

@@ -178,7 +178,7 @@ class FitState:
     are the matches' by their errors, ``match_probability`` (M,) the probability that each is right and
     ``outlier_fraction`` the fraction of wrong ones. ``focal_prior`` is a prior log focal length and the weight of a
     step of it, px.
-    ``largest`` is the largest sigma of one coordinate that may be, px.
+    ``largest`` is the largest sigma of one coordinate that may be, px. ``cropped``: the axis may be a side away.
     """
 
     camera: Camera
@@ -191,6 +191,7 @@ class FitState:
     focal_prior: tuple[float, float] | None = None
     outlier_fraction: float = 0.0
     largest: float = math.inf
+    cropped: bool = False
 
     def residuals(self) -> Floats:
         """Recorded minus computed pixels (M, 2) of every match."""
@@ -336,7 +337,7 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
     # From the richest camera down to the first that is possible.
     for free in reversed(chosen[1:]):
         tried = _plain_but(state, free).descend(free)
-        if sane(tried.camera) and _centre_plausible(tried.camera):
+        if sane(tried.camera) and centre_plausible(tried.camera, state.cropped):
             return free, tried
     return base, _plain_but(state, base).descend(base) if given.any() else state
 
@@ -368,8 +369,26 @@ def _plain_but(state: FitState, free: Indices) -> FitState:
     return replace(state, camera=replace(state.camera, **given))
 
 
-def _centre_plausible(camera: Camera) -> bool:
-    """Whether the principal point is inside the middle half of the frame; of a wide one, often a crop, two thirds."""
+def off_axis(matches: Matches, camera: Camera, matrix: Floats) -> tuple[Camera, Floats]:
+    """A camera without distortion whose axis is where matches put it, and its attitude (3, 3): a first guess."""
+    everyone = np.ones(len(matches))
+    plain = undistorted(camera)
+    state = FitState(plain, matrix, matches, everyone, everyone > 0.0, plain, everyone)
+    state = state.descend(columns(("rx", "ry", "rz", "log_focal"))).descend(
+        columns(("rx", "ry", "rz", "log_focal", "cx", "cy"))
+    )
+    return state.camera, state.matrix
+
+
+AXIS_SHOWS = 0.17
+"""From 10 deg on the larger side is so many focal lengths long, and stars can tell that a frame is part of another."""
+
+
+def centre_plausible(camera: Camera, cropped: bool = False) -> bool:
+    """Whether the principal point is inside the middle half of the frame; of a wide one, often a crop, two thirds.
+
+    Of a frame that is tried as a ``cropped`` part of a larger one it may be a side away.
+    """
+    share = 1.0 if cropped else 1 / 3 if max(camera.width, camera.height) > camera.focal_px else 1 / 4
     middle_x, middle_y = (camera.width - 1) / 2, (camera.height - 1) / 2
-    share = 1 / 3 if max(camera.width, camera.height) > camera.focal_px else 1 / 4
     return abs(camera.cx - middle_x) < camera.width * share and abs(camera.cy - middle_y) < camera.height * share

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kochab.attitude import wahba
 from kochab.attitude.fit import Fit, FocalPrior, refine
-from kochab.attitude.least_squares import undistorted
+from kochab.attitude.least_squares import AXIS_SHOWS, off_axis, undistorted
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera, FisheyeCamera
@@ -119,8 +119,12 @@ def extend(
 
 WIDE, WIDER = 0.6, 0.9
 """Half the frame's larger side over the focal length: lenses of 84 deg and more may be fisheyes, poor ones of 62."""
-POOR_LENS = 0.0004
-"""Residuals of this RMS, over the frame's larger side, doubt the model of the lens."""
+POOR_LENS, CLOSE_LENS = 0.0004, 0.0005
+"""Residuals of this RMS, over the frame's larger side, doubt the model of the lens, and of no more bear another out."""
+FEWEST_FOR_AXIS, NEARLY_AS_MANY = 8, 0.9
+"""So many identified stars may tell where the optical axis of a larger frame is, of which this one is a part.
+
+A poor fit's tolerance has let in a few stars by chance that the better one has not."""
 BETTER, AS_MANY = 0.7, 0.97
 """A fisheye's residuals are so much smaller, and its stars no fewer than that, where the frame is one."""
 
@@ -130,13 +134,21 @@ def behind_its_lens(
 ) -> tuple[Matches, Fit]:
     """Matches and fit as ``grow`` makes them of what was found, by the model of a lens that the stars support.
 
-    A wide frame is tried as a fisheye's as well; that is believed where it holds clearly more stars, or holds them
-    clearly better.
+    One that is fitted poorly is tried as part of a larger frame as well, whose optical axis may lie outside, and a wide
+    one as a fisheye's; that is believed where it holds clearly more stars, or holds them clearly better.
     """
     matches, fit = grow(found)
     camera, side = fit.camera, max(fit.camera.width, fit.camera.height)
-    wide = WIDER if fit.rms_px < POOR_LENS * side else WIDE
-    if isinstance(camera, FisheyeCamera) or side < 2.0 * wide * camera.focal_px:
+    poor = fit.rms_px >= POOR_LENS * side
+    if isinstance(camera, FisheyeCamera):
+        return matches, fit
+    if poor and side > AXIS_SHOWS * camera.focal_px and len(found.matches) >= FEWEST_FOR_AXIS:
+        crop, matrix = off_axis(found.matches, found.camera, found.attitude.matrix)
+        more, other = grow(replace(found, camera=crop, attitude=Attitude(matrix)))
+        # Else it is stretched or bent, and an axis far off makes up for that.
+        if other.rms_px < min(CLOSE_LENS * side, BETTER * fit.rms_px) and len(more) >= NEARLY_AS_MANY * len(matches):
+            matches, fit, poor = more, other, False
+    if side < 2.0 * (WIDE if poor else WIDER) * camera.focal_px:
         return matches, fit
     at = fitted_anew(
         found.matches, FisheyeCamera.centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
