@@ -10,6 +10,7 @@ import sys
 import time
 from dataclasses import replace
 from datetime import UTC, datetime
+from html import escape
 from types import SimpleNamespace
 
 import fsspec
@@ -513,7 +514,8 @@ def test_workers_end_together(tmp_path, workers) -> None:
 
 def test_the_status_counts_rows_and_names_what_is_quarantined(frames, tmp_path, capsys) -> None:
     shutil.copyfile(frames / "light_00.fits", tmp_path / "a.fits")
-    shutil.copyfile(frames / "spoilt.fits", tmp_path / "<b>.fits")
+    name = "&b.fits" if sys.platform == "win32" else "<b>.fits"  # Windows knows no < in a name
+    shutil.copyfile(frames / "spoilt.fits", tmp_path / name)
     fits.writeto(tmp_path / "empty.fits", np.full((400, 600), 300, np.uint16))
     dark = fits.PrimaryHDU(np.zeros((400, 600), np.uint16))
     dark.header["IMAGETYP"] = "DARK"
@@ -523,11 +525,11 @@ def test_the_status_counts_rows_and_names_what_is_quarantined(frames, tmp_path, 
     told = archive(capsys, "status", out)
     assert (told["rows"], told["solved"], told["calibration"], told["quarantined"]) == (4, 1, 1, 1)
     assert sum(told["unsolved"].values()) == 1
-    assert told["quarantine"][0]["url"].endswith("/<b>.fits")
+    assert told["quarantine"][0]["url"].endswith(f"/{name}")
     assert told["runs"]["all"]["state"] == "done"
     page = (out / "_kochab" / "status.html").read_text()
-    assert "&lt;b&gt;.fits" in page
-    assert "<b>.fits" not in page
+    assert escape(name) in page
+    assert name not in page
     assert "http-equiv" not in page
 
 
