@@ -12,20 +12,21 @@ from astropy.wcs import WCS
 from kochab.attitude.fit import refine
 from kochab.attitude.least_squares import project_with_jacobian
 from kochab.core.attitude import Attitude, apart_deg, radec_deg
-from kochab.core.camera import PROJECTIONS
+from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Identification, Matches, Solution
 from kochab.core.wcs import wcs_cards
 from kochab.detection.auto import AutoDetector
 from kochab.frames import read_frame
-from kochab.simulate.random_fields import FieldPlan, random_field
+from kochab.simulate.random_fields import FieldPlan, random_attitude, random_field
 from kochab.sky import open_catalogue
 from kochab.solver.aspect import ASPECTS, Stretch, fitted, resized, stretch
 from kochab.solver.pipeline import solve_detections
 from kochab.workflows.polar.solutions import _camera
 from kochab.workflows.solution_json import _solved
 from kochab.workflows.solution_text import camera_text
+from tests.solver.fields import photograph
 from tests.solver.test_growth import ATTITUDE, CAMERA, DIAGONAL_PX, Places, scattered
 
 
@@ -264,3 +265,25 @@ def test_a_real_frame_made_longer_one_way_says_by_how_much_and_as_recorded_nothi
     assert answer.camera.aspect == pytest.approx(share, rel=5e-3)
     assert any("is stretched by" in w for w in answer.warnings)
     assert apart_deg(answer.ra_dec_deg, as_recorded.ra_dec_deg) < 0.003 * max(answer.camera.fov_deg)
+
+
+def bent_lens(seed, rng):
+    """A tilted lens of 8 to 58 degrees, up to 5 % off at the corners, its axis a little beside the middle."""
+    focal = 511.5 / np.tan(np.radians((8.0, 12.0, 25.0, 58.0)[seed % 4]) / 2.0)
+    corner = 511.5 * 2.0**0.5 / focal
+    cx, cy = (511.5 + rng.normal(0.0, 15.0, 2)).tolist()
+    p1, p2 = rng.normal(0.0, 0.004 / corner, 2).tolist()
+    return Camera(1024, 1024, focal, cx, cy, float(rng.uniform(-0.05, 0.05) / corner**2), 0.0, p1, p2)
+
+
+def test_no_lens_is_taken_for_a_resized_image():
+    found = 0
+    for seed in range(24):
+        rng = np.random.default_rng([9, seed])
+        lens, stars = bent_lens(seed, rng), 300 if seed % 2 else 40
+        photo = photograph(lens, random_attitude(rng), stars, 0.15, spurious=5, missing=0.1, seed=seed)
+        answer = run(solve_detections(photo.detections))
+        if isinstance(answer, Solution):
+            assert answer.camera.aspect == 1.0
+            found += 1
+    assert found >= 22

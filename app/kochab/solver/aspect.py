@@ -42,7 +42,7 @@ CLOSER, SURE, KEPT = 2, 8, 0.5
 stay: of nine stars in whole pixels, seven lay so close by a ratio that was none."""
 ASPECT_ROUNDS, SETTLED = 4, 2e-5
 HIDDEN = 0.005
-"""Where the residuals leave room for no larger stretch than this, no ratio is tried."""
+"""Where the residuals leave room for no larger stretch than this, no ratio is tried; and a smaller one is a lens's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,7 +169,8 @@ def fitted(
     for more, places in _trials(left, start, found, matches, fit, detections):
         again, other, tried = _settled(grow, detections, replace(found, matches=places), more)
         close, before = (_closer(each, other.rms_px) for each in (other, fit))
-        if len(again) >= KEPT * len(matches) and close >= CLOSER * before + SURE:
+        shown = abs(math.log(tried)) > HIDDEN
+        if shown and len(again) >= KEPT * len(matches) and close >= CLOSER * before + SURE:
             matches, fit, ratio = again, other, tried
             if fit.rms_px < POOR_FIT * max(detections.width, detections.height):
                 break
