@@ -107,6 +107,8 @@ def opened(mode):
 
 
 Atspi.init()
+# An order whose answer is late is carried out all the same: given again, it would take a mode back.
+Atspi.set_timeout(int(1e3 * LIMIT_S), int(1e3 * LIMIT_S))
 report = {"nameless": {}}
 wait(program, "program")
 wait(lambda: "Open an image…" in texts(), "welcome page")
