@@ -50,6 +50,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # A machine that is busy must not fail a test; the machine that judges repeats its examples.
 settings.register_profile("house", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
+settings.register_profile("smoke", deadline=None, max_examples=10)
 settings.load_profile("ci" if os.environ.get("CI") else "house")
 
 
