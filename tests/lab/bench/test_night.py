@@ -1,11 +1,13 @@
 """The bench of nights: planted faults are found with their sizes, healthy nights stay healthy."""
 
-from kochab.lab.bench import night
+import pytest
+
+from kochab.lab.bench import Only, night
 
 
 def test_the_bench_of_nights_finds_what_is_planted_and_invents_nothing(monkeypatch):
     monkeypatch.setattr(night, "QUICK_HEALTHY", 1)
-    result = night.run(True, lambda line: None)
+    result = night.run(True, lambda line: None, Only(("all faults", "healthy")))
     found = {row["fault"]: row for row in result.rows if row["night"] == "all faults 1"}
     missed = [name for name, row in found.items() if row["planted"] and not row["found"]]
     assert missed == []
@@ -13,3 +15,15 @@ def test_the_bench_of_nights_finds_what_is_planted_and_invents_nothing(monkeypat
     goals = {goal.name: goal for goal in result.goals}
     assert goals["faults invented"].met, [row for row in result.rows if row["found"] and not row["planted"]]
     assert goals["planted numbers, worst in sigma"].met
+
+
+def test_a_night_of_large_frames_is_timed_from_the_command_s_start_to_its_end(monkeypatch):
+    monkeypatch.setattr(night, "QUICK_FRAMES_24_MP", 3)
+    result = night.run(True, lambda line: None, Only((night.LONG,)))
+    (row,), (goal,) = result.rows, result.goals
+    assert row["all solved"]
+    assert row["frames"] == 3
+    assert goal.value == pytest.approx(row["wall, s"] * 100 / 60)
+    monkeypatch.setattr(night, "long_night", lambda *_: {**row, "all solved": False})
+    (goal,) = night.run(True, lambda line: None, Only((night.LONG,))).goals
+    assert goal.met is None

@@ -5,7 +5,7 @@ import json
 import sys
 from typing import Any
 
-from kochab.lab.bench import BENCHES, Only, load_bench, measure_rows
+from kochab.lab.bench import BENCHES, BY_ROWS, Only, load_bench, measure_rows
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
@@ -13,7 +13,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[Any]") -> None:
     parser = subparsers.add_parser("bench", help="measure and compare with the goals")
     parser.add_argument("name", choices=sorted(BENCHES), help="what to measure")
     parser.add_argument("--quick", action="store_true", help="a small part, in about a minute")
-    parser.add_argument("--only", nargs="+", metavar="ROW", help="archive, mount, polar, reach, serve: rows so named")
+    parser.add_argument("--only", nargs="+", metavar="ROW", help=f"{', '.join(BY_ROWS)}: rows so named")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.set_defaults(run=run)
 
