@@ -125,7 +125,7 @@ def test_a_screen_reader_opens_and_closes_a_mode(qtbot, opened, how):
 
 
 def test_a_reader_that_counted_the_bars_of_a_scroll_area_may_ask_for_them_when_they_are_gone(qtbot):
-    """Qt reads past the end of its list for the child that was the bar."""
+    """Asked for the scroll bar that has gone, Qt reads past the end of its list of children."""
     keep_scroll_areas_steady()
     inside = QLabel("\n".join(40 * ["a line"]))
     area = scrolled(inside)

@@ -347,7 +347,7 @@ BLOCKS = 3  # to a side of the frame
 FEWEST_BLOCKS = 6
 FEWEST_FOR_BLOCKS = 16
 SURELY_OFF = 3.0
-"""An optical axis is off the middle where its square is so many times its variance: by chance one time in twenty."""
+"""The optical axis is off-centre when x^2 and y^2 together exceed their variances by this factor: by chance 5 %."""
 RESIDUALS_COUNT = 6.0
 """Degrees of freedom with which the residuals' variance is believed; the blocks have one less than blocks."""
 
@@ -379,8 +379,8 @@ def _misfit_px2(state: FitState, parameters: int, variance: float) -> float:
     How far the blocks' mean residuals differ by more than noise is its size anywhere in the frame (DerSimonian and
     Laird 1986, Controlled Clin. Trials 7, 177); the stars of the middle block narrow down how much of it is there.
     """
-    counts = np.square(state.counts)
-    weight, pulls = _by_block(state, counts), [_by_block(state, counts * r) for r in state.residuals().T]
+    counts, cell = np.square(state.counts), _blocks(state)
+    weight, *pulls = (np.bincount(cell, counts * r, BLOCKS**2) for r in (1.0, *state.residuals().T))
     full = weight > 0.0
     freedom = 2.0 * int(full.sum()) - parameters
     if int((counts > 0.0).sum()) < FEWEST_FOR_BLOCKS or freedom <= 0.0:
@@ -399,14 +399,9 @@ def _misfit_px2(state: FitState, parameters: int, variance: float) -> float:
 
 
 def _blocks(state: FitState) -> Ints:
-    """The block of the frame that each match (M,) is in."""
+    """Which block of the frame each match lies in (M,)."""
     size = np.array([state.camera.width, state.camera.height])
     return np.asarray(np.clip(state.matches.xy * BLOCKS // size, 0, BLOCKS - 1).astype(np.int64) @ [1, BLOCKS])
-
-
-def _by_block(state: FitState, what: Floats) -> Floats:
-    """Sums over the matches of each block of ``what`` (M,)."""
-    return np.asarray(np.bincount(_blocks(state), what, BLOCKS**2), dtype=np.float64)
 
 
 def _tilt(

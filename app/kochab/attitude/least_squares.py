@@ -370,7 +370,7 @@ def _plain_but(state: FitState, free: Indices) -> FitState:
 
 
 def off_axis(matches: Matches, camera: Camera, matrix: Floats) -> tuple[Camera, Floats]:
-    """A camera without distortion whose axis is where matches put it, and its attitude (3, 3): a first guess."""
+    """A camera without distortion whose axis is where the matches put it, and its attitude (3, 3): a first guess."""
     everyone = np.ones(len(matches))
     plain = undistorted(camera)
     state = FitState(plain, matrix, matches, everyone, everyone > 0.0, plain, everyone)
@@ -378,10 +378,6 @@ def off_axis(matches: Matches, camera: Camera, matrix: Floats) -> tuple[Camera, 
         columns(("rx", "ry", "rz", "log_focal", "cx", "cy"))
     )
     return state.camera, state.matrix
-
-
-AXIS_SHOWS = 0.17
-"""From 10 deg on the larger side is so many focal lengths long, and stars can tell that a frame is part of another."""
 
 
 def centre_plausible(camera: Camera, cropped: bool = False) -> bool:

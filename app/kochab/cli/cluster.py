@@ -250,7 +250,7 @@ def _result(future: "Future[Outcome]", workers: Workers) -> Outcome:
         try:
             outcome: Outcome = future.result(timeout=LOOK_S)
             return outcome
-        except (TimeoutError, UnboundLocalError):  # the latter is distributed's when it is cut off
+        except (TimeoutError, UnboundLocalError):  # the latter: distributed cancels its own wait
             if future.status == "error":
                 raise
             workers.keep()

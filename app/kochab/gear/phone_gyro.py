@@ -27,7 +27,7 @@ PORT = 80
 """An iPhone's, which its address leaves out; Android shows 8080."""
 ANSWER_S, MOST_BYTES = 2.5, 2_000_000
 MOST_S = 900.0
-"""Seconds of measurement after which the phone's data are cleared: about 100,000 rates."""
+"""Seconds after which the phone's recording is cleared: about 100,000 samples."""
 CLOCKS_S = 20.0
 """For so long the quickest answer tells how the phone's clock stands to ours."""
 STALE_S = 1.0

@@ -123,7 +123,7 @@ class GyroModel:
         self._anchor = self._place = None
 
     def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
-        """Whether the rates are steady, and whether the gyroscope is at rest; at rest its bias is updated."""
+        """Whether the rates are steady, and whether the gyroscope is at rest; if it is, its bias is updated."""
         if self._window[-1][0] - self._window[0][0] < 0.9 * STEADY_S:
             return False, False
         seen = np.array([rate for _, rate in self._window])

@@ -2,10 +2,9 @@
 
 Loaded before anything heavy, with the standard library alone, and of that without what takes longer to load than all
 that is done here: `socket` and `signal` (their compiled halves do), `collections`, `contextlib`, `struct`, `zlib`. The
-socket lies in a folder that
-only its owner may enter; its name stands for what must be equal on both sides: this installation, and the variables
-that change what Kochab reads and how it writes. The command's own streams and folder are handed over: nothing is
-copied, a terminal stays a terminal.
+socket lies in a folder that only its owner may enter; its name stands for what must be equal on both sides: this
+installation, and the variables that change what Kochab reads and how it writes. The command's own streams and folder
+are handed over: nothing is copied, a terminal stays a terminal.
 
 Whatever goes wrong before the command has written anything, the command is done here, as without a worker.
 """
@@ -27,13 +26,13 @@ CONNECT_S = 5.0
 SAME = ("HOME", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH", "LD_PRELOAD")
 SAME_PREFIXES = ("KOCHAB_", "XDG_", "LC_", "PYTHON", "OMP_", "OPENBLAS_", "MKL_")
 LARGEST_PRIME = 2**32 - 5
-"""Below 2**32: its remainder of a world is that world's name."""
+"""Of those below 2**32: the remainder after dividing by it names the socket."""
 OWN = ("OPENBLAS_NUM_THREADS",)
 """What a process of ours sets for itself."""
 
 
 class Place:
-    """Where this user's worker listens, and what it must be: its version, installation and variables, as bytes."""
+    """Path of the socket of this user's worker; its version, installation and environment variables, as bytes."""
 
     __slots__ = ("identity", "path")
 
@@ -41,11 +40,11 @@ class Place:
         self.path, self.identity = path, identity
 
     def __eq__(self, other: object) -> bool:
-        """Whether they are the same place of the same worker."""
+        """Whether both have the same socket and the same identity."""
         return isinstance(other, Place) and (self.path, self.identity) == (other.path, other.identity)
 
     def __hash__(self) -> int:
-        """As equal places have it."""
+        """The same for equal places."""
         return hash((self.path, self.identity))
 
 

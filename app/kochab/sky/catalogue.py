@@ -69,7 +69,7 @@ def slices(
 
 
 def _rows(begin: Ints, end: Ints) -> Ints:
-    """The rows of slices, one after the other."""
+    """The rows in all slices, in order."""
     length = np.maximum(end - begin, 0).ravel()
     offset = np.cumsum(length) - length
     return np.repeat(begin.ravel() - offset, length) + np.arange(int(length.sum()))

@@ -237,7 +237,7 @@ def _settled(grow: Grow, detections: Detections, found: Identification, aspect: 
 
 
 def _ratio(matches: Matches, fit: Fit) -> float:
-    """The stretch along the rows over that along the columns: 1 for square pixels."""
+    """How much the image is stretched along rows relative to columns: 1 for square pixels."""
     left = _linear(fit.camera.project(matches.vectors @ fit.attitude.matrix.T), matches.xy)
     across, down = np.hypot(*left[:2])
     return float(across / down)

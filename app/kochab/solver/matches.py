@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kochab.attitude import wahba
 from kochab.attitude.fit import Fit, FocalPrior, refine
-from kochab.attitude.least_squares import AXIS_SHOWS, off_axis, undistorted
+from kochab.attitude.least_squares import off_axis, undistorted
 from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, radec_deg
 from kochab.core.camera import Camera, FisheyeCamera
@@ -120,11 +120,13 @@ def extend(
 WIDE, WIDER = 0.6, 0.9
 """Half the frame's larger side over the focal length: lenses of 84 deg and more may be fisheyes, poor ones of 62."""
 POOR_LENS, CLOSE_LENS = 0.0004, 0.0005
-"""Residuals of this RMS, over the frame's larger side, doubt the model of the lens, and of no more bear another out."""
-FEWEST_FOR_AXIS, NEARLY_AS_MANY = 8, 0.9
-"""So many identified stars may tell where the optical axis of a larger frame is, of which this one is a part.
-
-A poor fit's tolerance has let in a few stars by chance that the better one has not."""
+"""RMS residuals as fractions of the frame's larger side: from the first on other lens models are tried, and a crop's is
+accepted only below the second."""
+AXIS_SHOWS, FEWEST_FOR_AXIS = 0.17, 8
+"""A frame can be recognised as a crop when its larger side is this many focal lengths (10 deg), and with this many
+identified stars."""
+NEARLY_AS_MANY = 0.9
+"""A crop's fit keeps at least this fraction of the stars: the poor fit has a few of them by chance."""
 BETTER, AS_MANY = 0.7, 0.97
 """A fisheye's residuals are so much smaller, and its stars no fewer than that, where the frame is one."""
 

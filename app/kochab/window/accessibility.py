@@ -1,4 +1,4 @@
-"""What screen readers are handed where Qt's own answer can end the program."""
+"""Accessibility interfaces that replace Qt's own where those can crash the program."""
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAccessible, QAccessibleInterface

@@ -37,7 +37,7 @@ from kochab.sky import open_catalogue
 
 KOCHAB = [sys.executable, "-m", "kochab"]
 SMALL, WIDE, LARGE = (1500, 1000, 8.0), (1500, 1000, 15.0), (9576, 6388, 4.0)
-"""Width and height, px, and the width, degrees."""
+"""Width and height in pixels, and width in degrees."""
 FRAMES = {"1.5 MP": SMALL, "1.5 MP wide": WIDE, "61 MP": LARGE}
 OTHERS = ("solve-field", "astap_cli", "cedar-solve")
 TURNS, QUICK_TURNS, LIMIT_S, BATCH, BATCH_TURNS, BUSY = 15, 5, 120.0, 96, 3, 4

@@ -15,7 +15,7 @@ from kochab.workflows.night.measure import Measure
 from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log, response_of
 
 SETTLING_S = 15.0
-"""After a dither the star has not settled yet; if the log says when it has, that is used."""
+"""Time for the star to settle after a dither, seconds; if the log says when it has settled, that is used instead."""
 LEAST_FRAMES = 20
 ALIKE_MOST = 0.95
 """Neighbours are never taken to be more alike than that."""

@@ -100,7 +100,7 @@ class PointingAid(ABC, Generic[Device]):
         """What turned meanwhile, nobody noticed: the next solve tells."""
 
     first_step: str
-    """Shown once it is connected: what to do next."""
+    """What to do next; shown once the device is connected."""
     answers_again: str
 
     # -- What they share -----------------------------------------------------------------------------

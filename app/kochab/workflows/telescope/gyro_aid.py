@@ -19,7 +19,7 @@ from kochab.workflows.telescope.aid import PointingAid
 from kochab.workflows.telescope.encoder_aid import FRESH_S, EncoderAid
 
 PHONE = "http://"
-"""Addresses that begin so are phones; all others are encoder boxes."""
+"""Addresses that begin with this are phones; all others are encoder boxes."""
 
 
 class GyroAid(PointingAid[PhoneGyro]):
