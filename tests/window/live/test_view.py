@@ -526,13 +526,31 @@ def test_a_stretch_that_is_moved_shows_in_the_next_frame(qtbot, make_window):
     _, commands = make_window(FakeEngine())
     commands.views.show("live")
     view = commands.views.docks["live"].view
-    run(view, Stars(0.03))
+    run(view, Stars(0.2))  # whose darkest pixel rises by one a frame
     wait_drawn(qtbot, view, 3)
     strip = commands.window.workspace.strip
     dark = _mean(commands)
     strip.bright.setValue(1000)
     qtbot.waitUntil(lambda: _mean(commands) > dark + 20, timeout=5000)
     assert not strip.auto.isChecked()
+
+
+def test_the_sliders_follow_the_automatic_stretch_from_frame_to_frame(qtbot, make_window):
+    """They stood where the first frame had them: moving one made a sky black that had changed since."""
+    _, commands = make_window(FakeEngine())
+    commands.views.show("live")
+    view, source = commands.views.docks["live"].view, Stars(0.03)
+    run(view, source)
+    wait_drawn(qtbot, view, 3)
+    strip = commands.window.workspace.strip
+    first = strip.black.value()
+    source.given = 500  # the darkest pixel's value: the range of values begins there, not at 1
+    qtbot.waitUntil(lambda: strip.black.value() < first - 20)
+    assert strip.auto.isChecked()
+    assert strip.stretch == view.display.shown.picture.auto
+    dark = _mean(commands)
+    strip.bright.setValue(1000)
+    qtbot.waitUntil(lambda: _mean(commands) > dark + 20)
 
 
 def _mean(commands):

@@ -88,12 +88,20 @@ class StretchStrip(QFrame):
         self.setEnabled(False)
 
     def show_picture(self, picture: FrameImage | RenderedFrame) -> None:
+        self.follow(picture)
+        self.setEnabled(True)
+        self._tell()
+
+    def follow(self, picture: FrameImage | RenderedFrame) -> None:
+        """Show how a frame of a stream is stretched, and tell nobody.
+
+        A slider that is moved begins there: where an earlier frame had its black point, a brighter sky is black.
+        """
         self._automatic = picture.auto
         self.histogram.set_counts(picture.histogram)
-        self.setEnabled(True)
         if self.auto.isChecked():
             self._place(picture.auto)
-        self._tell()
+        self.histogram.set_stretch(self.stretch)
 
     def forget_picture(self) -> None:
         self.histogram.set_counts(np.zeros(0))

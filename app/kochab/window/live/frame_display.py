@@ -169,14 +169,16 @@ class LiveDisplay(QObject):
             self._configure()
         self._drawn_s = monotonic()
         # Another binning gives frames of another size: whoever keeps pixels of a frame must hear of it.
-        first = self.shown is None or self.shown.frame.pixels.shape != ready.frame.pixels.shape
-        self.shown = ready
+        before, self.shown = self.shown, ready
+        first = before is None or before.frame.pixels.shape != ready.frame.pixels.shape
         session = self._services.session
         session.stream(ready.frame, ready.picture, ready.result)
         if first:
             session.opened.emit(ready.frame)
             self._services.panes.strip.show_picture(ready.picture)
             self._configure()
+        elif before is not None and before.picture.histogram is not ready.picture.histogram:
+            self._services.panes.strip.follow(ready.picture)
         # Painted within this call, so that the moment below is when the frame was on the screen.
         self._services.panes.view.repaint()
         now = monotonic()
