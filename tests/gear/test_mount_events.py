@@ -3,21 +3,19 @@
 import pytest
 
 from kochab.core.mount import MountState
-from kochab.gear import mount_events
 from kochab.gear.mount_events import MountSnapshot, PositionReport
 
 SLEWS = MountState(slewing=True)
 
 
 @pytest.fixture
-def seen(monkeypatch):
+def seen():
     """Readings of a slew down to Dec 0, each its time, s, and the distance left, deg; the times left, s."""
 
     def read(*looks):
         known, found = MountSnapshot(), []
         for time_s, left_deg in looks:
-            monkeypatch.setattr(mount_events, "monotonic", lambda now=time_s: now)
-            known.hear(PositionReport((10.0, left_deg), SLEWS, target_deg=(10.0, 0.0)))
+            known.hear(PositionReport((10.0, left_deg), SLEWS, target_deg=(10.0, 0.0), monotonic_s=time_s))
             found.append(known.left_s)
         return found
 

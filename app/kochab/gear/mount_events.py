@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from time import monotonic
 from typing import Any
 
 from kochab.core.attitude import apart_deg
@@ -42,7 +41,8 @@ class EpochDoubted(MountEvent):
 class PositionReport(MountEvent):
     """Where it says it points, ICRS degrees, how it is, and what its clock or site forbids: all, or all but a sync.
 
-    ``target_deg`` is where a slew under way goes, ICRS degrees; ``time_utc`` is when, by the clock that it goes by.
+    ``target_deg`` is where a slew under way goes, ICRS degrees; ``time_utc`` is when, by the clock that it goes by, and
+    ``monotonic_s`` by this computer's: a busy window hears several reports at once.
     """
 
     icrs_deg: tuple[float, float]
@@ -53,6 +53,7 @@ class PositionReport(MountEvent):
     altaz_deg: tuple[float, float] | None = None  # by the computer's clock and the site
     target_deg: tuple[float, float] | None = None
     time_utc: datetime | None = None
+    monotonic_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +208,7 @@ class MountSnapshot:
                 self.trouble = self.alarm = ""
             case PositionReport():
                 self.report, self.trouble = word, ""
-                self._measure_way(word, monotonic())
+                self._measure_way(word)
                 if word.state.slewing:
                     self.has_moved()
             # A quick order excludes nothing, so it does not take the place of the one under way.
@@ -231,14 +232,14 @@ class MountSnapshot:
             case StandsStill():
                 self.alarm, self.stopping = "", False
 
-    def _measure_way(self, report: PositionReport, now_s: float) -> None:
+    def _measure_way(self, report: PositionReport) -> None:
         """What a slew has still to go: its speed is that of the newest readings, for mounts ramp up and down."""
         before, self.left_deg = self.left_deg, None
         if report.target_deg is None:
             self.left_s, self._speed_deg_s = None, 0.0
             return
         self.left_deg = left = apart_deg(report.icrs_deg, report.target_deg)
-        passed_s, self._looked_s = now_s - self._looked_s, now_s
+        passed_s, self._looked_s = report.monotonic_s - self._looked_s, report.monotonic_s
         if before is not None and passed_s > 0.0:
             speed = max(0.0, before - left) / passed_s
             self._speed_deg_s = speed if self._speed_deg_s == 0.0 else 0.3 * self._speed_deg_s + 0.7 * speed

@@ -229,11 +229,12 @@ class MountLine:
         # Set before the questions: a mount that answers slowly is not asked twice as often.
         self._looked = monotonic()
         try:
-            here, doubts = guard.position(), (guard.policy.clock_conflict, guard.policy.slew_block_reason)
+            here, read_s = guard.position(), monotonic()
+            doubts = guard.policy.clock_conflict, guard.policy.slew_block_reason
             icrs_deg, altaz_deg = from_mount_epoch(here, guard.clock()), guard.policy.altaz_deg(here)
             state, at = guard.state(), guard.clock()
             target_deg = guard.supervisor.target_icrs_deg
-            report = events.PositionReport(icrs_deg, state, guard.can_undo, *doubts, altaz_deg, target_deg, at)
+            report = events.PositionReport(icrs_deg, state, guard.can_undo, *doubts, altaz_deg, target_deg, at, read_s)
             if monotonic() - self._watched >= WATCH_S:
                 self._watched = monotonic()
                 before, self._limit = self._limit, guard.hold_limits()
