@@ -17,6 +17,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from kochab.core.progress import Stopwatch
+from kochab.solver import SolveOptions
 from tests import workers
 from tests.patterns import REPOSITORY, choose_folder, make
 from tests.windows.lacking import skip_what_wine_lacks
@@ -52,6 +54,19 @@ settings.register_profile("house", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.register_profile("smoke", deadline=None, max_examples=10)
 settings.load_profile("ci" if os.environ.get("CI") else "house")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _searches_have_time():
+    """The half minute that a search has where nobody says otherwise is too short beside other tests on a slow machine."""
+    begin = Stopwatch.__init__
+
+    def patient(self, timeout_s=None, read_ms=0.0):
+        begin(self, None if timeout_s == SolveOptions().timeout_s else timeout_s, read_ms)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Stopwatch, "__init__", patient)
+        yield
 
 
 @pytest.fixture(autouse=True)
@@ -90,16 +105,18 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Ten processes more than there are cores, as far as the memory goes.
+    """Six processes more than there are cores, as far as the memory goes.
 
-    All tests compute for 1,100 s and wait for about 4,000 s: for lines, exposures, screens and INDI's drivers. Two cores
-    that serve eight processes of such are idle for a quarter of the time by the theory of queues, for a fifth as
-    measured; twelve leave 5 % idle. Each costs a second of processor before its first test, and up to 0.7 GB.
+    All tests compute for 1,100 s on a fast machine, 2,700 s on a slow one, and wait for about 4,000 s: for lines,
+    exposures, screens and INDI's drivers. By the theory of queues two cores that serve eight processes of such are idle
+    for a fifth of the time on the fast machine and for a fiftieth on the slow one; with twelve each test of the slow
+    one takes half as long again, and waits overrun. Each costs a second of processor before its first test, and up to
+    0.7 GB.
     """
     import psutil
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores + 10, int(psutil.virtual_memory().available / 0.7e9)))
+    return max(1, min(cores + 6, int(psutil.virtual_memory().available / 0.7e9)))
 
 
 @pytest.hookimpl(optionalhook=True)

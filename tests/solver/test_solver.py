@@ -171,9 +171,9 @@ def test_making_the_patterns_is_not_the_frames_time(identifier, monkeypatch) -> 
             now[0] += 10.0
         return "done"
 
-    assert run(stopwatch.Stopwatch(30.0).watch(task("patterns"))) == "done"
+    assert run(stopwatch.Stopwatch(25.0).watch(task("patterns"))) == "done"
     with pytest.raises(stopwatch.TimedOut):
-        run(stopwatch.Stopwatch(30.0).watch(task("identify")))
+        run(stopwatch.Stopwatch(25.0).watch(task("identify")))
 
 
 def test_closing_the_task_stops_the_identifier(identifier) -> None:
