@@ -10,6 +10,7 @@ import pytest
 from kochab.core.attitude import apart_deg
 from kochab.core.errors import RefusedError
 from kochab.pointing.pointing_model import FEWEST, fit_model, reported_at
+from kochab.sky.horizon import sidereal_deg
 from tests.pointing.faulty_mounts import _tilt, make, sightings
 
 NEW = 6  # places that the model has not seen
@@ -63,6 +64,28 @@ def test_the_terms_are_those_of_the_mount_within_their_sigmas() -> None:
         pulls += list((np.array(model.terms_deg[2:4]) - leans) / np.array(model.sigmas_deg[2:4]))
     assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=0.5)
     assert np.abs(pulls).max() < 5.0
+
+
+def test_an_offset_of_the_declination_axis_is_the_other_way_on_the_other_side_of_the_pier() -> None:
+    """A computer that counts steps keeps it over the flip; to a model of declination alone it was noise."""
+    after = []
+    for seed in range(8):
+        mount, rng = bad_mount(seed)
+        mount.offset = mount.offset[0], 0.0
+        seen = []
+        for one in sightings(mount, 10, rng, sides=True):
+            hour = sidereal_deg(one.site, one.time_utc) - one.expected_deg[0]
+            turned = 0.5 if hour % 360.0 < 180.0 else -0.5
+            seen.append(replace(one, reported=replace(one.reported, dec_deg=one.reported.dec_deg + turned)))
+        model = fit_model(seen)
+        assert model.reverses
+        after.append(model.foretold_arcsec)
+        for one in seen:
+            said = one.reported.ra_deg, one.reported.dec_deg
+            assert apart_deg(model.aim(one.expected_deg, one.time_utc), said) < 6.0 / 60.0
+        mount.offset = mount.offset[0], 0.5
+        assert not fit_model(sightings(mount, 10, rng, sides=True)).reverses
+    assert np.sqrt(np.mean(np.square(after))) < 180.0
 
 
 @pytest.mark.parametrize("north", [True, False])

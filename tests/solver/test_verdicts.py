@@ -306,7 +306,7 @@ def test_a_cone_moves_right_ascension_the_more_the_nearer_the_pole_up_to_twenty_
     """Half a degree of cone seen at the equator, on both sides of the pier."""
     there = unit_vectors(np.array([20.0, 340.0]), np.array([dec, dec]))
     sides, terms = np.array([1.0, -1.0]), np.array([0.0, 0.0, 0.0, 0.0, 0.5])
-    left, slopes = residuals(terms, there, there, sides)
+    left, slopes = residuals(terms, there, there, sides, sides)
     narrow = np.cos(np.radians(dec))
     assert left[:, 0] / narrow == pytest.approx(-0.5 * sides / max(narrow, 0.05))
     assert slopes[:, 0, 4] * 0.5 == pytest.approx(-left[:, 0])

@@ -122,6 +122,8 @@ class Cause:
     it. ``offset``, ``axis`` and ``cone`` are the priors of the terms, ``noise`` those of what is left; ``second`` is
     that of the second axis' offset where it is not the first one's.
     Where the terms are the cause itself, ``fitted``, they count as explained, and ``evidence`` has fields for them.
+    ``reverses``: the second axis' offset is one of its own angle, and of declination the other way where the tube is on
+    the other side of the pier; else one of declination.
     With fewer sightings than it ``needs`` it weighs, and is not named. ``small``: name, advice and evidence of a turn
     about the vertical by less than a compass is wrong.
     """
@@ -138,6 +140,7 @@ class Cause:
     noise: Sequence[float] = NOISES
     alt_azimuth: bool = False
     fitted: bool = False
+    reverses: bool = False
     needs: int = 1
     small: tuple[str, str, str] | None = None
 
@@ -242,11 +245,12 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
     places = cause.would_say(seen)
     there, reported = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.reported))
     side = np.ones(len(places)) if cause.alt_azimuth else seen.side  # no fork changes sides
+    ways = side if cause.reverses else np.ones(len(places))
     prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
     noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
     terms = np.zeros(5)
     for _ in range(STEPS if cause.fitted else 1):
-        left, slopes = residuals(terms, there, reported, side)
+        left, slopes = residuals(terms, there, reported, side, ways)
         y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
         precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
         weighted = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
@@ -260,10 +264,10 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
         terms = np.zeros(5)
     odds = 1.0 / (1.0 + noise[:, 0] / RARE_DEG**2)
     total = np.logaddexp.reduce(logs + np.log(odds / odds.sum()), axis=None)
-    return float(total) - log(len(logs)), terms, residuals(terms, there, reported, side)[0]
+    return float(total) - log(len(logs)), terms, residuals(terms, there, reported, side, ways)[0]
 
 
-def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats) -> tuple[Floats, Floats]:
+def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways: Floats) -> tuple[Floats, Floats]:
     """What the mount says too much (N, 2) east and north on the sky, degrees, and its slopes (N, 2, 5) by the terms.
 
     Parameters
@@ -276,6 +280,8 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats) -> t
         Where the mount said it pointed, likewise (N, 3).
     side : Floats
         1 or -1 (N,): the cone adds to the first axis on one side of the pier and takes away on the other.
+    ways : Floats
+        1 or -1 (N,): which way the second axis' offset counts.
     """
     there = turned(there, terms)
     (lon, lat), (at, high) = (
@@ -284,9 +290,9 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats) -> t
     level = np.cos(high)
     narrow = np.maximum(np.cos(lat), NARROW)
     first = terms[0] + terms[4] * side / narrow
-    off = np.stack([wrapped(np.degrees(at - lon) - first) * level, np.degrees(high - lat) - terms[1]], axis=1)
+    off = np.stack([wrapped(np.degrees(at - lon) - first) * level, np.degrees(high - lat) - terms[1] * ways], axis=1)
     slopes = np.zeros((len(there), 2, 5))
-    slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, 1.0, side * level / narrow
+    slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, ways, side * level / narrow
     east = np.stack([-np.sin(lon), np.cos(lon), 0.0 * lon], axis=1)
     north = np.cross(there, east)
     for k, tilt_axis in enumerate(np.eye(3)[:2], start=2):

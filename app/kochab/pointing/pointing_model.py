@@ -1,6 +1,8 @@
 """A pointing model: how far a mount is off everywhere, from frames solved in several places.
 
 The terms are those of :mod:`kochab.pointing.disagreement`: offsets of both axes, lean of the first axis (2), cone.
+What a mount adds to declination after a sync may be an offset of declination or of its axis' angle, which is the other
+way on the other side of the pier: sightings from both sides tell.
 """
 
 from collections.abc import Sequence
@@ -59,6 +61,7 @@ NAMES = {
 class PointingModel:
     """What a mount says too much, with one sigma: five terms in degrees, by :func:`fit_model`.
 
+    ``reverses``: the second axis' offset changes its sign with the side of the pier.
     ``before_arcsec`` and ``after_arcsec`` are root mean squares of the sightings it was made from, ``foretold_arcsec``
     that of each by a model made from the others: what a goto can hope for.
     """
@@ -73,6 +76,7 @@ class PointingModel:
     before_arcsec: float
     after_arcsec: float
     foretold_arcsec: float
+    reverses: bool = False
 
     @property
     def helps(self) -> bool:
@@ -122,8 +126,10 @@ def reported_at(model: PointingModel, place_deg: Degrees, sidereal: float) -> De
     lon, lat = radec_deg(turned(there, terms))
     # the side a mount that flips at the meridian takes there
     west = (sidereal - place_deg[0]) % 360.0 < 180.0
-    cone = terms[4] / max(cos(radians(lat)), NARROW) * (1.0 if model.alt_azimuth or west else -1.0)
-    ra, dec = radec_deg(unit_vectors(lon + terms[0] + cone, lat + terms[1]) @ axes.T)
+    side = 1.0 if model.alt_azimuth or west else -1.0
+    cone = side * terms[4] / max(cos(radians(lat)), NARROW)
+    second = terms[1] * (side if model.reverses else 1.0)
+    ra, dec = radec_deg(unit_vectors(lon + terms[0] + cone, lat + second) @ axes.T)
     return (ra + sidereal) % 360.0, dec
 
 
@@ -139,16 +145,18 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     if site is None or any(sighting.site is None for sighting in sightings):
         raise RefusedError("A pointing model needs the site: set it first.")
     alt_azimuth = bool(sightings[-1].alt_azimuth)
-    terms, left, seen = _fitted(sightings, alt_azimuth)
+    cause = _likelier(sightings, alt_azimuth)
+    terms, left, seen = _fitted(sightings, cause)
     there = seen.in_axes(seen.expected, alt_azimuth)
     reported, side = seen.in_axes(seen.reported, alt_azimuth), np.ones(len(there)) if alt_azimuth else seen.side
-    slopes = residuals(terms, there, reported, side)[1].reshape(-1, 5)
+    ways = side if cause.reverses else np.ones(len(there))
+    slopes = residuals(terms, there, reported, side, ways)[1].reshape(-1, 5)
     # two numbers a sighting, less five terms
     freedom = max(1, left.size - 5)
     noise = max(float(np.sqrt((left**2).sum() / freedom)), FLOOR_DEG)
     # the widest priors bound terms that the sightings leave open, as the cone seen from one side
-    covariance = np.linalg.inv(slopes.T @ slopes / noise**2 + np.diag(_cause(alt_azimuth).scales().max(axis=0) ** -2.0))
-    foretold = [_foretold(sightings, k, alt_azimuth) for k in range(len(sightings))]
+    covariance = np.linalg.inv(slopes.T @ slopes / noise**2 + np.diag(cause.scales().max(axis=0) ** -2.0))
+    foretold = [_foretold(sightings, k, cause) for k in range(len(sightings))]
     before = [apart_deg(e, s) for e, s in zip(seen.expected, seen.reported, strict=True)]
     return PointingModel(
         tuple(map(float, terms)),
@@ -161,27 +169,33 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
         3600.0 * _rms(before),
         3600.0 * _rms([hypot(*row) for row in left]),
         3600.0 * _rms(foretold),
+        cause.reverses,
     )
 
 
-def _cause(alt_azimuth: bool) -> Cause:
+def _likelier(sightings: Sequence[MountSighting], alt_azimuth: bool) -> Cause:
+    """Free terms, the second axis' offset as the sightings have it: of declination unless they say otherwise."""
     offset, axis, cone = (*SMALL, *OFFSETS), (*SET_UP, *AXES), (*BUILT, *CONES)
     free = Cause("", "", lambda seen: seen.expected, 1.0, offset=offset, axis=axis, cone=cone, fitted=True)
-    return replace(free, alt_azimuth=alt_azimuth)
-
-
-def _fitted(sightings: Sequence[MountSighting], alt_azimuth: bool) -> tuple[Floats, Floats, Seen]:
+    if alt_azimuth:
+        return replace(free, alt_azimuth=True)
     seen = Seen(sightings)
-    _, terms, left = fit(seen, _cause(alt_azimuth))
+    return max((free, replace(free, reverses=True)), key=lambda cause: fit(seen, cause)[0])
+
+
+def _fitted(sightings: Sequence[MountSighting], cause: Cause) -> tuple[Floats, Floats, Seen]:
+    seen = Seen(sightings)
+    _, terms, left = fit(seen, cause)
     return terms, left, seen
 
 
-def _foretold(sightings: Sequence[MountSighting], k: int, alt_azimuth: bool) -> float:
+def _foretold(sightings: Sequence[MountSighting], k: int, cause: Cause) -> float:
     """How far off, degrees, sighting ``k`` is by a model made from the others."""
-    terms, _, _ = _fitted([s for j, s in enumerate(sightings) if j != k], alt_azimuth)
+    terms, _, _ = _fitted([s for j, s in enumerate(sightings) if j != k], cause)
     one = Seen([sightings[k]])
-    there, reported = one.in_axes(one.expected, alt_azimuth), one.in_axes(one.reported, alt_azimuth)
-    off, _ = residuals(terms, there, reported, np.ones(1) if alt_azimuth else one.side)
+    there, reported = one.in_axes(one.expected, cause.alt_azimuth), one.in_axes(one.reported, cause.alt_azimuth)
+    side = np.ones(1) if cause.alt_azimuth else one.side
+    off, _ = residuals(terms, there, reported, side, side if cause.reverses else np.ones(1))
     return float(np.hypot(*off[0]))
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -39,8 +40,14 @@ def use_model(mount: Guard, model: PointingModel) -> None:
     mount.supervisor.aim = model.aim
 
 
-def save_sightings(path: Path, sightings: list[MountSighting]) -> None:
+def save_sightings(path: Path, sightings: Sequence[MountSighting]) -> None:
     """Write them whole or not at all."""
+    with atomic_file(path) as part:
+        part.write_text(sightings_json(sightings), encoding="utf-8")
+
+
+def sightings_json(sightings: Sequence[MountSighting]) -> str:
+    """What :func:`load_sightings` reads; empty without sightings."""
     rows = [
         {
             "sky_deg": s.sky_deg,
@@ -53,8 +60,7 @@ def save_sightings(path: Path, sightings: list[MountSighting]) -> None:
         }
         for s in sightings
     ]
-    with atomic_file(path) as part:
-        part.write_text(json.dumps({"sightings": rows}, indent=1), encoding="utf-8")
+    return json.dumps({"sightings": rows}, indent=1) if rows else ""
 
 
 def load_sightings(path: Path) -> list[MountSighting]:

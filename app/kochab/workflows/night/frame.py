@@ -11,9 +11,11 @@ import numpy as np
 
 from kochab.core.attitude import angle_between
 from kochab.core.frame import Detections, Frame, Site
+from kochab.core.mount import Epoch, PierSide
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
 from kochab.frames import reading
+from kochab.frames.samples import number_or_none
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
 from kochab.polar.sighting import Sighting
 from kochab.sky.solar_system import Moving
@@ -61,7 +63,8 @@ class NightFrame:
 
     ``error`` is why it could not be read at all, ``reason`` why there is no solution; ``light`` is None for frames
     whose numbers are not proportional to light (finished 8 bit pictures), ``on_sky`` for those too. ``thumbnail`` is a
-    JPEG; ``dark`` the level of a calibration frame. ``reported_deg`` is where the header has the mount, RA and Dec.
+    JPEG; ``dark`` the level of a calibration frame. ``reported_deg`` is where the header has the mount, RA and Dec, of
+    ``epoch`` if it says so, and ``pier_side`` where its tube was.
     """
 
     file: str
@@ -92,6 +95,8 @@ class NightFrame:
     dark: DarkLevel | None = None
     chosen: tuple[StarInFrame, ...] = ()
     reported_deg: tuple[float, float] | None = None
+    epoch: Epoch | None = None
+    pier_side: PierSide | None = None
 
 
 def measure_frame(
@@ -179,8 +184,23 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
         sky=sky,
         site=there,
         reported_deg=hint.centre_deg[:2] if hint.centre_deg and "CTYPE1" not in frame.header else None,
+        epoch=_epoch(frame.header),
+        pier_side=_pier_side(frame.header),
         sighting=Sighting.of(result, time_utc, Path(found.path).name) if time_utc else None,
     )
+
+
+def _epoch(header: Mapping[str, Any]) -> Epoch | None:
+    """That of RA and DEC by EQUINOX (FITS 4.0, 8.3): 2000, or a year that people observe in."""
+    equinox = number_or_none(header.get("EQUINOX"))
+    if equinox is None or not (equinox == 2000.0 or equinox > 2001.0):
+        return None
+    return Epoch.J2000 if equinox == 2000.0 else Epoch.DATE
+
+
+def _pier_side(header: Mapping[str, Any]) -> PierSide | None:
+    """As ASCOM and INDI name it: a tube east of the pier looks west."""
+    return next((side for side in PierSide if side in str(header.get("PIERSIDE", "")).lower()), None)
 
 
 def _linear(frame: Frame) -> bool:

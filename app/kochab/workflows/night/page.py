@@ -112,6 +112,9 @@ def night_parts(night: Night, name: str, earlier: Sequence[Compared] = (), colum
         parts.append(_field(night))
     if night.tracking:
         parts.append(_mount(night.tracking))
+    if night.pointing.model:
+        lines = "".join(f"<p>{escape(line)}</p>" for line in night.pointing.lines())
+        parts.append(f"<section><h2>{escape(tr('Pointing model'))}</h2>{lines}</section>")
     if night.guiding:
         parts.append(_guiding(night.guiding))
     for heading, rows in ((tr("Best frames"), night.best), (tr("Worst frames"), night.worst)):
@@ -371,6 +374,11 @@ def _notes(night: Night) -> list[str]:
         notes.append(text)
     elif not all(frame.time_utc for frame in night.frames):
         notes.append(tr("Drift is not measured: the frames do not say when they were taken."))
+    if night.pointing.useful_sightings:
+        command = "kochab mount goto TARGET --model FILE"
+        notes.append(tr("Until the next sync the model aims gotos, by NAME-night-sightings.json: {how}", how=command))
+    elif not night.pointing.model:
+        notes += night.pointing.lines()
     if n := sum(frame.sky.altitude_deg < 0.0 for frame in night.frames if frame.sky):
         one = tr_n("{n} frame is below the horizon.", "{n} frames are below the horizon.", n)
         notes.append(one + " " + tr("Check site and clock."))

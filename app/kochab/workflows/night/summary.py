@@ -24,6 +24,7 @@ from kochab.workflows.night.frame import NightFrame
 from kochab.workflows.night.guiding import Guiding
 from kochab.workflows.night.light_curve import LightCurve, light_curves
 from kochab.workflows.night.measure import Measure, median_of, slope
+from kochab.workflows.night.pointing import NO_POINTING, NightPointing, pointing_of
 from kochab.workflows.night.sharpness import WIDTH_SHARE, FieldOfSharpness, night_field
 from kochab.workflows.night.sky_brightness import MAG_PER_AIRMASS, DarkLevel, blacks_of, brightness_of, faintest_of
 from kochab.workflows.night.strangers import Stranger, strangers_of
@@ -60,7 +61,8 @@ class Night:
     the median of the frames, px; ``focus`` its change an hour, px.
     ``crossings`` are streaks, each with the frame it is in; ``strangers`` what stood among the stars and is none.
     ``brightness`` of the sky is mag/arcsec², ``faintest`` the magnitude of a star at a signal to noise of 5.
-    ``polar`` is the axis by drift. ``asked`` is how many frames there are to measure.
+    ``polar`` is the axis by drift, ``pointing`` the model by the headers' places. ``asked`` is how many frames there
+    are to measure.
     """
 
     frames: tuple[NightFrame, ...]
@@ -79,6 +81,7 @@ class Night:
     faintest: tuple[Measure | None, ...] = ()
     guiding: tuple[Guiding, ...] = ()
     light_curves: tuple[LightCurve, ...] = ()
+    pointing: NightPointing = NO_POINTING
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -176,6 +179,7 @@ def night_of(frames: Sequence[NightFrame], asked: int | None = None, guiding: Se
         tuple(faintest_of(f.on_sky) if f.on_sky else None for f in ordered),
         tuple(guiding),
         light_curves(ordered),
+        pointing_of(ordered),
     )
 
 

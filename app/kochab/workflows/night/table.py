@@ -140,6 +140,8 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             ],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
+            "pointing_model": night.pointing.json(),
+            "pointing_model_unknown": night.pointing.why or None,
             "earlier": [
                 {
                     "quantity": one.name,

@@ -1,0 +1,116 @@
+"""The night's pointing model: where frames point against where their headers have the mount.
+
+Frames of one place say one thing; a model needs several. The headers' places may be of J2000, as the standard has it,
+or of date, as many mounts speak: the one that makes the better model is taken, if it is clearly better; else what the
+header says.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from kochab.core.attitude import Degrees, apart_deg
+from kochab.core.errors import RefusedError
+from kochab.core.mount import Epoch, Pointing
+from kochab.pointing.disagreement import MountSighting
+from kochab.pointing.pointing_model import FARTHEST_DEG, PointingModel, fit_model
+from kochab.sky.horizon import sidereal_deg
+from kochab.text.translation import tr, tr_noop
+from kochab.workflows.night.backlash import COPIED_ARCSEC
+from kochab.workflows.night.frame import NightFrame
+
+PLACES_DEG = 5.0
+"""Places so far apart in hour angle and declination are different ones to a mount."""
+FEWEST_PLACES, WORTH = 6, 0.7
+"""A model is used that foretells new places to this share of how far they are off without it. Of nights in which the
+mount was synced at every place, so that nothing is left but noise, 1 in 25 of four or five places looked like one."""
+EQUATORIAL = 0.9
+"""Length of the mean of unit vectors at twice the position angle: a camera on an equatorial mount keeps its angle, and
+is upside down on the other side of the pier."""
+CLEARLY = 1.5
+"""One equinox is told from the other where it foretells so many times better."""
+
+
+@dataclass(frozen=True, slots=True)
+class NightPointing:
+    """The model, None with ``why`` there is none; the sightings it was made from."""
+
+    model: PointingModel | None
+    sightings: tuple[MountSighting, ...] = ()
+    why: str = ""
+
+    @property
+    def useful_sightings(self) -> tuple[MountSighting, ...]:
+        """Those by which gotos are better than without."""
+        one = self.model
+        return self.sightings if one is not None and one.foretold_arcsec < WORTH * one.before_arcsec else ()
+
+    def lines(self) -> list[str]:
+        """Each term with its sigma, and what the model is worth; or why there is none."""
+        if self.model is not None:
+            return self.model.lines()
+        return [tr("Pointing model unknown: {why}.", why=tr(self.why).rstrip("."))]
+
+    def json(self) -> dict[str, Any] | None:
+        """The model's numbers, degrees and arcseconds; None without one."""
+        if self.model is None:
+            return None
+        return {**asdict(self.model), "made_utc": self.model.made_utc.isoformat(), "helps": self.model.helps}
+
+
+NO_POINTING = NightPointing(None)
+
+
+def pointing_of(frames: Sequence[NightFrame]) -> NightPointing:
+    """What frames in order of time, with their headers' word, say of the mount's axes."""
+    known = [f for f in frames if f.solved and f.time_utc and f.site and f.reported_deg]
+    if not known:
+        return _unknown(tr_noop("no header has the mount's place, the time and the site"))
+    off_deg = [apart_deg((f.ra_deg, f.dec_deg), f.reported_deg) for f in known if f.reported_deg]
+    if float(np.median(off_deg)) < COPIED_ARCSEC / 3600.0:
+        return _unknown(tr_noop("the headers repeat the solution, not the mount's own place"))
+    if float(np.median(off_deg)) > FARTHEST_DEG:
+        return _unknown(tr_noop("the headers are of another place"))
+    places = _places(known)
+    if len(places) < FEWEST_PLACES:
+        return _unknown(tr_noop("it takes six places, far from each other"))
+    if abs(np.mean(np.exp(2j * np.radians([f.roll_deg for f in places])))) < EQUATORIAL:
+        return _unknown(tr_noop("the camera turned from place to place, as on no equatorial mount"))
+    sightings = {epoch: [_sighting(f, epoch) for f in places] for epoch in Epoch}
+    try:
+        models = sorted((fit_model(seen) for seen in sightings.values()), key=lambda model: model.foretold_arcsec)
+    except RefusedError as error:
+        return _unknown(str(error))
+    best, other = models
+    if best.helps and other.foretold_arcsec < CLEARLY * best.foretold_arcsec:
+        # within an hour precession looks like a lean of the axis
+        if places[0].epoch is None:
+            return _unknown(tr_noop("the headers do not say whether their places are J2000"))
+        best = best if best.epoch is places[0].epoch else other
+    return NightPointing(best, tuple(sightings[best.epoch]))
+
+
+def _unknown(why: str) -> NightPointing:
+    return NightPointing(None, why=why)
+
+
+def _places(frames: Sequence[NightFrame]) -> list[NightFrame]:
+    """The first frame of each place that the axes stood at."""
+    kept: dict[Degrees, NightFrame] = {}
+    for f in frames:
+        assert f.site is not None
+        assert f.time_utc is not None
+        here = (f.ra_deg - sidereal_deg(f.site, f.time_utc), f.dec_deg)
+        if all(apart_deg(here, there) > PLACES_DEG for there in kept):
+            kept[here] = f
+    return list(kept.values())
+
+
+def _sighting(f: NightFrame, epoch: Epoch) -> MountSighting:
+    """A frame as a sighting, its header's place taken to be of that equinox."""
+    assert f.reported_deg is not None
+    assert f.time_utc is not None
+    reported = Pointing(*f.reported_deg, epoch)
+    return MountSighting((f.ra_deg, f.dec_deg), reported, f.time_utc, f.site, f.pier_side, alt_azimuth=False)

@@ -1,0 +1,185 @@
+"""The pointing model of a night, from frames whose headers say where the mount was, on mounts with known terms.
+
+The mounts of `faulty_mounts` are made of axes and rotations with ERFA; the practice rig is another's, gears and all.
+"""
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from kochab.core.frame import Site
+from kochab.core.mount import Epoch, PierSide
+from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
+from kochab.pointing.pointing_model import fit_model
+from kochab.simulate.mechanics.geometry import Build, MountConfig
+from kochab.simulate.rig import PracticeRig, RigConfig
+from kochab.sky.horizon import sidereal_deg
+from kochab.workflows.night.frame import NightFrame, _epoch, _pier_side
+from kochab.workflows.night.pointing import pointing_of
+from kochab.workflows.pointing_model import load_sightings, sightings_json
+from tests.pointing.faulty_mounts import sightings
+from tests.pointing.test_pointing_model import bad_mount
+
+
+def frames_of(seen, epoch):
+    """The same as frames, with the mount's word as a header of that equinox has it."""
+    frames = []
+    for k, one in enumerate(seen):
+        icrs = from_mount_epoch(one.reported, one.time_utc)
+        reported = icrs if epoch is Epoch.J2000 else to_mount_epoch(*icrs, Epoch.DATE, one.time_utc)
+        frames.append(
+            NightFrame(
+                f"light_{k}.fits",
+                time_utc=one.time_utc,
+                solved=True,
+                ra_deg=one.sky_deg[0],
+                dec_deg=one.sky_deg[1],
+                roll_deg=12.0 if k % 2 else 193.0,
+                site=one.site,
+                reported_deg=tuple(reported),
+                pier_side=one.pier_side,
+            )
+        )
+    return frames
+
+
+@pytest.fixture(scope="module")
+def night():
+    mount, rng = bad_mount(2)
+    return mount, sightings(mount, 10, rng, sides=True)
+
+
+@pytest.mark.parametrize("epoch", list(Epoch))
+def test_the_model_is_the_mounts_by_headers_of_either_equinox(night, epoch) -> None:
+    mount, seen = night
+    found = pointing_of(frames_of(seen, epoch))
+    assert found.model is not None
+    assert found.model.epoch is epoch
+    assert found.model.helps
+    leans = np.degrees(mount.base.as_rotvec()[:2])
+    pulls = (np.array(found.model.terms_deg[2:4]) - leans) / np.array(found.model.sigmas_deg[2:4])
+    assert np.abs(pulls).max() < 4.0
+    assert found.model.terms_deg[4] == pytest.approx(20.0 / 60.0, abs=4.0 * found.model.sigmas_deg[4])
+
+
+def test_the_sightings_of_the_file_make_the_same_model(night, tmp_path) -> None:
+    found = pointing_of(frames_of(night[1], Epoch.DATE))
+    path = tmp_path / "night-sightings.json"
+    path.write_text(sightings_json(found.useful_sightings))
+    again = fit_model(load_sightings(path))
+    assert again.terms_deg == pytest.approx(found.model.terms_deg, abs=1e-9)
+    assert again.epoch is Epoch.DATE
+
+
+def test_frames_of_one_place_are_one_sighting(night) -> None:
+    """A night has fifty frames of a place: they would weigh it fifty times."""
+    frames = frames_of(night[1], Epoch.J2000)
+    many = [
+        replace(one, file=f"{k}.fits", time_utc=one.time_utc + timedelta(seconds=40.0 * k))
+        for one in frames
+        for k in range(5)
+    ]
+    assert len(pointing_of(many).sightings) == len(pointing_of(frames).sightings) == len(frames)
+
+
+def why(frames):
+    found = pointing_of(frames)
+    assert found.model is None
+    assert found.useful_sightings == ()
+    assert found.json() is None
+    (line,) = found.lines()
+    assert line.startswith("Pointing model unknown: ")
+    return line
+
+
+def test_what_keeps_a_night_from_a_model_is_named(night) -> None:
+    frames = frames_of(night[1], Epoch.J2000)
+    assert "no header has" in why([replace(one, reported_deg=None) for one in frames])
+    assert "no header has" in why([replace(one, site=None) for one in frames])
+    assert "no header has" in why([replace(one, solved=False) for one in frames])
+    assert "repeat the solution" in why([replace(one, reported_deg=(one.ra_deg, one.dec_deg)) for one in frames])
+    assert "another place" in why([replace(one, reported_deg=(one.ra_deg, one.dec_deg - 8.0)) for one in frames])
+    assert "six places" in why(frames[:5])
+    turned = [replace(one, roll_deg=40.0 * k) for k, one in enumerate(frames)]
+    assert "camera turned" in why(turned)
+
+
+def test_a_mount_that_was_synced_at_each_place_gets_no_model_for_its_gotos() -> None:
+    """What is left is noise that no axis explains."""
+    for seed in range(12):
+        mount, rng = bad_mount(seed)
+        frames = [
+            replace(one, reported_deg=(one.ra_deg + east / 60.0, one.dec_deg + north / 60.0))
+            for one, (east, north) in zip(
+                frames_of(sightings(mount, 8, rng, sides=True), Epoch.J2000), rng.normal(0.0, 3.0, (8, 2)), strict=True
+            )
+        ]
+        assert pointing_of(frames).useful_sightings == ()
+
+
+@pytest.mark.parametrize("site", [Site(47.0, 8.0, 450.0), Site(-33.0, 151.0, 60.0)])
+@pytest.mark.parametrize(("every_s", "epoch"), [(1800.0, None), (60.0, Epoch.DATE)])
+def test_the_practice_rigs_polar_axis_and_cone_are_found_from_its_own_word(site, every_s, epoch) -> None:
+    """Its computer counts steps; its tube leans by 12 arcmin and its axis stands 25 and 40 arcmin from the pole."""
+    build = Build(cone_deg=0.2, camera_roll_deg=20.0)
+    mount = MountConfig(misalignment_arcmin=(25.0, 40.0), build=build)
+    rig = PracticeRig(RigConfig(seed=4, site=site, mount=mount, start_deg=(-20.0, np.sign(site.latitude_deg) * 30.0)))
+    frames = []
+    for hour, dec in [(-50, 10), (-30, 45), (-10, 65), (15, 20), (35, 50), (55, 5), (-60, 60), (40, -10)]:
+        sidereal = rig.mount.sidereal_deg()
+        assert not rig.mount.goto((sidereal - hour) % 360.0, dec * np.sign(site.latitude_deg))
+        rig.wait_until_still(1.0)
+        rig.clock.sleep(every_s)
+        truth = rig.truth()
+        at = datetime.fromtimestamp(truth.unix_s, UTC)
+        (ra, dec_deg), roll = truth.ra_dec_deg, truth.attitude.roll_deg
+        reported = rig.mount.believed_deg()
+        frames.append(
+            NightFrame(
+                "",
+                time_utc=at,
+                solved=True,
+                ra_deg=ra,
+                dec_deg=dec_deg,
+                roll_deg=roll,
+                site=site,
+                reported_deg=reported,
+                pier_side=rig.mount.pier_side,
+                epoch=epoch,
+            )
+        )
+    found = pointing_of(frames)
+    assert found.model is not None, found.why
+    assert found.model.helps
+    terms = dict(zip(("RA", "Dec", "west", "high", "cone"), 60.0 * np.array(found.model.terms_deg), strict=True))
+    north = np.sign(site.latitude_deg)
+    assert north * terms["high"] == pytest.approx(26.0, abs=2.0), "the rig's pole is the refracted one, 1 arcmin higher"
+    assert abs(terms["west"]) == pytest.approx(40.0 * np.cos(np.radians(site.latitude_deg)), abs=2.0)
+    assert abs(terms["cone"]) == pytest.approx(12.0, abs=1.0)
+    assert found.model.after_arcsec < 90.0 < 1200.0 < found.model.before_arcsec
+    assert json.dumps(found.json())
+
+
+def test_within_minutes_the_equinox_cannot_be_told_and_the_header_is_believed(night) -> None:
+    """Precession of a quarter century looks like an axis that leans by a third of a degree."""
+    seen = [replace(one, time_utc=night[1][0].time_utc) for one in night[1]]
+    sidereal = [sidereal_deg(one.site, one.time_utc) for one in night[1]]
+    back = [hour - sidereal[0] for hour in sidereal]
+    frames = [
+        replace(one, ra_deg=one.ra_deg - turn, reported_deg=(one.reported_deg[0] - turn, one.reported_deg[1]))
+        for one, turn in zip(frames_of(seen, Epoch.DATE), back, strict=True)
+    ]
+    assert "whether their places are J2000" in why(frames)
+    for epoch in Epoch:
+        assert pointing_of([replace(one, epoch=epoch) for one in frames]).model.epoch is epoch
+
+
+def test_where_a_tube_was_and_the_equinox_are_read_from_the_header() -> None:
+    words = {"East": PierSide.EAST, "pierWest": PierSide.WEST, "WEST": PierSide.WEST, "Unknown": None, "": None}
+    assert {word: _pier_side({"PIERSIDE": word}) for word in words} == words
+    assert _pier_side({}) is None
+    equinoxes = {2000.0: Epoch.J2000, "2000": Epoch.J2000, 2026.9: Epoch.DATE, 1950.0: None, "JNow": None, None: None}
+    assert {equinox: _epoch({"EQUINOX": equinox}) for equinox in equinoxes} == equinoxes
