@@ -1,5 +1,7 @@
 """The thread of a mount's line, stepped by hand: what becomes of orders when the line is lost."""
 
+from time import sleep
+
 import pytest
 
 from kochab.core.errors import LineLostError
@@ -72,6 +74,7 @@ def test_the_order_under_way_when_the_line_breaks_is_told_as_failed_with_the_rea
 def test_an_order_given_up_is_told_as_stopped_and_one_that_ended_as_done(session) -> None:
     def endless(guard):
         while True:
+            sleep(0.01)
             yield Progress("searching")
 
     def seven(guard):

@@ -4,6 +4,7 @@ import json
 import socket
 import struct
 import threading
+import time
 from datetime import UTC, datetime
 
 import numpy as np
@@ -47,7 +48,7 @@ def test_the_server_answers_the_usual_client_as_ours(server, device) -> None:
     other.Connected = True
     other.StartExposure(0.01, True)
     while not other.ImageReady:
-        pass
+        time.sleep(0.01)
     flat, info = other.ImageArrayRaw, other.ImageArrayInfo
     theirs = np.array(flat).reshape(info.Dimension1, info.Dimension2).T
     ours = open_camera("alpaca", server.address, QUICK)

@@ -36,6 +36,7 @@ from tests.window.polar.test_view import Nights, drive
 from tests.window.polar_cases import adjusting
 
 __all__ = ["polar"]  # a fixture
+PACE_S = 0.02  # an order asks a mount no faster; one that does not wait takes the processor from the window beside it
 
 
 def corner(commands):
@@ -156,6 +157,7 @@ def test_an_task_ends_with_the_line(qtbot, opened):
 
         def waits(guard):
             while True:
+                sleep(PACE_S)
                 yield Progress("waiting")
 
         task = mount.control.order("long", waits)
@@ -249,6 +251,7 @@ def test_limits_drawn_while_the_mount_is_busy_hold_after_a_stop_and_without_a_ca
 
         def waits(guard):
             while True:
+                sleep(PACE_S)
                 yield Progress("waiting")
 
         mount.control.order("long", waits)
@@ -273,6 +276,7 @@ def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, opened, ending):
 
         def follows(guard):
             while len(seen) < 5:
+                sleep(PACE_S)
                 yield Progress("adjust")
                 if mount.control.known.phase == "on" and told:
                     seen.append(1)
@@ -329,6 +333,7 @@ def test_escape_at_the_bolts_only_leaves_them_while_the_mount_stands(qtbot, open
 
         def following(guard):
             while not over:
+                sleep(PACE_S)
                 yield Progress(stage[0])
 
         task = mount.control.order(POLAR, following)

@@ -3,6 +3,7 @@
 import csv
 import io
 import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -355,6 +356,7 @@ class Endless:
 
     def identify(self, detections, hint=None, year=2016.0):
         while True:
+            time.sleep(0.01)
             yield Progress("identify", 0.5)
 
 
