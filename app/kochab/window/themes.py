@@ -147,8 +147,9 @@ def translucent(colour: str, alpha: int) -> QColor:
     return made
 
 
+@cache
 def icon(name: str, colour: str, faint: str) -> QIcon:
-    """A toolbar icon with its disabled form."""
+    """A toolbar icon with its disabled form, drawn once for every theme that is used."""
     made = QIcon()
     for ratio in (1.0, 2.0):
         made.addPixmap(pixmap(name, colour, 22, ratio), QIcon.Mode.Normal)
