@@ -31,7 +31,7 @@ from tests.window.take_screenshots import keep, pause
 SITE = Site(45.0, 8.0, 300.0)
 WHEN = 1_768_514_400.0  # 2026-01-15 22:00 UTC: M 42 is near the meridian there
 START_DEG = (-35.0, 20.0)  # hour angle, declination: a short way from it
-RATE = 2.0
+RATE = 4.0
 LIMIT_S = 150.0
 STARTED = []  # the one practice rig
 
