@@ -6,10 +6,12 @@ The mounts of `faulty_mounts` are made of axes and rotations with ERFA; the prac
 import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from html import unescape
 
 import numpy as np
 import pytest
 
+from kochab.cli.night import text_of
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, PierSide
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
@@ -18,8 +20,11 @@ from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky.horizon import sidereal_deg
 from kochab.workflows.night.frame import NightFrame, _epoch, _pier_side
+from kochab.workflows.night.page import night_page
 from kochab.workflows.night.pointing import pointing_of
-from kochab.workflows.pointing_model import load_sightings, sightings_json
+from kochab.workflows.night.summary import night_of
+from kochab.workflows.night.table import night_json_text
+from kochab.workflows.pointing_model import load_sightings
 from tests.pointing.faulty_mounts import sightings
 from tests.pointing.test_pointing_model import bad_mount
 
@@ -65,13 +70,18 @@ def test_the_model_is_the_mounts_by_headers_of_either_equinox(night, epoch) -> N
     assert found.model.terms_deg[4] == pytest.approx(20.0 / 60.0, abs=4.0 * found.model.sigmas_deg[4])
 
 
-def test_the_sightings_of_the_file_make_the_same_model(night, tmp_path) -> None:
-    found = pointing_of(frames_of(night[1], Epoch.DATE))
-    path = tmp_path / "night-sightings.json"
-    path.write_text(sightings_json(found.useful_sightings))
+def test_a_nights_json_aims_gotos_by_the_same_model(night, tmp_path) -> None:
+    one = night_of(frames_of(night[1], Epoch.DATE))
+    path = tmp_path / "field-night.json"
+    path.write_text(night_json_text(one))
     again = fit_model(load_sightings(path))
-    assert again.terms_deg == pytest.approx(found.model.terms_deg, abs=1e-9)
+    assert again.terms_deg == pytest.approx(one.pointing.model.terms_deg, abs=1e-9)
     assert again.epoch is Epoch.DATE
+    page = unescape(night_page(one, "field"))
+    assert "<h2>Pointing model</h2>" in page
+    assert all(line in page.replace("\u00a0", " ") for line in one.pointing.lines())
+    assert "kochab mount goto TARGET --model NIGHT.json" in page
+    assert "\n  pointing " in text_of(one, "page.html")
 
 
 def test_frames_of_one_place_are_one_sighting(night) -> None:

@@ -60,7 +60,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A file that the night is written into, its text (where it is empty nothing is written) and what is then said."""
+    """A file that the night is written into, its text (nothing is written where it is empty) and what is said then."""
 
     path: Path
     text_of: "Callable[[Night, Sequence[Compared]], str]"
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     for output in outputs:
         if text := output.text_of(night, earlier):
             write_atomically(output.path, text)
-        elif output.empty:
+        else:
             say(output.empty)
     page = str(outputs[0].path)
     tell({"night": page, **_summary(night, earlier)}, text_of(night, page, earlier), args.json)
@@ -116,7 +116,6 @@ def _outputs(args: argparse.Namespace, name: str) -> list[Output]:
     from kochab.workflows.night.light_curve import aavso_extended, observer_code
     from kochab.workflows.night.page import night_page
     from kochab.workflows.night.table import night_csv, night_json_text
-    from kochab.workflows.pointing_model import sightings_json
 
     if not args.out.is_dir():
         raise UsageError(f"{args.out} is not a folder.")
@@ -125,7 +124,6 @@ def _outputs(args: argparse.Namespace, name: str) -> list[Output]:
         Output(Path(f"{start}.html"), lambda night, earlier: night_page(night, name, earlier)),
         Output(Path(f"{start}.csv"), lambda night, _: night_csv(night)),
         Output(Path(f"{start}.json"), night_json_text),
-        Output(Path(f"{start}-sightings.json"), lambda night, _: sightings_json(night.pointing.useful_sightings)),
     ]
     if args.aavso is not None:
         observer = observer_code(args.aavso)

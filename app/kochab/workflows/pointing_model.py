@@ -43,12 +43,12 @@ def use_model(mount: Guard, model: PointingModel) -> None:
 def save_sightings(path: Path, sightings: Sequence[MountSighting]) -> None:
     """Write them whole or not at all."""
     with atomic_file(path) as part:
-        part.write_text(sightings_json(sightings), encoding="utf-8")
+        part.write_text(json.dumps({"sightings": sighting_rows(sightings)}, indent=1), encoding="utf-8")
 
 
-def sightings_json(sightings: Sequence[MountSighting]) -> str:
-    """What :func:`load_sightings` reads; empty without sightings."""
-    rows = [
+def sighting_rows(sightings: Sequence[MountSighting]) -> list[dict[str, Any]]:
+    """What :func:`load_sightings` reads under ``sightings``, in a file of their own or a night's."""
+    return [
         {
             "sky_deg": s.sky_deg,
             "said_deg": (s.reported.ra_deg, s.reported.dec_deg),
@@ -60,7 +60,6 @@ def sightings_json(sightings: Sequence[MountSighting]) -> str:
         }
         for s in sightings
     ]
-    return json.dumps({"sightings": rows}, indent=1) if rows else ""
 
 
 def load_sightings(path: Path) -> list[MountSighting]:

@@ -375,8 +375,8 @@ def _notes(night: Night) -> list[str]:
     elif not all(frame.time_utc for frame in night.frames):
         notes.append(tr("Drift is not measured: the frames do not say when they were taken."))
     if night.pointing.useful_sightings:
-        command = "kochab mount goto TARGET --model FILE"
-        notes.append(tr("Until the next sync the model aims gotos, by NAME-night-sightings.json: {how}", how=command))
+        command = "kochab mount goto TARGET --model NIGHT.json"
+        notes.append(tr("Until the next sync this model aims gotos: {how}", how=command))
     elif not night.pointing.model:
         notes += night.pointing.lines()
     if n := sum(frame.sky.altitude_deg < 0.0 for frame in night.frames if frame.sky):
