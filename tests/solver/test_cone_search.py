@@ -151,7 +151,7 @@ def test_the_shipped_stars_suffice_where_seven_stand(nothing_in_use, no_big_inde
     fields = [random_field(catalogue, rng, FieldPlan(fov_deg, missing=0.0, spurious=0.1)) for _ in range(40)]
     rich = [field for field in fields if field.stars >= 7]
     assert len(rich) > 10
-    for field in rich:
+    for field in sorted(rich, key=lambda field: field.stars)[:12]:  # the poorest of them
         assert right(
             solved(field.detections, hint_near(field.camera, field.attitude, rng, 2.0)), field.attitude, fov_deg
         )
