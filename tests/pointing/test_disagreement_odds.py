@@ -131,12 +131,14 @@ def test_a_mount_in_altitude_and_azimuth_tilts_with_its_base(more, polar, base) 
 # -- What is likely after it: normal data, by their covariance ------------------------------------------
 
 
-def model(terms, there, side):
+def model(terms, there, side, reverses):
     """Longitudes and latitudes (N,), degrees, that a mount with these terms reports: exact turns."""
     seen = Rotation.from_rotvec(-np.radians([*terms[2:4], 0.0])).apply(there)
     lat = np.degrees(np.arcsin(seen[:, 2]))
     cone = terms[4] * side / np.maximum(np.cos(np.radians(lat)), 0.05)
-    return np.degrees(np.arctan2(seen[:, 1], seen[:, 0])) + terms[0] + cone, lat + terms[1]
+    return np.degrees(np.arctan2(seen[:, 1], seen[:, 0])) + terms[0] + cone, lat + terms[1] * (
+        side if reverses else 1.0
+    )
 
 
 def log_probability(seen, cause, free, terms):
@@ -149,7 +151,7 @@ def log_probability(seen, cause, free, terms):
     lon, lat = (np.degrees(f) for f in (np.arctan2(said[:, 1], said[:, 0]), np.arcsin(said[:, 2])))
 
     def off(terms):
-        at, high = model(terms, there, side)
+        at, high = model(terms, there, side, cause.reverses)
         return np.stack([((lon - at + 180.0) % 360.0 - 180.0) * np.cos(np.radians(lat)), lat - high], axis=1).ravel()
 
     step = 1e-4
@@ -188,7 +190,9 @@ def test_every_cause_has_the_probability_of_normal_data(arcmin, alt_azimuth) -> 
         np.testing.assert_allclose(cause.scales(), np.divide(sizes_of(offset, axis, cone), 60.0))
         found, terms, _ = fit(seen, cause)
         if found > -200.0:
-            assert found == pytest.approx(log_probability(seen, cause, free, terms), abs=3e-3), cause
+            assert found == pytest.approx(log_probability(seen, cause, free, terms), abs=5e-3), (
+                cause
+            )  # its last step is a linear one
 
 
 def test_what_fits_no_cause_is_five_degrees_off_on_average_or_anywhere() -> None:

@@ -560,20 +560,24 @@ def alignments(seen: Seen) -> Iterator[Cause]:
         )
     if alt_azimuth == 1.0:
         return
-    german = 1.0 - alt_azimuth
-    yield replace(offset, weight=0.3 * german)
-    yield replace(leaning, name=POLAR_AXIS[0], advice=POLAR_AXIS[1], evidence=POLAR_AXIS[2], weight=0.2 * german)
-    if set(seen.side) >= {-1.0, 1.0}:
-        yield replace(
-            leaning,
-            name=tr_noop("cone error"),
-            advice=tr_noop("Shim the dovetail until both sides agree, or sync after every flip."),
-            evidence=tr_noop("The offset changes sign across the meridian, {cone:.0f} arcmin on either side."),
-            weight=0.1 * german,
-            axis=SMALL,
-            cone=CONES,
-        )
-        yield replace(leaning, name="", weight=0.02 * german, cone=CONES)  # healthy, but for a cone
+    both = set(seen.side) >= {-1.0, 1.0}
+    ways = (False, True) if both else (False,)
+    for reverses in ways:
+        share = (1.0 - alt_azimuth) / len(ways)
+        yield replace(offset, weight=0.3 * share, reverses=reverses)
+        leaning = replace(leaning, reverses=reverses)
+        yield replace(leaning, name=POLAR_AXIS[0], advice=POLAR_AXIS[1], evidence=POLAR_AXIS[2], weight=0.2 * share)
+        if both:
+            yield replace(
+                leaning,
+                name=tr_noop("cone error"),
+                advice=tr_noop("Shim the dovetail until both sides agree, or sync after every flip."),
+                evidence=tr_noop("The offset changes sign across the meridian, {cone:.0f} arcmin on either side."),
+                weight=0.1 * share,
+                axis=SMALL,
+                cone=CONES,
+            )
+            yield replace(leaning, name="", weight=0.02 * share, cone=CONES)  # healthy, but for a cone
 
 
 def _alt_azimuth(last: MountSighting) -> float:
