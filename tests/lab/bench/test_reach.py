@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -44,8 +45,9 @@ def goals_of(result):
 
 def test_what_is_found_and_refused_is_counted(few, monkeypatch) -> None:
     # Three runs differ in their picture's truth alone.
-    for name in ("rendered_skies", "spoilt_fields", "stretched_fields", "narrow_fields"):
+    for name in ("rendered_skies", "spoilt_fields", "stretched_fields", "narrow_fields", "hostile_lists"):
         monkeypatch.setattr(reach, name, remembered(getattr(reach, name)))
+    monkeypatch.setattr(reach, "sheet", cache(reach.sheet))
     picture = random_picture(open_catalogue(), np.random.default_rng(3), FieldPlan(12.0, size_px=512))
     write_fits(picture.frame, few / "sky.fits")
     ra, dec = picture.attitude.ra_dec_deg
