@@ -319,7 +319,8 @@ def supported_terms(state: FitState, base: Indices, *, final: bool = True) -> tu
     now, held_out = remainder(base), None
     for names, fewest in LADDER:
         new = columns(names)
-        if count < fewest or np.isin(new, chosen[-1]).any() or (names == ("k2",) and K1 not in chosen[-1]):
+        known = chosen[-1].tolist()
+        if count < fewest or any(k in known for k in new.tolist()) or (names == ("k2",) and K1 not in known):
             continue
         more = np.sort(np.append(chosen[-1], new))
         then = remainder(more)

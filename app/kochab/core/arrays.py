@@ -4,7 +4,7 @@ Radians, unit vectors ``(N, 3)`` and pixels ``(N, 2)`` as x, y are ``Floats``; r
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -25,7 +25,7 @@ class Table:
     """A dataclass of arrays that share the length N, one row a star; other fields belong to all rows."""
 
     def _arrays(self) -> Iterator[tuple[str, Array]]:
-        values = ((f.name, getattr(self, f.name)) for f in fields(self))
+        values = ((name, getattr(self, name)) for name in self.__dataclass_fields__)
         # What is no array belongs to all rows and is left as it is.
         return ((name, value) for name, value in values if isinstance(value, np.ndarray))
 
@@ -34,7 +34,8 @@ class Table:
 
     def take(self, index: Ints | Indices | Bools | slice) -> Self:
         """The rows that ``index`` selects, in its order."""
-        return replace(self, **{name: array[index] for name, array in self._arrays()})
+        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return type(self)(**{k: v[index] if isinstance(v, np.ndarray) else v for k, v in values.items()})
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:

@@ -1,6 +1,7 @@
 """Where the camera points: a rotation from ICRS to camera axes, in every form people use."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -108,9 +109,9 @@ def east_north(direction: Floats) -> Floats:
     return np.stack([east, np.cross(direction, east)])
 
 
-def radec_deg(vector: Floats) -> tuple[float, float]:
-    """RA in [0, 360) and Dec, degrees, of one vector (3,)."""
-    x, y, z = np.asarray(vector).tolist()
+def radec_deg(vector: Floats | Sequence[float]) -> tuple[float, float]:
+    """RA in [0, 360) and Dec, degrees, of one vector (3,); three numbers are the quickest."""
+    x, y, z = vector.tolist() if isinstance(vector, np.ndarray) else vector
     ra = math.degrees(math.atan2(y, x)) % 360.0
     dec = math.degrees(math.atan2(z, math.hypot(x, y)))
     return (ra if ra < 360.0 else 0.0), dec  # -1e-20 % 360 rounds up to 360

@@ -42,23 +42,24 @@ def mutual_nearest_of_few(seen: Floats, expected: Floats, radius_px: float) -> t
     return i, j[i], best[i]
 
 
-def close_pairs(a: Floats, b: Floats, tolerance_px: float) -> tuple[Ints, Ints, Floats]:
+def close_pairs(a: Floats, b: Floats, tolerance_px: float | Floats) -> tuple[Ints, Ints, Floats]:
     """All pairs of ``a`` (N, 2) and ``b`` (M, 2) within the tolerance: indices (K,), (K,) and distances squared (K,).
 
-    ``b`` is sorted by x, and for each of ``a`` the slice of it near by is looked at.
+    The tolerance may be each one's own (N,). ``b`` is sorted by x, and for each of ``a`` the slice of it near by is
+    looked at.
     """
     finite = np.flatnonzero(np.isfinite(b).all(axis=1))
     order = finite[np.argsort(b[finite, 0], kind="stable")]
-    xs = b[order, 0]
+    xs, ys = b[order].T
     low = np.searchsorted(xs, a[:, 0] - tolerance_px)
     count = np.searchsorted(xs, a[:, 0] + tolerance_px, side="right") - low
     count[~np.isfinite(a).all(axis=1)] = 0
     i = np.repeat(np.arange(len(a), dtype=np.int64), count)
-    within = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
-    j = order[np.repeat(low, count) + within].astype(np.int64)
-    distance2 = np.sum(np.square(a[i] - b[j]), axis=1)
-    near = distance2 <= tolerance_px**2
-    return i[near], j[near], distance2[near]
+    at = np.arange(len(i)) + np.repeat(low - (np.cumsum(count) - count), count)
+    dx, dy = a[i, 0] - xs[at], a[i, 1] - ys[at]
+    distance2 = dx * dx + dy * dy
+    near = np.flatnonzero(distance2 <= np.broadcast_to(np.square(tolerance_px), len(a))[i])
+    return i[near], order[at[near]].astype(np.int64), distance2[near]
 
 
 def _first_of(labels: Ints, size: int) -> Ints:

@@ -4,6 +4,7 @@ import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -156,11 +157,7 @@ class Solution:
 
         Distortion included, so that y is the recorded frame's down and not the undistorted one's.
         """
-        # Half a pixel up and down the column: y follows the recorded column, which distortion bends.
-        steps = np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]])
-        above, z, below = self.camera.unproject(np.array([self.camera.width - 1, self.camera.height - 1]) / 2 + steps)
-        x = unit(np.cross(below - above, z))
-        return Attitude(np.stack([x, np.cross(z, x), z]) @ self.attitude.matrix, self.attitude.covariance)
+        return _at_the_middle(self.camera, self.attitude)
 
     @property
     def centre_vector(self) -> Floats:
@@ -229,6 +226,16 @@ class Solution:
             place = (f"{star.ra_deg:.4f}°", f"{star.dec_deg:+.4f}°", f"{star.x:.1f}", f"{star.y:.1f}")
             stars.append((star.name or star.id, f"{star.mag:.2f}", *place, f"{star.residual_px:.2f} px"))
         return _html("Solution", [*rows.items()]) + _html("", stars, header=True) + _notes(self.warnings)
+
+
+@lru_cache(maxsize=8)  # one solution's is asked for a dozen times
+def _at_the_middle(camera: Camera, attitude: Attitude) -> Attitude:
+    """As :attr:`Solution.centre_attitude` has it."""
+    # Half a pixel up and down the column: y follows the recorded column, which distortion bends.
+    steps = np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]])
+    above, z, below = camera.unproject(np.array([camera.width - 1, camera.height - 1]) / 2 + steps)
+    x = unit(np.cross(below - above, z))
+    return Attitude(np.stack([x, np.cross(z, x), z]) @ attitude.matrix, attitude.covariance)
 
 
 class Reason(StrEnum):

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices, Table
+from kochab.core import pairing
+from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices, Ints, Table
 from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
 
 STRIP = 160  # rows of the frame; what a strip needs fits the cache
@@ -115,24 +116,10 @@ def _as_thresholds(lines: Floats, dtype: type[np.generic]) -> Array:
 # -- One star, one detection: duplicates, bumps on brighter stars, blends ----------------------
 
 
-def close_pairs(xy: Floats, radius_px: float) -> tuple[Indices, Indices]:
-    """Index pairs (i, j), i < j, of positions (N, 2) not farther apart than ``radius_px``."""
-    # A sweep along x: importing scipy's k-d tree alone takes 0.2 s.
-    order = np.argsort(xy[:, 0], kind="stable")
-    x, y = xy[order, 0], xy[order, 1]
-    end = np.searchsorted(x, x + radius_px, side="right")
-    firsts: list[Indices] = []
-    seconds: list[Indices] = []
-    for step in range(1, int((end - np.arange(len(x))).max(initial=1))):
-        i = np.flatnonzero(end - np.arange(len(x)) > step)
-        j = i + step
-        near = np.hypot(x[i] - x[j], y[i] - y[j]) <= radius_px
-        firsts.append(order[i[near]])
-        seconds.append(order[j[near]])
-    if not firsts:
-        return np.empty(0, np.intp), np.empty(0, np.intp)
-    a, b = np.concatenate(firsts), np.concatenate(seconds)
-    return np.minimum(a, b), np.maximum(a, b)
+def close_pairs(xy: Floats, radius_px: float | Floats) -> tuple[Ints, Ints]:
+    """Pairs (i, j), i < j, of positions (N, 2) not farther apart than ``radius_px``, which may be each i's own."""
+    i, j, _ = pairing.close_pairs(xy, xy, radius_px)
+    return i[i < j], j[i < j]
 
 
 def apart(xy: Floats, reach: Floats) -> Bools:
@@ -140,7 +127,7 @@ def apart(xy: Floats, reach: Floats) -> Bools:
 
     ``reach`` (N,) px belongs to the brighter of a pair.
     """
-    return _kept(len(xy), *_close_pairs(xy, reach))
+    return _kept(len(xy), *close_pairs(xy, reach))
 
 
 def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach: Floats) -> Bools:
@@ -162,7 +149,7 @@ def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach
     reach : Floats
         How far (N,) the brighter star's light may go, px.
     """
-    i, j = _close_pairs(xy, reach)
+    i, j = close_pairs(xy, reach)
     if not len(i):
         return np.ones(len(xy), dtype=np.bool_)
     valley = _lowest_between(pixels, xy[i], xy[j])
@@ -171,14 +158,7 @@ def standing_out(pixels: Array, xy: Floats, height: Floats, noise: Floats, reach
     return _kept(len(xy), i[bump], j[bump])
 
 
-def _close_pairs(xy: Floats, reach: Floats) -> tuple[Indices, Indices]:
-    """Pairs i < j of positions (N, 2), the second within the reach (N,) of the first."""
-    i, j = close_pairs(xy, float(reach.max(initial=0.0)))
-    near = np.hypot(*(xy[i] - xy[j]).T) <= reach[i]
-    return i[near], j[near]
-
-
-def _kept(count: int, i: Indices, j: Indices) -> Bools:
+def _kept(count: int, i: Ints, j: Ints) -> Bools:
     """What is left (count,) when each kept i, from the brightest on, takes its j away."""
     keep = np.ones(count, dtype=np.bool_)
     for a in np.argsort(i, kind="stable"):

@@ -30,14 +30,14 @@ class Fits(Table):
 
 def fit_stars(stamps: Stamps, covariance: Floats, steps: int = 3) -> Fits:
     """Fit stamps with the star image whose second moments (2, 2) px^2 are ``covariance``."""
-    if abs(covariance[0, 1]) > 1e-3:
+    if _turned(covariance):
         return _fit(stamps, covariance, steps)
-    whole = np.asarray(stamps.weight.all(axis=(1, 2)))
-    if whole.all():
-        return _fit_whole(stamps, covariance, steps)
-    full, partial = np.flatnonzero(whole), np.flatnonzero(~whole)
-    parts = [_fit_whole(stamps.take(full), covariance, steps), _fit(stamps.take(partial), covariance, steps)]
-    return Fits.joined(parts).take(np.argsort(np.concatenate([full, partial])))
+    return _fit_straight(stamps, covariance, steps, whole=bool(stamps.weight.all()))
+
+
+def _turned(covariance: Floats) -> bool:
+    """Whether the star image is long in a direction that is not the pixels'."""
+    return bool(abs(covariance[0, 1]) > 1e-3)
 
 
 def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) -> None:
@@ -63,11 +63,11 @@ def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) 
     if not len(bright):
         return
     some, start = stamps.take(bright), fits.take(bright)
-    x, y = start.dx.astype(np.float32), start.dy.astype(np.float32)
-    image, _, _ = _star_image(stamps.offsets, x, y, covariance)
+    image = _light(stamps.offsets, np.stack([start.dx, start.dy]).astype(np.float32), covariance)
     share = (start.flux / light[bright]).astype(np.float32)
     certain = some.weight / (1.0 + np.maximum(image, 0.0) * share[:, None, None])
-    better = _fit(Stamps(some.value, certain, some.x, some.y), covariance, 2, start)
+    again = _fit if _turned(covariance) else _fit_straight
+    better = again(Stamps(some.value, certain, some.x, some.y), covariance, 2, start)
     # A weighted fit that left the star is not better than the plain one.
     settled = (better.flux > 0) & (np.hypot(better.dx - start.dx, better.dy - start.dy) < 0.5)
     bright = bright[settled]
@@ -77,74 +77,115 @@ def refit_bright(stamps: Stamps, fits: Fits, covariance: Floats, light: Floats) 
 
 def _fit(stamps: Stamps, covariance: Floats, steps: int, start: Fits | None = None) -> Fits:
     """Any star image, any pixels missing."""
-    n, u = len(stamps.value), stamps.offsets
-    x, y = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+    u, at = stamps.offsets, np.zeros((2, len(stamps.value)), dtype=np.float32)
     if start is not None:
-        x, y = start.dx.astype(np.float32), start.dy.astype(np.float32)
+        at[0], at[1] = start.dx, start.dy
     limit = np.float32(stamps.value.shape[1] / 2.0 - 1.0)
     for _ in range(steps):
-        image, gx, gy = _star_image(u, x, y, covariance)
-        flux, mx, my = _solve(image, gx, gy, stamps)
-        safe = np.where(flux > 0, flux, np.inf)
-        x = np.clip(x + np.clip(mx / safe, -1, 1), -limit, limit).astype(np.float32)
-        y = np.clip(y + np.clip(my / safe, -1, 1), -limit, limit).astype(np.float32)
-    image, _, _ = _star_image(u, x, y, covariance)
+        flux, step = _solve(*_star_image(u, at, covariance), stamps)
+        at = _moved(at, step, flux, limit)
+    image, _, _ = _star_image(u, at, covariance)
     seen = image * stamps.weight
     power = np.maximum((seen * image).sum(axis=(1, 2)), 1e-12)
     product = seen * stamps.value
-    px, py = u - x[:, None], u - y[:, None]
+    px, py = u - at[:, :, None]
     cols, rows = product.sum(axis=1), product.sum(axis=2)
     light = cols.sum(axis=1)
     cross = ((product @ px[:, :, None])[:, :, 0] * py).sum(axis=1)
     squares = (cols * px * px).sum(axis=1), (rows * py * py).sum(axis=1), cross
-    return _fits(x, y, light, power, np.stack(squares, axis=1))
+    return _fits(at, light, power, np.stack(squares, axis=1))
 
 
-def _fit_whole(stamps: Stamps, covariance: Floats, steps: int) -> Fits:
-    """The same for a star image with axes along the pixels' and all pixels there.
+def _fit_straight(
+    stamps: Stamps, covariance: Floats, steps: int, start: Fits | None = None, *, whole: bool = False
+) -> Fits:
+    """The same for a star image with axes along the pixels': sums over a stamp are products of sums along its sides.
 
-    Sums over a stamp are then products of sums along its sides.
+    Parameters
+    ----------
+    stamps : Stamps
+        The pixels (N, size, size) around each star.
+    covariance : Floats
+        Second moments (2, 2) px^2 of a star's image.
+    steps : int
+        How many are made.
+    start : Fits or None
+        Where they begin; None in the middle.
+    whole : bool
+        Whether every pixel counts alike.
     """
-    n, u, value = len(stamps.value), stamps.offsets, stamps.value
-    sigma_x, sigma_y = (float(np.sqrt(covariance[k, k])) for k in (0, 1))
-    x, y = np.zeros(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+    u, value = stamps.offsets, stamps.value if whole else stamps.value * stamps.weight
+    sigma = np.sqrt(np.diag(covariance))[:, None, None]
+    at = np.zeros((2, len(value)), dtype=np.float32)
+    if start is not None:
+        at[0], at[1] = start.dx, start.dy
     limit = np.float32(value.shape[1] / 2.0 - 1.0)
     for _ in range(steps):
-        (ax, dx), (ay, dy) = _profile(u - x[:, None], sigma_x), _profile(u - y[:, None], sigma_y)
-        lines = value @ np.stack([ax, dx], axis=2)
-        sx, sy, ux, uy = _dot(ax, ax), _dot(ay, ay), _dot(ax, dx), _dot(ay, dy)
-        flux = _dot(ay, lines[:, :, 0]) / (sx * sy)
-        safe = np.where(flux > 0, flux, np.inf)
-        mx = (_dot(ay, lines[:, :, 1]) / sy - flux * ux) / (safe * _dot(dx, dx))
-        my = (_dot(dy, lines[:, :, 0]) / sx - flux * uy) / (safe * _dot(dy, dy))
-        x, y = (np.clip(x + np.clip(mx, -1, 1), -limit, limit), np.clip(y + np.clip(my, -1, 1), -limit, limit))
-    px, py = u - x[:, None], u - y[:, None]
-    (ax, _), (ay, _) = _profile(px, sigma_x), _profile(py, sigma_y)
-    lines = value @ np.stack([ax, ax * px, ax * px * px], axis=2)
-    power = np.maximum(_dot(ax, ax) * _dot(ay, ay), 1e-12)
-    squares = (_dot(ay, lines[:, :, 2]), _dot(ay * py * py, lines[:, :, 0]), _dot(ay * py, lines[:, :, 1]))
-    return _fits(x, y, _dot(ay, lines[:, :, 0]), power, np.stack(squares, axis=1))
+        light, slope = _profile(u - at[:, :, None], sigma)
+        across, leaning = np.moveaxis(value @ _columns(light[0], slope[0]), 2, 0)
+        if whole:
+            square = _dot(light, light)
+            flux = _dot(light[1], across) / (square[0] * square[1])
+            seen = np.stack([_dot(light[1], leaning), _dot(slope[1], across)]) / square[::-1]
+            step = (seen - flux * _dot(light, slope)) / _dot(slope, slope)
+        else:
+            squares, cross, slopes = light * light, light * slope, slope * slope
+            a, b, c = np.moveaxis(stamps.weight @ _columns(squares[0], cross[0], slopes[0]), 2, 0)
+            flux = _dot(light[1], across) / np.maximum(_dot(squares[1], a), np.float32(1e-12))
+            step = _turned_back(
+                _dot(squares[1], c),
+                _dot(slopes[1], a),
+                _dot(cross[1], b),
+                np.asarray(_dot(light[1], leaning) - flux * _dot(squares[1], b)),
+                np.asarray(_dot(slope[1], across) - flux * _dot(cross[1], a)),
+            )
+        at = _moved(at, step, flux, limit)
+    x, y = u - at[:, :, None]
+    ax, ay = light = _profile(u - at[:, :, None], sigma)[0]
+    first, second, third = np.moveaxis(value @ _columns(ax, ax * x, ax * x * x), 2, 0)
+    square = _dot(light, light)
+    power = square[0] * square[1] if whole else _dot(ay * ay, (stamps.weight @ _columns(ax * ax))[:, :, 0])
+    moments = (_dot(ay, third), _dot(ay * y * y, first), _dot(ay * y, second))
+    return _fits(at, _dot(ay, first), np.maximum(power, np.float32(1e-12)), np.stack(moments, axis=1))
 
 
-def _fits(x: Floats32, y: Floats32, light: Floats32, power: Floats32, squares: Floats32) -> Fits:
-    """Fits of the light seen through the star image and the image's own power."""
+def _columns(*parts: Floats32) -> Floats32:
+    """Parts (N, K) side by side (N, K, P)."""
+    out = np.empty((*parts[0].shape, len(parts)), dtype=np.float32)
+    for k, part in enumerate(parts):
+        out[:, :, k] = part
+    return out
+
+
+def _moved(at: Floats32, step: Floats32, flux: Floats32, limit: np.float32) -> Floats32:
+    """Places (2, N) after a step (2, N) of at most 1 px, which is given times the flux (N,)."""
+    most = np.minimum(np.maximum(step / np.where(flux > 0, flux, np.float32(np.inf)), -1), 1)
+    return np.minimum(np.maximum(at + most, -limit), limit)
+
+
+def _fits(at: Floats32, light: Floats32, power: Floats32, squares: Floats32) -> Fits:
+    """Fits at places (2, N) of the light seen through the star image and the image's own power."""
     moments = squares / np.where(light > 0, light, np.inf)[:, None]
-    parts = (x, y, light / power, light / np.sqrt(power), moments)
+    parts = (*at, light / power, light / np.sqrt(power), moments)
     return Fits(*(np.asarray(part, dtype=np.float64) for part in parts))
 
 
 def _dot(a: Floats32, b: Floats32) -> Floats32:
-    return np.asarray(np.einsum("nk,nk->n", a, b))
+    return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
-def _star_image(u: Floats32, x: Floats32, y: Floats32, covariance: Floats) -> tuple[Floats32, Floats32, Floats32]:
-    """Unit-flux star image (N, K, K) at offsets ``x``, ``y`` and its slopes along them."""
-    if abs(covariance[0, 1]) < 1e-3:
-        ax, dax = _profile(u - x[:, None], float(np.sqrt(covariance[0, 0])))
-        ay, day = _profile(u - y[:, None], float(np.sqrt(covariance[1, 1])))
-        return (ay[:, :, None] * ax[:, None, :], ay[:, :, None] * dax[:, None, :], day[:, :, None] * ax[:, None, :])
+def _light(u: Floats32, at: Floats32, covariance: Floats) -> Floats32:
+    """Unit-flux star image (N, K, K) at offsets (2, N)."""
+    if _turned(covariance):
+        return _star_image(u, at, covariance)[0]
+    across, down = _profile(u - at[:, :, None], np.sqrt(np.diag(covariance))[:, None, None])[0]
+    return np.asarray(down[:, :, None] * across[:, None, :])
+
+
+def _star_image(u: Floats32, at: Floats32, covariance: Floats) -> tuple[Floats32, Floats32, Floats32]:
+    """The image of a star that is long in any direction, and its slopes along x and y."""
     inverse = np.linalg.inv(covariance + np.eye(2) / 12.0).astype(np.float32)
-    px, py = (u - x[:, None])[:, None, :], (u - y[:, None])[:, :, None]
+    px, py = (u - at[0][:, None])[:, None, :], (u - at[1][:, None])[:, :, None]
     along_x = inverse[0, 0] * px + inverse[0, 1] * py
     along_y = inverse[0, 1] * px + inverse[1, 1] * py
     image = np.exp(-0.5 * (along_x * px + along_y * py))
@@ -152,26 +193,27 @@ def _star_image(u: Floats32, x: Floats32, y: Floats32, covariance: Floats) -> tu
     return image, image * along_x, image * along_y
 
 
-NODES = np.array([-0.5, 0.0, 0.5], dtype=np.float32)[:, None, None] * np.float32(np.sqrt(0.6))
-SHARES = np.array([5.0, 8.0, 5.0])[:, None, None] / 18.0
+NODES = np.array([-0.5, 0.0, 0.5], dtype=np.float32)[:, None, None, None] * np.float32(np.sqrt(0.6))
+SHARES = np.array([5.0, 8.0, 5.0])[:, None, None, None] / 18.0
 
 
-def _profile(d: Floats32, sigma: float) -> tuple[Floats32, Floats32]:
-    """A unit Gaussian averaged over pixels centred at ``d`` (N, K), and minus its slope.
+def _profile(d: Floats32, sigma: Floats) -> tuple[Floats32, Floats32]:
+    """A unit Gaussian averaged over pixels centred at ``d`` (2, N, K), and minus its slope; ``sigma`` (2, 1, 1).
 
     Three-point Gauss-Legendre over the pixel: exact to 1e-4 of the peak for sigma > 0.5.
     """
-    t = (d + NODES) * np.float32(1.0 / sigma)
+    narrow = (1.0 / sigma).astype(np.float32)
+    t = (d + NODES) * narrow
     parts = np.exp(-0.5 * t * t)
     parts *= (SHARES / (np.sqrt(2.0 * np.pi) * sigma)).astype(np.float32)
     value = parts.sum(axis=0)
     parts *= t
-    parts *= np.float32(1.0 / sigma)
+    parts *= narrow
     return value, parts.sum(axis=0)
 
 
-def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple[Floats32, Floats32, Floats32]:
-    """Flux (N,) by least squares, and the Gauss-Newton steps of the place times the flux.
+def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple[Floats32, Floats32]:
+    """Flux (N,) by least squares, and the Gauss-Newton steps (2, N) of the place times the flux.
 
     What flux and place share of each other is left to the next step: it is nothing for a whole
     stamp and little for half a one, and where the steps end does not depend on it.
@@ -185,11 +227,21 @@ def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple
     rest: Floats32 = weight * (value - flux[:, None] * g)
     weighted_x = weight * x
     xx, yy, xy = _dot(weighted_x, x), _dot(weight * y, y), _dot(weighted_x, y)
-    along_x, along_y = _dot(rest, x), _dot(rest, y)
+    return flux, _turned_back(xx, yy, xy, _dot(rest, x), _dot(rest, y))
+
+
+def _turned_back(xx: Floats32, yy: Floats32, xy: Floats32, along_x: Floats32, along_y: Floats32) -> Floats32:
+    """The steps (2, N) along x and y of normal equations, (N,) each.
+
+    Parameters
+    ----------
+    xx, yy, xy : Floats32
+        Of the normal matrix.
+    along_x, along_y : Floats32
+        Its right side.
+    """
     determinant = np.maximum(xx * yy - xy * xy, np.float32(1e-3) * xx * yy + np.float32(1e-12))
-    dx = (yy * along_x - xy * along_y) / determinant
-    dy = (xx * along_y - xy * along_x) / determinant
-    return flux, np.asarray(dx), np.asarray(dy)
+    return np.asarray(np.stack([yy * along_x - xy * along_y, xx * along_y - xy * along_x]) / determinant)
 
 
 # -- Sizes, shapes and places of bright or odd stars by adaptive moments -----------------------
@@ -249,13 +301,14 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px:
     x, y = np.zeros(n), np.zeros(n)
     xx, yy, xy = np.full(n, sigma_px**2), np.full(n, sigma_px**2), np.zeros(n)
     limit, flux, good = size / 2.0 - 1.0, np.zeros(n), np.ones(n, dtype=np.bool_)
+    light = np.empty_like(value)  # one for all steps: new memory costs as much as a sum
     for _ in range(steps):
         px, py = u - x[:, None], u - y[:, None]
         det = np.maximum(xx * yy - xy * xy, 1e-6)[:, None]
         # The exponent is one product of three columns and three rows, a tenth of the time of its terms a pixel each.
         down = np.stack([np.ones_like(py), py, py * py], axis=2)
         across = np.stack([yy[:, None] * px * px, -2.0 * xy[:, None] * px, xx[:, None] + 0.0 * px], axis=1)
-        light = down @ (across * (-0.5 / det[:, None]))
+        np.matmul(down, across * (-0.5 / det[:, None]), out=light)
         np.exp(light, out=light)
         light *= value
         cols, lines = light.sum(axis=1), light @ np.stack([np.ones_like(px), px], axis=2)

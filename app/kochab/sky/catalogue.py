@@ -211,15 +211,14 @@ class Catalogue:
             Epoch of the stars' places, Julian year.
         """
         centre = np.asarray(vector, dtype=np.float64)
-        found: list[Ints] = []
-        have = 0
         # tiers run from bright to faint, so the first that fill the list hold the brightest
-        for tier in zip(*self._slices(centre, radius_rad, range(len(TIER_EDGES_MMAG) + 1), year), strict=True):
-            found.append(self._inside(_rows(*tier), centre, radius_rad, year))
-            have += len(found[-1])
-            if have >= n:
-                break
-        return self._sorted(np.concatenate(found))[:n]
+        begin, end = self._slices(centre, radius_rad, range(len(TIER_EDGES_MMAG) + 1), year)
+        tier = int(np.maximum(end - begin, 0).sum(axis=1).cumsum().searchsorted(n)) + 1  # fewer hold fewer than n
+        found = self._inside(_rows(begin[:tier], end[:tier]), centre, radius_rad, year)
+        while len(found) < n and tier < len(begin):
+            more = self._inside(_rows(begin[tier], end[tier]), centre, radius_rad, year)
+            found, tier = np.concatenate([found, more]), tier + 1
+        return self._sorted(found)[:n]
 
     def _sorted(self, rows: Ints) -> Ints:
         return np.asarray(rows[np.argsort(self._mag[rows], kind="stable")])
@@ -241,10 +240,9 @@ class Catalogue:
 
         A star that Hipparcos lacks is named by its position, ``("J183656.3+384701", "")``.
         """
-        return [
-            (position_name(place), "") if star < 0 else self.names.label(star)
-            for star, place in zip(self.bright_rows(rows).tolist(), self.vectors(rows), strict=True)
-        ]
+        known = self.bright_rows(rows)
+        places = map(position_name, self.vectors(rows[known < 0]).tolist())
+        return [(next(places), "") if star < 0 else self.names.label(star) for star in known.tolist()]
 
     def label(self, row: int) -> tuple[str, str]:
         """The same of one star."""

@@ -193,7 +193,7 @@ def _shortened(designation: str) -> str:
     return _plain(f"{head} {constellation}".casefold())
 
 
-def position_name(vector: Floats) -> str:
+def position_name(vector: Floats | Sequence[float]) -> str:
     """A name made of a J2000 position: ``J183656.3+384701``, cut off rather than rounded."""
     ra, dec = radec_deg(vector)
     # tenths of a second of time: 24 h are 864,000

@@ -61,9 +61,10 @@ class ObjectIndex:
 def holding(objects: "ObjectIndex | SkyObjects", centre: Floats, radius_rad: float) -> Ints:
     """Rows of the objects that a circle of ``radius_rad`` about ``centre`` (3,) lies in wholly, the smallest first."""
     smaller = np.where(np.isfinite(objects.minor), objects.minor, objects.major)
-    gap = np.arccos(np.clip(objects.vector @ centre, -1.0, 1.0))
     # a circle of its smaller diameter, for that of its parts which the table's ellipse has
-    rows = np.flatnonzero(np.nan_to_num(np.radians(smaller / 120.0)) >= gap + radius_rad)
+    wide = np.flatnonzero(smaller >= 119.0 * np.degrees(radius_rad))  # no other can hold it
+    gap = np.arccos(np.clip(objects.vector[wide] @ centre, -1.0, 1.0))
+    rows = wide[np.radians(smaller[wide] / 120.0) >= gap + radius_rad]
     return np.asarray(rows[np.argsort(objects.major[rows], kind="stable")])
 
 

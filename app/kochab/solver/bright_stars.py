@@ -96,14 +96,14 @@ def stars_at_their_places(
     beside = _found(frame, detections, mag, matched, replace(expected, places=expected.places + off))
     if np.isfinite(beside[:, 0]).sum() > DOUBTFUL * len(seen):
         return ()
-    stars = named_stars(
+    return named_stars(
         xy[seen],
         catalogue.labels(expected.rows[seen]),
         expected.mag[seen],
         expected.vectors[seen],
         xy[seen] - expected.places[seen],
+        fitted=False,
     )
-    return tuple(replace(star, fitted=False) for star in stars)
 
 
 def _expected(detections: Detections, matches: Matches, fit: Fit, catalogue: StarCatalogue, year: float) -> _Expected:
@@ -179,26 +179,25 @@ def _among_detections(detections: Detections, mag: Floats, matched: Floats, expe
     side = float(max(detections.width, detections.height))
     area, around_px = float(detections.width * detections.height), LOCAL * side
     brightest = _ranked(matched[np.isfinite(matched)], COMPRESSED)
-    matched = matched.copy()
+    matched, free = matched.copy(), np.isinf(matched)
     stars, _, distance2 = close_pairs(expected.places, detections.xy, BRIGHT_REACH * float(expected.reach_px.max()))
     in_reach = np.zeros(len(xy), dtype=np.bool_)
     in_reach[stars[distance2 <= np.square(BRIGHT_REACH * expected.reach_px[stars])]] = True
-    for k in np.flatnonzero(in_reach).tolist():
-        place, v, reach = expected.places[k], float(expected.mag[k]), float(expected.reach_px[k])
-        bright = np.flatnonzero(mag <= max(v, brightest) + FAINTER_MAG)
-        free = np.isinf(matched[bright])
-        everywhere = np.count_nonzero(free)
-        away = np.hypot(*(detections.xy[bright] - place).T)
-        far = BRIGHT_REACH * reach
-        around = np.count_nonzero(free & (away < around_px) & (away > far))
-        density = max(everywhere / area, around / (np.pi * around_px**2))
+    looked_at = np.flatnonzero(in_reach)
+    distances = np.hypot(*(detections.xy[None] - expected.places[looked_at, None]).transpose(2, 0, 1))
+    for k, away in zip(looked_at.tolist(), distances, strict=True):
+        v, reach = float(expected.mag[k]), float(expected.reach_px[k])
+        bright = mag <= max(v, brightest) + FAINTER_MAG
+        alone, far = bright & free, BRIGHT_REACH * reach
+        around = np.count_nonzero(alone & (away < around_px) & (away > far))
+        density = max(np.count_nonzero(alone) / area, around / (np.pi * around_px**2))
         by_chance = float(np.sqrt(BY_CHANCE / (np.pi * max(density, 1e-12))))
-        near = np.flatnonzero(free & (away <= min(far, by_chance)))
+        near = np.flatnonzero(alone & (away <= min(far, by_chance)))
         if not len(near):
-            near = np.flatnonzero((matched[bright] > v + COMPANION_MAG) & (away <= reach))
+            near = np.flatnonzero(bright & (matched > v + COMPANION_MAG) & (away <= reach))
         if len(near):
-            best = bright[near[away[near].argmin()]]
-            xy[k], matched[best] = detections.xy[best], v
+            best = near[away[near].argmin()]
+            xy[k], matched[best], free[best] = detections.xy[best], v, False
     return xy
 
 

@@ -76,8 +76,7 @@ def extend(
     matches = found.matches
     camera = found.camera if distortion else undistorted(found.camera)
     fit = refine(matches, camera, found.attitude, distortion=distortion, rounds=1)
-    rows = _field_stars(detections, found, fit, catalogue, year)
-    vectors = catalogue.vectors(rows, year)
+    rows, vectors = _field_stars(detections, found, fit, catalogue, year)
     sigma = centroid_sigma(detections)
     origin = matches.xy.mean(axis=0)
     distance = np.hypot(*(detections.xy - origin).T)
@@ -250,7 +249,12 @@ def field_centre(camera: Camera, attitude: Attitude) -> tuple[Floats, float]:
 
 
 def named_stars(
-    xy: Floats, labels: Iterable[tuple[str, str]], mag: Floats, vectors: Floats, residuals_px: Floats
+    xy: Floats,
+    labels: Iterable[tuple[str, str]],
+    mag: Floats,
+    vectors: Floats,
+    residuals_px: Floats,
+    fitted: bool = True,
 ) -> tuple[NamedStar, ...]:
     """Stars of a solution.
 
@@ -266,17 +270,21 @@ def named_stars(
         ICRS unit vectors (M, 3).
     residuals_px : Floats
         Seen less expected (M, 2), px.
+    fitted : bool
+        Whether the fit used them.
     """
-    columns = zip(xy.tolist(), labels, mag.tolist(), vectors, np.hypot(*residuals_px.T).tolist(), strict=True)
+    residuals = np.hypot(*residuals_px.T).tolist()
+    columns = zip(xy.tolist(), labels, mag.tolist(), map(radec_deg, vectors.tolist()), residuals, strict=True)
     return tuple(
-        NamedStar(x, y, *label, v, *radec_deg(vector), residual) for (x, y), label, v, vector, residual in columns
+        NamedStar(x, y, name, called, v, ra, dec, residual, fitted)
+        for (x, y), (name, called), v, (ra, dec), residual in columns
     )
 
 
 def _field_stars(
     detections: Detections, found: Identification, fit: Fit, catalogue: StarCatalogue, year: float
-) -> Ints:
-    """Rows of the field's brightest stars, about twice as many as there are detections."""
+) -> tuple[Ints, Floats]:
+    """The field's brightest stars, about twice as many as there are detections: their rows, unit vectors (N, 3)."""
     wanted = 2 * len(detections) + 50
     centre, radius = field_centre(fit.camera, fit.attitude)
     # 8 % wider, as the first fit may be poor
@@ -287,8 +295,10 @@ def _field_stars(
     rows = np.concatenate([catalogue.brightest(centre, radius, count, year), found.matches.star])
     rows = np.unique(rows, return_index=True)[0]  # without the index NumPy imports numpy.ma, 10 ms of a cold process
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")].astype(np.int64)
-    seen = fit.camera.project(catalogue.vectors(rows, year) @ fit.attitude.matrix.T)
-    return rows[without_companions(seen, detections.usual_fwhm_px(2.0) or 2.0)]
+    vectors = catalogue.vectors(rows, year)
+    seen = fit.camera.project(vectors @ fit.attitude.matrix.T)
+    alone = without_companions(seen, detections.usual_fwhm_px(2.0) or 2.0)
+    return rows[alone], vectors[alone]
 
 
 def _matched(

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # it loads numpy, which --help has no need of
@@ -32,9 +33,12 @@ def to_line(value: Json) -> str:
 
 
 def _solved(file: str, s: "Solution") -> Json:
+    from kochab.core.solution import NamedStar
+
     ra, dec = s.ra_dec_deg
     camera, attitude, axis = s.camera, s.centre_attitude, s.attitude
     terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2", "aspect")
+    names = NamedStar.__slots__
     return {
         "file": file,
         "solved": True,
@@ -63,7 +67,7 @@ def _solved(file: str, s: "Solution") -> Json:
             "y_px": camera.cy,
         },
         # asdict() copies what it finds deeply: 3 ms for 550 stars, this 0.2.
-        "stars": [{name: getattr(star, name) for name in star.__slots__} for star in s.named],
+        "stars": [dict(zip(names, values, strict=True)) for values in map(attrgetter(*names), s.named)],
         "warnings": list(s.warnings),
         "elapsed_ms": dict(s.elapsed_ms),
     }
