@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from kochab.core import pairing
@@ -235,13 +236,19 @@ def cut(pixels: Array, how: Halving, xy: Floats, level: Floats, half: int) -> St
     height, width = pixels.shape
     x = np.clip(np.rint(xy[:, 0]).astype(np.intp), 0, width - 1)
     y = np.clip(np.rint(xy[:, 1]).astype(np.intp), 0, height - 1)
-    reach = np.arange(-half, half + 1)
+    reach, side = np.arange(-half, half + 1), 2 * half + 1
     columns, rows = x[:, None] + reach, y[:, None] + reach
-    inside_x, inside_y = (columns >= 0) & (columns < width), (rows >= 0) & (rows < height)
-    np.clip(columns, 0, width - 1, out=columns)
-    np.clip(rows, 0, height - 1, out=rows)
-    raw = pixels[rows[:, :, None], columns[:, None, :]]
-    use = inside_y[:, :, None] & inside_x[:, None, :]
+    use = np.ones((len(x), side, side), dtype=np.bool_)
+    if min(height, width) < side:
+        raw, use[:] = _beyond_edges(pixels, rows, columns)
+    else:
+        # A view of all squares of the frame: to copy some takes a third of the time of picking each pixel.
+        squares = as_strided(pixels, (height - side + 1, width - side + 1, side, side), pixels.strides * 2)
+        top, left = np.clip(y - half, 0, height - side), np.clip(x - half, 0, width - side)
+        raw = squares[top, left]
+        over = np.flatnonzero((top != y - half) | (left != x - half))
+        if len(over):
+            raw[over], use[over] = _beyond_edges(pixels, rows[over], columns[over])
     if how.greens is not None:
         use &= ((rows[:, :, None] + columns[:, None, :]) & 1) == how.greens
     with np.errstate(over="ignore"):
@@ -253,6 +260,14 @@ def cut(pixels: Array, how: Halving, xy: Floats, level: Floats, half: int) -> St
     weight = use.astype(np.float32)
     value *= weight
     return Stamps(value, weight, x, y)
+
+
+def _beyond_edges(pixels: Array, rows: Indices, columns: Indices) -> tuple[Array, Bools]:
+    """Pixels (N, K, K) at rows and columns (N, K), the frame's edge repeated, and which the frame has."""
+    height, width = pixels.shape
+    inside_y, inside_x = (rows >= 0) & (rows < height), (columns >= 0) & (columns < width)
+    near_rows, near_columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
+    return pixels[near_rows[:, :, None], near_columns[:, None, :]], inside_y[:, :, None] & inside_x[:, None, :]
 
 
 # -- What the steps of a detection share: the pixels and what is already known of them ---------

@@ -122,7 +122,7 @@ def _fit_straight(
     limit = np.float32(value.shape[1] / 2.0 - 1.0)
     for _ in range(steps):
         light, slope = _profile(u - at[:, :, None], sigma)
-        across, leaning = np.moveaxis(value @ _columns(light[0], slope[0]), 2, 0)
+        across, leaning = (value @ _columns(light[0], slope[0])).transpose(2, 0, 1)
         if whole:
             square = _dot(light, light)
             flux = _dot(light[1], across) / (square[0] * square[1])
@@ -130,7 +130,7 @@ def _fit_straight(
             step = (seen - flux * _dot(light, slope)) / _dot(slope, slope)
         else:
             squares, cross, slopes = light * light, light * slope, slope * slope
-            a, b, c = np.moveaxis(stamps.weight @ _columns(squares[0], cross[0], slopes[0]), 2, 0)
+            a, b, c = (stamps.weight @ _columns(squares[0], cross[0], slopes[0])).transpose(2, 0, 1)
             flux = _dot(light[1], across) / np.maximum(_dot(squares[1], a), np.float32(1e-12))
             step = _turned_back(
                 _dot(squares[1], c),
@@ -142,14 +142,14 @@ def _fit_straight(
         at = _moved(at, step, flux, limit)
     x, y = u - at[:, :, None]
     ax, ay = light = _profile(u - at[:, :, None], sigma)[0]
-    first, second, third = np.moveaxis(value @ _columns(ax, ax * x, ax * x * x), 2, 0)
+    first, second, third = (value @ _columns(ax, ax * x, ax * x * x)).transpose(2, 0, 1)
     square = _dot(light, light)
     power = square[0] * square[1] if whole else _dot(ay * ay, (stamps.weight @ _columns(ax * ax))[:, :, 0])
     moments = (_dot(ay, third), _dot(ay * y * y, first), _dot(ay * y, second))
     return _fits(at, _dot(ay, first), np.maximum(power, np.float32(1e-12)), np.stack(moments, axis=1))
 
 
-def _columns(*parts: Floats32) -> Floats32:
+def _columns(*parts: Floats32 | Floats) -> Floats32:
     """Parts (N, K) side by side (N, K, P)."""
     out = np.empty((*parts[0].shape, len(parts)), dtype=np.float32)
     for k, part in enumerate(parts):
@@ -297,7 +297,7 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px:
         The weight's sigma never falls below it.
     """
     n, size, _ = stamps.value.shape
-    u, value = stamps.offsets.astype(np.float64), stamps.value.astype(np.float64)
+    u, value = stamps.offsets.astype(np.float64), stamps.value
     x, y = np.zeros(n), np.zeros(n)
     xx, yy, xy = np.full(n, sigma_px**2), np.full(n, sigma_px**2), np.zeros(n)
     limit, flux, good = size / 2.0 - 1.0, np.zeros(n), np.ones(n, dtype=np.bool_)
@@ -306,19 +306,20 @@ def adaptive_moments(stamps: Stamps, sigma_px: float, steps: int = 12, least_px:
         px, py = u - x[:, None], u - y[:, None]
         det = np.maximum(xx * yy - xy * xy, 1e-6)[:, None]
         # The exponent is one product of three columns and three rows, a tenth of the time of its terms a pixel each.
-        down = np.stack([np.ones_like(py), py, py * py], axis=2)
-        across = np.stack([yy[:, None] * px * px, -2.0 * xy[:, None] * px, xx[:, None] + 0.0 * px], axis=1)
-        np.matmul(down, across * (-0.5 / det[:, None]), out=light)
+        shape = np.stack([yy[:, None] * px * px, -2.0 * xy[:, None] * px, xx[:, None] + 0.0 * px], axis=1)
+        across = (shape * (-0.5 / det[:, None])).astype(np.float32)
+        np.matmul(_columns(np.ones_like(py), py, py * py), across, out=light)
         np.exp(light, out=light)
         light *= value
-        cols, lines = light.sum(axis=1), light @ np.stack([np.ones_like(px), px], axis=2)
-        rows, total = lines[:, :, 0], cols.sum(axis=1)
+        cols = light.sum(axis=1).astype(np.float64)
+        rows, leaning = (light @ _columns(np.ones_like(px), px)).transpose(2, 0, 1).astype(np.float64)
+        total = cols.sum(axis=1)
         good &= total > 0
         safe = np.where(total > 0, total, np.inf)
         mx, my = (cols * px).sum(axis=1) / safe, (rows * py).sum(axis=1) / safe
         sxx = (cols * px * px).sum(axis=1) / safe - mx * mx
         syy = (rows * py * py).sum(axis=1) / safe - my * my
-        sxy = (lines[:, :, 1] * py).sum(axis=1) / safe - mx * my
+        sxy = (leaning * py).sum(axis=1) / safe - mx * my
         # Seen through its own shape a Gaussian keeps half its light and half its moments.
         flux = 2.0 * total
         before = np.stack([x, y, xx, yy])

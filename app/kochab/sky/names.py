@@ -89,14 +89,14 @@ class StarNames:
         numbers = self.bright.column("hip")
         if row >= len(numbers):
             raise CatalogueError("The catalogue in {folder} is damaged: a star has no name.", folder=self.folder)
-        hip, letter = int(numbers[row]), ""
+        hip, letter, first = int(numbers[row]), "", row
         if row and int(numbers[row - 1]) == hip:
             letter = COMPONENTS[int(self.bright.column("component")[row]) % len(COMPONENTS)]
-        return f"HIP {hip} {letter}".rstrip(), self._name(hip, row)
+            first = self._row_of(hip)  # the brightest component
+        return f"HIP {hip} {letter}".rstrip(), self._name(hip, row, first)
 
-    def _name(self, hip: int, row: int) -> str:
+    def _name(self, hip: int, row: int, first: int) -> str:
         name, designation, also = self.table.get(hip, ("", "", ""))
-        first = self._row_of(hip)  # the brightest component
         bright = int(self.bright.column("mag")[first]) < NAMED_TO_V * 1e3
         if name and (bright or name in WELL_KNOWN):
             return name
