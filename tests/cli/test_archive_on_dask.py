@@ -88,7 +88,7 @@ def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list
     assert process.returncode == 130
     assert "the same command goes on from here" in told
     assert "Traceback" not in errors
-    _, left = psutil.wait_procs(list(seen), timeout=30)
+    _, left = psutil.wait_procs(list(seen), timeout=120)
     assert left == []
     assert list(out.glob("_kochab/*.draft")) == []
     done = len(rows_of(out)) if while_it == "works" else 0

@@ -81,7 +81,7 @@ def test_a_goto_goes_through_the_guard_and_moves_a_practice_mount(start) -> None
         while "LX200 (127.0.0.1) stopped the mount." not in said:
             said.append(json.loads(offered.stdout.readline()).get("text", ""))
     offered.send_signal(signal.SIGTERM)
-    out, err = offered.communicate(timeout=30)
+    out, err = offered.communicate(timeout=120)
     said += [json.loads(line).get("text", "") for line in out.splitlines()]
     assert any("connected" in sentence for sentence in said)
     assert any("go to RA" in sentence for sentence in said)

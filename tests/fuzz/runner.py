@@ -249,7 +249,7 @@ def survives(target: Target, data: bytes) -> bool:
     with TemporaryDirectory() as folder:
         (path := Path(folder, target.sandboxed)).write_bytes(data)
         try:
-            done = subprocess.run([sys.executable, "-c", code, str(path)], env=environment(), timeout=30, check=False)
+            done = subprocess.run([sys.executable, "-c", code, str(path)], env=environment(), timeout=120, check=False)
         except subprocess.TimeoutExpired:
             return False
     return done.returncode == 0

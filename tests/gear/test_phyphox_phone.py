@@ -25,7 +25,7 @@ def ask(phone, path, body=None, kind="application/json"):
     """Status, and what was answered, as JSON where it is."""
     request = urllib.request.Request(f"http://{phone.address}{path}", body, {"Content-Type": kind} if body else {})
     try:
-        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=10) as answer:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=60) as answer:
             status, text = answer.status, answer.read().decode()
     except urllib.error.HTTPError as refusal:
         with refusal:

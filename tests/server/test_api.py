@@ -244,4 +244,4 @@ def test_the_command_tells_the_address_and_the_token(tmp_path, monkeypatch) -> N
         assert found == (200, {"name": "Kochab", "version": __version__})
     finally:
         server.terminate()
-        server.communicate(timeout=20)
+        server.communicate(timeout=120)

@@ -355,7 +355,7 @@ def test_the_command_tells_the_address_and_keeps_the_key(tmp_path, monkeypatch) 
             with socket.create_connection(("127.0.0.1", int(port))):
                 pass
         process.terminate()
-        assert process.wait(20) == 130
+        assert process.wait(60.0) == 130
         process.stdout.close()
         assert lines[0].endswith(f": http://127.0.0.1:{port}\n")
         told.append(lines[1])

@@ -29,7 +29,7 @@ def page():
 
 def ask(page, path=None, method="GET"):
     url = urlsplit(page.url)
-    line = http.client.HTTPConnection(url.hostname, url.port, timeout=5)
+    line = http.client.HTTPConnection(url.hostname, url.port, timeout=60)
     try:
         line.request(method, url.path if path is None else path)
         answer = line.getresponse()
@@ -149,7 +149,7 @@ def test_no_path_is_ever_answered_but_the_known(blob):
 )
 def test_nonsense_does_no_harm(page, blob, capfd):
     url = urlsplit(page.url)
-    with socket.create_connection((url.hostname, url.port), timeout=5) as line:
+    with socket.create_connection((url.hostname, url.port), timeout=60) as line:
         line.sendall(blob)
         line.shutdown(socket.SHUT_WR)
         try:
@@ -163,7 +163,7 @@ def test_nonsense_does_no_harm(page, blob, capfd):
 
 def connected(page):
     url = urlsplit(page.url)
-    return socket.create_connection((url.hostname, url.port), timeout=5)
+    return socket.create_connection((url.hostname, url.port), timeout=60)
 
 
 def hung_up_on(line):

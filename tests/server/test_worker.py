@@ -294,7 +294,7 @@ def test_another_version_ends_the_worker_and_starts_its_own(worker, runtime, mon
     monkeypatch.setattr(hand_over, "_restart", lambda: started.append(1))
     assert hand_over.hand_over(["solve", "a.png"]) is None
     assert started == [1]
-    assert worker.wait(20) == 0
+    assert worker.wait(60.0) == 0
     assert not os.path.exists(hand_over.place().path)
 
 
@@ -314,7 +314,7 @@ def test_a_signal_cancels_what_the_worker_does(worker, number):
     working = children(worker)
     asked.send_signal(number)
     asked.stdout.read()
-    assert asked.wait(30) == 130
+    assert asked.wait(60.0) == 130
     until(lambda: working[0] not in children(worker))
     assert worker.poll() is None
     asked.stdout.close()
@@ -360,7 +360,7 @@ def test_a_signal_that_comes_while_it_forks_ends_it(worker):
         with socket.socket(socket.AF_UNIX) as line:
             line.connect(path)
     worker.terminate()
-    assert worker.wait(20) == 130
+    assert worker.wait(60.0) == 130
     assert not os.path.exists(path)
 
 

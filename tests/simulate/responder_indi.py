@@ -33,7 +33,7 @@ class Client:
     def _connect(self):
         while True:
             try:
-                return socket.create_connection(("127.0.0.1", PORT), timeout=5)
+                return socket.create_connection(("127.0.0.1", PORT), timeout=60)
             except ConnectionRefusedError:
                 if time.monotonic() > self.until:
                     raise

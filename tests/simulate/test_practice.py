@@ -36,7 +36,7 @@ def practice():
 def ask(port, question):
     """Ask over TCP and read until ``#``; ConnectionError when nobody answers."""
     host, number = port.removeprefix("socket://").split(":")
-    with socket.create_connection((host, int(number)), timeout=5.0) as line:
+    with socket.create_connection((host, int(number)), timeout=60) as line:
         line.sendall(question)
         told = b""
         while not told.endswith(b"#"):
@@ -100,7 +100,7 @@ def test_our_own_drivers_drive_it(driver):
             near = 0.5 if client.epoch is Epoch.J2000 else 0.05
             assert np.degrees(np.linalg.norm(away)) < near
         client.goto(told.ra_deg, told.dec_deg - 3.0)
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + 90.0
         while time.monotonic() < until and (mount.slewing or client.state().slewing):
             time.sleep(0.02)
         assert mount.believed_deg()[1] == pytest.approx(before[1] - 3.0, abs=0.1)
@@ -214,7 +214,7 @@ def test_frames_are_written_whole_and_read_back_as_seen(tmp_path):
     began = time.time()
     running = PracticeNight(rig, socket=True, folder=tmp_path / "new", exposure_s=5.0)
     try:
-        until = time.monotonic() + 30.0
+        until = time.monotonic() + 90.0
         while len(list((tmp_path / "new").glob("*.fits"))) < 3 and time.monotonic() < until:
             time.sleep(0.02)
     finally:

@@ -196,7 +196,7 @@ area.deleteLater()
 QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 assert not shiboken6.isValid(area)
 go.set()
-assert told.wait(20)
+assert told.wait(60.0)
 assert shiboken6.isValid(job)
 print("THERE")
 """

@@ -73,7 +73,7 @@ class Server:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + 90.0
         while time.monotonic() < deadline:
             try:
                 if list_devices("indi", ADDRESS):

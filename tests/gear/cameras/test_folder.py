@@ -65,7 +65,7 @@ def test_a_file_that_another_process_writes_slowly(tmp_path, folder, pieces, pau
     writer = slowly(source, folder / f"slow{suffix}", pieces, pause)
     try:
         frame = None
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 90.0
         while frame is None and time.monotonic() < deadline:
             frame = camera.next_frame(0.2)
     finally:
@@ -105,7 +105,7 @@ def test_a_broken_file_is_a_sentence_and_the_next_one_comes(folder, monkeypatch)
     monkeypatch.setattr("kochab.gear.cameras.folder.PATIENCE_S", 0.8)
     camera = open_camera("folder", str(folder))
     (folder / "broken.fits").write_bytes(b"SIMPLE  =" + b" " * 100)
-    said, deadline = (), time.monotonic() + 20
+    said, deadline = (), time.monotonic() + 90.0
     while not said and time.monotonic() < deadline:
         assert camera.next_frame(0.2) is None
         said = camera.complaints()

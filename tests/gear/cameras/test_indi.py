@@ -107,7 +107,7 @@ def test_compressed_pictures_are_the_same(server) -> None:
         taken(camera)
         for switch in ("INDI_ENABLED", "INDI_DISABLED"):
             wish = f"CCD Simulator.CCD_COMPRESSION.{switch}=On"
-            subprocess.run(["indi_setprop", wish], check=True, timeout=20)
+            subprocess.run(["indi_setprop", wish], check=True, timeout=120)
             taken(camera)
             frame = taken(camera)
             assert frame.pixels.shape == (512, 640)
@@ -142,7 +142,7 @@ def test_another_program_disconnects_the_camera(server) -> None:
     camera = open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.2))
     try:
         taken(camera)
-        subprocess.run(["indi_setprop", "CCD Simulator.CONNECTION.DISCONNECT=On"], check=True, timeout=20)
+        subprocess.run(["indi_setprop", "CCD Simulator.CONNECTION.DISCONNECT=On"], check=True, timeout=120)
         with pytest.raises(LineLostError, match=r"Lost CCD Simulator .*disconnected"):
             until_lost(camera)
     finally:
@@ -202,7 +202,7 @@ def test_the_simulators_sky_is_solved_where_it_says_it_points(shared_server, tmp
     try:
         open_camera("indi", ADDRESS).close()  # connects it
         for wish in ("SCOPE_INFO.FOCAL_LENGTH;APERTURE=50;25", "EQUATORIAL_PE.RA_PE;DEC_PE=5.6;-1.2"):
-            subprocess.run(["indi_setprop", f"CCD Simulator.{wish}"], check=True, timeout=20)
+            subprocess.run(["indi_setprop", f"CCD Simulator.{wish}"], check=True, timeout=120)
         capture = Capture(lambda: open_camera("indi", ADDRESS, CaptureSettings(exposure_s=0.5)))
         # Its stars are single pixels, which only this detector does not take for hot ones.
         engine = Tracker(options=SolveOptions(detector="peaks"))

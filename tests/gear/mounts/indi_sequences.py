@@ -60,7 +60,7 @@ class Watched(responder_indi.Client):
     def _connect(self):
         while True:
             try:
-                return socket.create_connection(("127.0.0.1", self.port), timeout=5)
+                return socket.create_connection(("127.0.0.1", self.port), timeout=60)
             except ConnectionRefusedError:
                 time.sleep(0.05)
 

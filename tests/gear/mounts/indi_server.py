@@ -28,7 +28,7 @@ class IndiServer:
     def set(self, *properties):
         """``device.vector.member=value``, each when the driver has told of it."""
         for wanted in properties:
-            deadline = time.monotonic() + 20.0
+            deadline = time.monotonic() + 90.0
             while subprocess.run(["indi_setprop", "-t", "2", wanted], capture_output=True).returncode:
                 assert time.monotonic() < deadline, f"no {wanted}"
                 time.sleep(0.1)

@@ -143,7 +143,7 @@ def test_a_move_ends_by_the_words_that_the_mount_knows(driver, start, rate, halt
     """A Rainbow before version 200625 knows no Stop of one axis."""
     with transcript(driver, [*start, (rate, b""), (b":Me#", b""), (halt, b"")]) as m:
         m.move(Direction.EAST, 0.1, 0.6)  # one that begins late, on a busy machine, is stopped twice
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + 90.0
         while m.watchdog.moving and time.monotonic() < deadline:
             time.sleep(0.01)
         assert not m.watchdog.moving

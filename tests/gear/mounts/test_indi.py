@@ -298,7 +298,7 @@ def test_indis_simulator_parks_on_the_horizon_where_it_says_it_does_and_nowhere_
 
 
 def wait_until(condition):
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 90.0
     while not condition() and time.monotonic() < end:
         time.sleep(0.1)
     return condition()

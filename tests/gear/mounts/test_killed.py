@@ -79,7 +79,7 @@ def moving(bench, driver, what):
         yield before, child
     finally:
         child.kill()
-        child.communicate(timeout=20)
+        child.communicate(timeout=120)
 
 
 def killed(bench, driver, what):

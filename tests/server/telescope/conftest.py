@@ -19,7 +19,7 @@ class Program:
     """A planetarium's end of a line."""
 
     def __init__(self, port):
-        self.line = socket.create_connection(("127.0.0.1", port), timeout=10)
+        self.line = socket.create_connection(("127.0.0.1", port), timeout=60)
 
     def say(self, text):
         self.line.sendall(text if isinstance(text, bytes) else text.encode())

@@ -39,7 +39,7 @@ def client(device):
 
 
 def ask(device, method, path, body=None, kind="application/x-www-form-urlencoded"):
-    line = http.client.HTTPConnection("127.0.0.1", device.port, timeout=10)
+    line = http.client.HTTPConnection("127.0.0.1", device.port, timeout=60)
     try:
         line.request(method, path, body, {"Content-Type": kind} if body is not None else {})
         answer = line.getresponse()

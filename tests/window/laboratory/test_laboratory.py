@@ -176,7 +176,7 @@ def test_a_comparison_stops_between_two_and_keeps_what_there_was(qtbot, lab, mon
     def slow(name):
         if next(waits):
             begun.set()
-            assert asked.wait(30)
+            assert asked.wait(60.0)
         return gate(name)
 
     monkeypatch.setattr(comparison, "DETECTORS", SimpleNamespace(make=slow))

@@ -35,7 +35,7 @@ def view(qtbot, settings):
 
 def ask(url, method="GET", more=""):
     parts = urlsplit(url)
-    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=5)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
     try:
         connection.request(method, parts.path + more)
         answer = connection.getresponse()
