@@ -188,3 +188,17 @@ def test_a_picture_that_belongs_to_a_tool_is_not_maximised_away(qtbot, opened):
     commands.actions["fill"].trigger()
     assert not window.pages.isHidden()
     assert not commands.actions["fill"].isChecked()
+
+
+def test_a_dock_that_was_polished_empty_takes_the_theme_of_the_night(qtbot, make_window, engine):
+    """Qt polishes a widget once: the dock had kept the sheet of the day, and so had the view in it."""
+    _, commands = make_window(engine)
+    dock = commands.views.docks["mount"]
+    dock.ensurePolished()
+    day = dock.styleSheet()
+    commands.actions["night"].trigger()
+    qtbot.waitUntil(lambda: commands.appearance.settled)
+    commands.views.show("mount")
+    assert dock.styleSheet() not in ("", day)
+    assert dock.styleSheet() == commands.views.docks["details"].parentWidget().bar.styleSheet()
+    commands.appearance.use_theme("dark", "normal")

@@ -27,7 +27,7 @@ class StyleSheets(QObject):
         self.waiting: list[QWidget] = []
         self._timer = QTimer(self)
         self._timer.timeout.connect(self._next)
-        window.has_part.connect(self._meet)
+        window.has_part.connect(self.meet)
         window.closing.connect(self._timer.stop)
 
     def apply(self, sheet: str) -> None:
@@ -58,7 +58,7 @@ class StyleSheets(QObject):
     def _next(self) -> None:
         if self.waiting and isValid(part := self.waiting.pop(0)):
             part.ensurePolished()  # else a toolbar that was never seen keeps its old margins
-            self._meet(part)  # which a part of the window itself has been through by now, the first time
+            self.meet(part)  # which a part of the window itself has been through by now, the first time
         self.waiting = [p for p in self.waiting if isValid(p)]  # a dialog may have been closed
         if not self.waiting:
             self._timer.stop()
@@ -72,8 +72,8 @@ class StyleSheets(QObject):
         if (screen := self._window.windowHandle()) is not None:
             screen.requestUpdate()  # else Qt drops the updates asked for meanwhile, and waits for ever
 
-    def _meet(self, part: QWidget) -> None:
-        """Style a dialog, or tabs of docks that share a place: made after the sheet was applied."""
+    def meet(self, part: QWidget) -> None:
+        """Style a dialog, a dock that was empty, or tabs of docks that share a place: what the sheet did not reach."""
         if part is not self._window.pages and part.styleSheet() != self.sheet:
             part.setStyleSheet(self.sheet)
 
@@ -121,6 +121,10 @@ class Appearance(QObject):
     def settled(self) -> bool:
         """Whether the whole window has the present theme; it takes a few turns of the loop."""
         return not self._style.waiting
+
+    def meet(self, part: QWidget) -> None:
+        """Style a part of the window that was empty when its theme came."""
+        self._style.meet(part)
 
     def redden_carets(self, within: QWidget) -> None:
         """Make the carets of the fields in ``within`` red at night."""

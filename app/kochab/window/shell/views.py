@@ -85,7 +85,8 @@ class ViewDock(QDockWidget):
                 self._appearance.redden_carets(view.room)
             # Styled here, while `toggle` shows it in the next turn of the event loop.
             assert self.side is not None
-            self.ensurePolished()  # an empty one has had no style
+            self.ensurePolished()
+            self._appearance.meet(self)  # an empty one has had no style, or that of an earlier theme
             self.side.ensurePolished()
 
     def show_folded(self) -> None:
