@@ -273,8 +273,11 @@ def test_escape_stops_a_slew_from_a_file_dialog_too(qtbot, opened):
         dialogs = []
 
         def press():
-            dialogs.append(QApplication.activeModalWidget())
-            qtbot.keyClick(dialogs[0], Qt.Key.Key_Escape)
+            if (dialog := QApplication.activeModalWidget()) is None:  # not shown yet
+                QTimer.singleShot(50, press)
+                return
+            dialogs.append(dialog)
+            qtbot.keyClick(dialog, Qt.Key.Key_Escape)
 
         QTimer.singleShot(200, press)
         assert ask_frames(window, "", "Open", "*") == []
