@@ -19,6 +19,7 @@ def commands(qtbot, settings, engine, a_file):
         commands.files.open(a_file)
     yield commands
     window.close()
+    assert commands.session.jobs.join(60.0)
 
 
 def write(qtbot, commands, name, path):
