@@ -78,8 +78,9 @@ def test_a_nights_json_aims_gotos_by_the_same_model(night, tmp_path) -> None:
     assert again.terms_deg == pytest.approx(one.pointing.model.terms_deg, abs=1e-9)
     assert again.epoch is Epoch.DATE
     page = unescape(night_page(one, "field"))
-    assert "<h2>Pointing model</h2>" in page
-    assert all(line in page.replace("\u00a0", " ") for line in one.pointing.lines())
+    assert "<th>Pointing model</th>" in page
+    assert all(f"<td>{value}</td>" in page.replace("\u00a0", " ") for _, value in one.pointing.model.rows())
+    assert one.pointing.model.worth() in page
     assert "kochab mount goto TARGET --model NIGHT.json" in page
     assert "\n  pointing " in text_of(one, "page.html")
 

@@ -83,12 +83,16 @@ class PointingModel:
         """Whether it foretells places better than the mount does alone."""
         return self.foretold_arcsec < self.before_arcsec
 
-    def lines(self) -> list[str]:
-        """Each term with its sigma, and what it is worth."""
+    def rows(self) -> list[tuple[str, str]]:
+        """Each term's name, and its value with its sigma."""
         south = -1.0 if self.site.latitude_deg < 0.0 and not self.alt_azimuth else 1.0  # of the other pole
         signs = (1.0, 1.0, south, south, 1.0)
         terms = (sign * term for sign, term in zip(signs, self.terms_deg, strict=True))
-        rows = zip(NAMES[self.alt_azimuth], terms, self.sigmas_deg, strict=True)
+        named = zip(NAMES[self.alt_azimuth], terms, self.sigmas_deg, strict=True)
+        return [(tr(name), f"{60.0 * term:+.2f}′ ± {60.0 * sigma:.2f}′") for name, term, sigma in named]
+
+    def worth(self) -> str:
+        """What a goto gains by it."""
         worth = tr_n(
             "{n} sighting is off by {before:.1f}′, with the model by {after:.1f}′; a new place by about {new:.1f}′.",
             "{n} sightings are off by {before:.1f}′, with the model by {after:.1f}′; a new place by about {new:.1f}′.",
@@ -98,9 +102,12 @@ class PointingModel:
             new=self.foretold_arcsec / 60.0,
         )
         if not self.helps:
-            worth = tr("{worth} It does not help: sync the mount instead.", worth=worth)
-        lines = (f"{tr(name):22} {60.0 * term:+8.2f}′ ± {60.0 * sigma:.2f}′" for name, term, sigma in rows)
-        return [*lines, worth]
+            return tr("{worth} It does not help: sync the mount instead.", worth=worth)
+        return worth
+
+    def lines(self) -> list[str]:
+        """Each term with its sigma, and what the model is worth."""
+        return [*(f"{name:22} {value:>16}" for name, value in self.rows()), self.worth()]
 
     def aim(self, place_deg: Degrees, time_utc: datetime) -> Degrees:
         """Where to send the mount, in its own coordinates, so that it points at ``place_deg``, in the same.

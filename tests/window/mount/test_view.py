@@ -510,9 +510,10 @@ def test_looking_for_a_mount_finds_it_and_can_be_cancelled(qtbot, opened):
     with simulated("nexstar") as bench:
         view.connect_box.set_port(bench.port)
         view.connect_box.find_button.click()
-        qtbot.waitUntil(lambda: "NexStar" in view.message.text(), timeout=30_000)
-        assert view.connect_box.driver.currentData() == "nexstar"
+        qtbot.waitUntil(lambda: view.connect_box.driver.currentData() == "nexstar")
+        assert "NexStar" in view.message.text()
         assert view.connect_box.chosen_port == bench.port
+        qtbot.waitUntil(view.cancel_find.isHidden)
         bench.faults.chance("silence", 1.0)
         view.connect_box.find_button.click()
         assert view.cancel_find.isVisible()

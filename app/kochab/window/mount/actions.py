@@ -122,7 +122,7 @@ class MountActions(QObject):
             yield Progress(tr_noop("fitting"))
             model = fit_model(sightings)
             use_model(guard, model)
-            return tr("Gotos are aimed by a pointing model until the next sync. {model}", model=model.lines()[-1])
+            return tr("Gotos are aimed by a pointing model until the next sync. {model}", model=model.worth())
 
         self._control.ask("model", do)
 

@@ -112,9 +112,9 @@ def night_parts(night: Night, name: str, earlier: Sequence[Compared] = (), colum
         parts.append(_field(night))
     if night.tracking:
         parts.append(_mount(night.tracking))
-    if night.pointing.model:
-        lines = "".join(f"<p>{escape(line)}</p>" for line in night.pointing.lines())
-        parts.append(f"<section><h2>{escape(tr('Pointing model'))}</h2>{lines}</section>")
+    if model := night.pointing.model:
+        table = _table((tr("Pointing model"), tr("This night")), model.rows())
+        parts.append(f"<section>{table}<p>{escape(model.worth())}</p></section>")
     if night.guiding:
         parts.append(_guiding(night.guiding))
     for heading, rows in ((tr("Best frames"), night.best), (tr("Worst frames"), night.worst)):
