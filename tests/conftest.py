@@ -17,8 +17,6 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from kochab.core.progress import Stopwatch
-from kochab.solver import SolveOptions
 from tests import workers
 from tests.patterns import REPOSITORY, choose_folder, make
 from tests.windows.lacking import skip_what_wine_lacks
@@ -59,6 +57,9 @@ settings.load_profile("ci" if os.environ.get("CI") else "house")
 @pytest.fixture(scope="session", autouse=True)
 def _searches_have_time():
     """The half minute that a search has where nobody says otherwise is too short beside other tests on a slow machine."""
+    from kochab.core.progress import Stopwatch
+    from kochab.solver import SolveOptions
+
     begin = Stopwatch.__init__
 
     def patient(self, timeout_s=None, read_ms=0.0):

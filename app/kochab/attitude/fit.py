@@ -347,7 +347,7 @@ BLOCKS = 3  # to a side of the frame
 FEWEST_BLOCKS = 6
 FEWEST_FOR_BLOCKS = 16
 SURELY_OFF = 3.0
-"""The optical axis is off-centre when x^2 and y^2 together exceed their variances by this factor: by chance 5 %."""
+"""The optical axis is off-centre when x^2 and y^2 together exceed their variances by this factor; 5 % do by chance."""
 RESIDUALS_COUNT = 6.0
 """Degrees of freedom with which the residuals' variance is believed; the blocks have one less than blocks."""
 

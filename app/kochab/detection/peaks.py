@@ -120,7 +120,8 @@ def _as_thresholds(lines: Floats, dtype: type[np.generic]) -> Array:
 def close_pairs(xy: Floats, radius_px: float | Floats) -> tuple[Ints, Ints]:
     """Pairs (i, j), i < j, of positions (N, 2) not farther apart than ``radius_px``, which may be each i's own."""
     i, j, _ = pairing.close_pairs(xy, xy, radius_px)
-    return i[i < j], j[i < j]
+    ordered = i < j
+    return i[ordered], j[ordered]
 
 
 def apart(xy: Floats, reach: Floats) -> Bools:

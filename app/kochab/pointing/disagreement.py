@@ -144,6 +144,13 @@ class Cause:
     needs: int = 1
     small: tuple[str, str, str] | None = None
 
+    def geometry(self, seen: Seen) -> tuple[Floats, Floats, Floats, Floats]:
+        """What :func:`residuals` takes beside the terms: ``there``, ``reported``, ``side`` and ``ways``."""
+        there, reported = (seen.in_axes(p, self.alt_azimuth) for p in (self.would_say(seen), seen.reported))
+        alike = np.ones(len(there))
+        side = alike if self.alt_azimuth else seen.side  # no fork changes sides
+        return there, reported, side, side if self.reverses else alike
+
     def scales(self) -> Floats:
         """Standard deviations (C, 5) of the terms, every combination as likely."""
         offsets = [(o, o) for o in self.offset] if self.second is None else list(product(self.offset, self.second))
@@ -242,15 +249,12 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
     the sizes of those and of the noise (Bishop 2006, Pattern Recognition and Machine Learning, 3.5.1).
     Large noise is rare, or three sightings of a leaning axis would pass for those of a loose mount.
     """
-    places = cause.would_say(seen)
-    there, reported = (seen.in_axes(p, cause.alt_azimuth) for p in (places, seen.reported))
-    side = np.ones(len(places)) if cause.alt_azimuth else seen.side  # no fork changes sides
-    ways = side if cause.reverses else np.ones(len(places))
+    geometry = cause.geometry(seen)
     prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
     noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
     terms = np.zeros(5)
     for _ in range(STEPS if cause.fitted else 1):
-        left, slopes = residuals(terms, there, reported, side, ways)
+        left, slopes = residuals(terms, *geometry)
         y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
         precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
         weighted = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
@@ -264,7 +268,7 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
         terms = np.zeros(5)
     odds = 1.0 / (1.0 + noise[:, 0] / RARE_DEG**2)
     total = np.logaddexp.reduce(logs + np.log(odds / odds.sum()), axis=None)
-    return float(total) - log(len(logs)), terms, residuals(terms, there, reported, side, ways)[0]
+    return float(total) - log(len(logs)), terms, residuals(terms, *geometry)[0]
 
 
 def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways: Floats) -> tuple[Floats, Floats]:

@@ -12,7 +12,6 @@ from math import cos, hypot, radians, sqrt
 
 import numpy as np
 
-from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
@@ -152,12 +151,10 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     if site is None or any(sighting.site is None for sighting in sightings):
         raise RefusedError("A pointing model needs the site: set it first.")
     alt_azimuth = bool(sightings[-1].alt_azimuth)
-    cause = _likelier(sightings, alt_azimuth)
-    terms, left, seen = _fitted(sightings, cause)
-    there = seen.in_axes(seen.expected, alt_azimuth)
-    reported, side = seen.in_axes(seen.reported, alt_azimuth), np.ones(len(there)) if alt_azimuth else seen.side
-    ways = side if cause.reverses else np.ones(len(there))
-    slopes = residuals(terms, there, reported, side, ways)[1].reshape(-1, 5)
+    seen = Seen(sightings)
+    fits = [(fit(seen, cause), cause) for cause in _free(alt_azimuth)]
+    (_, terms, left), cause = max(fits, key=lambda one: one[0][0])
+    slopes = residuals(terms, *cause.geometry(seen))[1].reshape(-1, 5)
     # two numbers a sighting, less five terms
     freedom = max(1, left.size - 5)
     noise = max(float(np.sqrt((left**2).sum() / freedom)), FLOOR_DEG)
@@ -180,29 +177,17 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     )
 
 
-def _likelier(sightings: Sequence[MountSighting], alt_azimuth: bool) -> Cause:
-    """Free terms, the second axis' offset as the sightings have it: of declination unless they say otherwise."""
+def _free(alt_azimuth: bool) -> Sequence[Cause]:
+    """All terms free; the second axis' offset one of declination, or of the axis itself."""
     offset, axis, cone = (*SMALL, *OFFSETS), (*SET_UP, *AXES), (*BUILT, *CONES)
     free = Cause("", "", lambda seen: seen.expected, 1.0, offset=offset, axis=axis, cone=cone, fitted=True)
-    if alt_azimuth:
-        return replace(free, alt_azimuth=True)
-    seen = Seen(sightings)
-    return max((free, replace(free, reverses=True)), key=lambda cause: fit(seen, cause)[0])
-
-
-def _fitted(sightings: Sequence[MountSighting], cause: Cause) -> tuple[Floats, Floats, Seen]:
-    seen = Seen(sightings)
-    _, terms, left = fit(seen, cause)
-    return terms, left, seen
+    return [replace(free, alt_azimuth=True)] if alt_azimuth else [free, replace(free, reverses=True)]
 
 
 def _foretold(sightings: Sequence[MountSighting], k: int, cause: Cause) -> float:
     """How far off, degrees, sighting ``k`` is by a model made from the others."""
-    terms, _, _ = _fitted([s for j, s in enumerate(sightings) if j != k], cause)
-    one = Seen([sightings[k]])
-    there, reported = one.in_axes(one.expected, cause.alt_azimuth), one.in_axes(one.reported, cause.alt_azimuth)
-    side = np.ones(1) if cause.alt_azimuth else one.side
-    off, _ = residuals(terms, there, reported, side, side if cause.reverses else np.ones(1))
+    _, terms, _ = fit(Seen([s for j, s in enumerate(sightings) if j != k]), cause)
+    off, _ = residuals(terms, *cause.geometry(Seen([sightings[k]])))
     return float(np.hypot(*off[0]))
 
 

@@ -32,7 +32,7 @@ OWN = ("OPENBLAS_NUM_THREADS",)
 
 
 class Place:
-    """Path of the socket of this user's worker; its version, installation and environment variables, as bytes."""
+    """Socket path of this user's worker, and its version, installation and environment variables, as bytes."""
 
     __slots__ = ("identity", "path")
 

@@ -40,6 +40,11 @@ def use_model(mount: Guard, model: PointingModel) -> None:
     mount.supervisor.aim = model.aim
 
 
+def model_json(model: PointingModel) -> dict[str, Any]:
+    """The model's numbers, degrees and arcseconds."""
+    return {**asdict(model), "made_utc": model.made_utc.isoformat(), "helps": model.helps}
+
+
 def save_sightings(path: Path, sightings: Sequence[MountSighting]) -> None:
     """Write them whole or not at all."""
     with atomic_file(path) as part:

@@ -1,7 +1,6 @@
 """``kochab mount model``: a pointing model from frames in several places; and ``spiral``: search around a place."""
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ def add_model(actions: "argparse._SubParsersAction[Any]", name: str, text: str) 
 def run_model(args: argparse.Namespace) -> int:
     """Add a sighting, and tell the model."""
     from kochab.pointing.pointing_model import fit_model
-    from kochab.workflows.pointing_model import load_sightings, save_sightings
+    from kochab.workflows.pointing_model import load_sightings, model_json, save_sightings
     from kochab.workflows.recover_mount import sighted
 
     sightings = load_sightings(args.file)
@@ -47,7 +46,7 @@ def run_model(args: argparse.Namespace) -> int:
     try:
         model = fit_model(sightings)
         lines = model.lines()
-        fields["model"] = {**asdict(model), "made_utc": model.made_utc.isoformat(), "helps": model.helps}
+        fields["model"] = model_json(model)
     except RefusedError as error:
         lines = [str(error)]
     tell(fields, "\n".join(lines), args.json)

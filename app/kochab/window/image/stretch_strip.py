@@ -90,7 +90,7 @@ class StretchStrip(QFrame):
     def show_picture(self, picture: FrameImage | RenderedFrame) -> None:
         self.follow(picture)
         self.setEnabled(True)
-        self._tell()
+        self.changed.emit(self.stretch)
 
     def follow(self, picture: FrameImage | RenderedFrame) -> None:
         """Show how a frame of a stream is stretched, and tell nobody.

@@ -73,7 +73,7 @@ class StyleSheets(QObject):
             screen.requestUpdate()  # else Qt drops the updates asked for meanwhile, and waits for ever
 
     def meet(self, part: QWidget) -> None:
-        """Style a dialog, a dock that was empty, or tabs of docks that share a place: what the sheet did not reach."""
+        """Style what the sheet did not reach: a dialog, a dock that was empty, tabs of docks that share a place."""
         if part is not self._window.pages and part.styleSheet() != self.sheet:
             part.setStyleSheet(self.sheet)
 

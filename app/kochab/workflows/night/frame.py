@@ -191,11 +191,11 @@ def measured(found: SolvedFrame, site: Site | None = None, small: bool = True) -
 
 
 def _epoch(header: Mapping[str, Any]) -> Epoch | None:
-    """That of RA and DEC by EQUINOX (FITS 4.0, 8.3): 2000, or a year that people observe in."""
+    """Of RA and DEC by the keyword EQUINOX (FITS 4.0, 8.3): J2000, or of date for a year after 2001."""
     equinox = number_or_none(header.get("EQUINOX"))
-    if equinox is None or not (equinox == 2000.0 or equinox > 2001.0):
-        return None
-    return Epoch.J2000 if equinox == 2000.0 else Epoch.DATE
+    if equinox == 2000.0:
+        return Epoch.J2000
+    return Epoch.DATE if equinox is not None and equinox > 2001.0 else None
 
 
 def _pier_side(header: Mapping[str, Any]) -> PierSide | None:

@@ -6,8 +6,7 @@ header says.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from kochab.workflows.night.backlash import COPIED_ARCSEC
 from kochab.workflows.night.frame import NightFrame
 
 PLACES_DEG = 5.0
-"""Places so far apart in hour angle and declination are different ones to a mount."""
+"""Frames farther apart than this in hour angle and declination count as different places."""
 FEWEST_PLACES, WORTH = 6, 0.7
 """A model is used that foretells new places to this share of how far they are off without it. Of nights in which the
 mount was synced at every place, so that nothing is left but noise, 1 in 25 of four or five places looked like one."""
@@ -30,12 +29,12 @@ EQUATORIAL = 0.9
 """Length of the mean of unit vectors at twice the position angle: a camera on an equatorial mount keeps its angle, and
 is upside down on the other side of the pier."""
 CLEARLY = 1.5
-"""One equinox is told from the other where it foretells so many times better."""
+"""An equinox is chosen where its model foretells places so many times better than the other's."""
 
 
 @dataclass(frozen=True, slots=True)
 class NightPointing:
-    """The model, None with ``why`` there is none; the sightings it was made from."""
+    """The pointing model and the sightings it was fitted to; without one, ``why`` there is none."""
 
     model: PointingModel | None
     sightings: tuple[MountSighting, ...] = ()
@@ -53,12 +52,6 @@ class NightPointing:
             return self.model.lines()
         return [tr("Pointing model unknown: {why}.", why=tr(self.why).rstrip("."))]
 
-    def json(self) -> dict[str, Any] | None:
-        """The model's numbers, degrees and arcseconds; None without one."""
-        if self.model is None:
-            return None
-        return {**asdict(self.model), "made_utc": self.model.made_utc.isoformat(), "helps": self.model.helps}
-
 
 NO_POINTING = NightPointing(None)
 
@@ -67,17 +60,17 @@ def pointing_of(frames: Sequence[NightFrame]) -> NightPointing:
     """What frames in order of time, with their headers' word, say of the mount's axes."""
     known = [f for f in frames if f.solved and f.time_utc and f.site and f.reported_deg]
     if not known:
-        return _unknown(tr_noop("no header has the mount's place, the time and the site"))
+        return _unknown(tr_noop("no header has the mount's position, the time and the site"))
     off_deg = [apart_deg((f.ra_deg, f.dec_deg), f.reported_deg) for f in known if f.reported_deg]
     if float(np.median(off_deg)) < COPIED_ARCSEC / 3600.0:
         return _unknown(tr_noop("the headers repeat the solution, not the mount's own place"))
     if float(np.median(off_deg)) > FARTHEST_DEG:
-        return _unknown(tr_noop("the headers are of another place"))
+        return _unknown(tr_noop("the headers give another place than the frames show"))
     places = _places(known)
     if len(places) < FEWEST_PLACES:
-        return _unknown(tr_noop("it takes six places, far from each other"))
+        return _unknown(tr_noop("at least six places far from each other are needed"))
     if abs(np.mean(np.exp(2j * np.radians([f.roll_deg for f in places])))) < EQUATORIAL:
-        return _unknown(tr_noop("the camera turned from place to place, as on no equatorial mount"))
+        return _unknown(tr_noop("the camera turned between places, as on a mount that is not equatorial"))
     sightings = {epoch: [_sighting(f, epoch) for f in places] for epoch in Epoch}
     try:
         models = sorted((fit_model(seen) for seen in sightings.values()), key=lambda model: model.foretold_arcsec)

@@ -18,7 +18,7 @@ from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.sky_brightness import faintest_of, stated_brightness
 from kochab.workflows.night.summary import Night, advice_of
 from kochab.workflows.night.tracking import Tracking
-from kochab.workflows.pointing_model import sighting_rows
+from kochab.workflows.pointing_model import model_json, sighting_rows
 
 
 def frame_rows(night: Night) -> Iterator[dict[str, Any]]:
@@ -141,7 +141,7 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             ],
             "tracking": [_tracking(one) for one in night.tracking],
             "polar": _polar(night.polar) if night.polar else None,
-            "pointing_model": night.pointing.json(),
+            "pointing_model": model_json(night.pointing.model) if night.pointing.model else None,
             "pointing_model_unknown": night.pointing.why or None,
             "sightings": sighting_rows(night.pointing.useful_sightings),
             "earlier": [
