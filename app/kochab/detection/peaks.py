@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from kochab.core import pairing
@@ -244,7 +244,7 @@ def cut(pixels: Array, how: Halving, xy: Floats, level: Floats, half: int) -> St
         raw, use[:] = _beyond_edges(pixels, rows, columns)
     else:
         # A view of all squares of the frame: to copy some takes a third of the time of picking each pixel.
-        squares = as_strided(pixels, (height - side + 1, width - side + 1, side, side), pixels.strides * 2)
+        squares = sliding_window_view(pixels, (side, side))
         top, left = np.clip(y - half, 0, height - side), np.clip(x - half, 0, width - side)
         raw = squares[top, left]
         over = np.flatnonzero((top != y - half) | (left != x - half))

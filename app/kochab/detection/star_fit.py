@@ -132,7 +132,7 @@ def _fit_straight(
             squares, cross, slopes = light * light, light * slope, slope * slope
             a, b, c = (stamps.weight @ _columns(squares[0], cross[0], slopes[0])).transpose(2, 0, 1)
             flux = _dot(light[1], across) / np.maximum(_dot(squares[1], a), np.float32(1e-12))
-            step = _turned_back(
+            step = _normal_step(
                 _dot(squares[1], c),
                 _dot(slopes[1], a),
                 _dot(cross[1], b),
@@ -140,8 +140,8 @@ def _fit_straight(
                 np.asarray(_dot(slope[1], across) - flux * _dot(cross[1], a)),
             )
         at = _moved(at, step, flux, limit)
-    x, y = u - at[:, :, None]
-    ax, ay = light = _profile(u - at[:, :, None], sigma)[0]
+    x, y = away = u - at[:, :, None]
+    ax, ay = light = _profile(away, sigma)[0]
     first, second, third = (value @ _columns(ax, ax * x, ax * x * x)).transpose(2, 0, 1)
     square = _dot(light, light)
     power = square[0] * square[1] if whole else _dot(ay * ay, (stamps.weight @ _columns(ax * ax))[:, :, 0])
@@ -150,7 +150,7 @@ def _fit_straight(
 
 
 def _columns(*parts: Floats32 | Floats) -> Floats32:
-    """Parts (N, K) side by side (N, K, P)."""
+    """P parts (N, K) along a new last axis (N, K, P), in single precision."""
     out = np.empty((*parts[0].shape, len(parts)), dtype=np.float32)
     for k, part in enumerate(parts):
         out[:, :, k] = part
@@ -227,10 +227,10 @@ def _solve(image: Floats32, gx: Floats32, gy: Floats32, stamps: Stamps) -> tuple
     rest: Floats32 = weight * (value - flux[:, None] * g)
     weighted_x = weight * x
     xx, yy, xy = _dot(weighted_x, x), _dot(weight * y, y), _dot(weighted_x, y)
-    return flux, _turned_back(xx, yy, xy, _dot(rest, x), _dot(rest, y))
+    return flux, _normal_step(xx, yy, xy, _dot(rest, x), _dot(rest, y))
 
 
-def _turned_back(xx: Floats32, yy: Floats32, xy: Floats32, along_x: Floats32, along_y: Floats32) -> Floats32:
+def _normal_step(xx: Floats32, yy: Floats32, xy: Floats32, along_x: Floats32, along_y: Floats32) -> Floats32:
     """The steps (2, N) along x and y of normal equations, (N,) each.
 
     Parameters
