@@ -78,6 +78,7 @@ moves behind the same guard: horizon, Sun, meridian, length, read-back, Stop.
   - **Bresser EXOS-2 GoTo** (`indi_bresserexos2`): all of these, but it takes a sync only after the keys of its hand control were used, and Stop
     ends tracking. INDI's driver repeats the last place of a mount that fell silent, so before each goto and park Kochab sends Stop and
     waits, about two seconds, until the place drifts: one that says nothing, or that it is elsewhere, is sent nowhere.
+    Its clock takes no 29th, 30th or 31st but in leap years: set its date on its hand control.
     On an Intel or AMD computer Debian's version 0.901 hears nothing of the mount, and Kochab says that it reports no position; use a
     Raspberry Pi, or a newer driver.
 - **Not tried at all:** alt-azimuth mounts without a hand control, forks on a wedge in the south by Celestron's Wi-Fi. Kochab refuses them
