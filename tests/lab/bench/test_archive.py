@@ -1,7 +1,9 @@
 """The bench of archives: what it counts in a table, what it makes of it, and a small run."""
 
+from collections import namedtuple
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
 import pyarrow as pa
 import pytest
 
@@ -43,8 +45,19 @@ def test_what_gathers_is_compared_with_the_workers_of_the_same_while() -> None:
     spent[0] = (START.timestamp(), 0.0, 0.0)
     found = row("x", 2, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0, 0, spent))
     assert found["main_percent"] == pytest.approx(5.0)
+    assert found["mid_ms"] == pytest.approx(1000.0)  # 2.0 s of both a second, two inputs a second
+    assert row("x", archive.APART, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0, 0, spent))["main_percent"] is None
     lost = [*spent[:6], (spent[6][0], spent[6][1], 1.0)]  # a worker was killed, with its time
-    assert row("x", 2, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0, 0, lost))["main_percent"] is None
+    found = row("x", 2, 20, Ran(30.0, 4.0, 100.0, table(urls), 3.0, 0, lost))
+    assert np.isnan(found["main_percent"])
+    assert np.isnan(found["mid_ms"])
+
+
+def test_what_the_machine_uses_counts_its_host_and_guests_once() -> None:
+    Times = namedtuple("Times", "user nice system idle iowait steal guest guest_nice")
+    assert archive._used_s(Times(5.0, 1.0, 2.0, 100.0, 10.0, 4.0, 3.0, 1.0)) == 12.0
+    assert archive._dirty_kb("Rss: 9 kB\nPrivate_Clean: 7 kB\nPrivate_Dirty:  1000 kB\n") == 1024.0
+    assert archive._dirty_kb("") == 0.0  # of one that has ended
 
 
 def test_two_programs_share_the_lists(tmp_path) -> None:
@@ -55,13 +68,13 @@ def test_two_programs_share_the_lists(tmp_path) -> None:
 
 def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
     def one(what, workers, rate, cpu, busy, **more):
-        numbers = {"rate_s": rate, "cpu_ms": cpu, "busy": busy, "main_percent": None}
+        numbers = {"rate_s": rate, "cpu_ms": cpu, "busy": busy, "main_percent": None, "mid_ms": np.nan}
         return {"inputs": what, "workers": workers, **numbers, **more}
 
     rows = [
         one("star lists", 1, 100.0, 9.0, 2.0),
-        one("star lists", 2, 190.0, 9.5, 1.0, main_percent=6.0),
-        one("star lists", archive.APART, 195.0, 9.5, 1.0),
+        one("star lists", 2, 190.0, 9.5, 1.0, main_percent=6.0, mid_ms=10.0),
+        one("star lists", archive.APART, 195.0, 9.5, 1.0, mid_ms=9.5),
         one("star lists", 1, 90.0, 9.1, 2.0),  # a turn that was disturbed
         one("1.5 MP frames", 1, 20.0, 40.0, 2.0),
         one("1.5 MP frames", 2, 25.0, 50.0, 80.0),
@@ -70,9 +83,12 @@ def test_two_workers_are_compared_on_a_quiet_machine_alone() -> None:
     found = {goal.name: (goal.value, goal.met) for goal in goals(rows)}
     assert found["star lists: two workers, times as fast as one"] == (1.9, True)
     assert found["star lists: two workers, times as fast as two programs"] == (190.0 / 195.0, True)
+    assert found["star lists: two programs, times as fast as one (this machine's limit)"] == (1.95, True)
+    assert found["star lists: the same by processor time of all processes"] == (0.95, True)
     assert found["star lists: processor of the process that gathers, percent"] == (6.0, False)
     assert found["1.5 MP frames: two workers, times as fast as one"] == (None, None)
     assert found["1.5 MP frames: two workers, times as fast as two programs"] == (None, None)
+    assert found["1.5 MP frames: the same by processor time of all processes"] == (None, None)
     assert found["1.5 MP frames: processor of the process that gathers, percent"] == (None, None)
     assert found["1.5 MP frames: the same by processor time"] == (1.6, False)
     assert found["of these without exactly one row"] == (1.0, False)
@@ -99,6 +115,7 @@ def test_a_small_archive_is_measured(tmp_path) -> None:
     found = row("star lists", 1, 12, ran)
     assert (found["astray"], found["solved"], found["kills"]) == (0, 12, 0)
     assert found["cpu_ms"] > 0.5
+    assert found["peak_mb"] > 20.0
     assert found["all_ms"] > found["cpu_ms"]
 
 
