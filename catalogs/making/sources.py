@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from kochab.core.arrays import Bools, Bytes, Floats, Ints, Table
 from kochab.core.attitude import ARCSEC, unit
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.sky.catalogue_file import StarList
 from kochab.sky.proper_motion import tangent
 from kochab.sky.user_catalogues.index_files import read_index
@@ -120,7 +120,7 @@ def _on_sphere(motion: Floats, plane: Floats) -> Floats:
     return np.asarray((motion - outward) * cosine + outward * cosine**2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Listed(Table):
     """The independent list: ``hip`` (M,) ascending, ``vector`` (M, 3) at 2024.0, ``mag`` (M,) V."""
 
@@ -129,7 +129,7 @@ class Listed(Table):
     mag: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Sources:
     """All that is known before merging.
 

@@ -1,109 +1,132 @@
-"""The smaller words: detections, hints, solutions, tasks, and a frame."""
+"""Values behave as the standard library's dataclasses do: each is made by both, and what both say is compared."""
 
-from datetime import UTC, datetime
+import copy
+import inspect
+import pickle
+from dataclasses import FrozenInstanceError, asdict, dataclass, field, fields, replace
+from typing import ClassVar
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from kochab.core.attitude import attitude_from
-from kochab.core.camera import Camera
-from kochab.core.frame import Detections, Frame, Hint, Site
-from kochab.core.progress import Progress, run
-from kochab.core.solution import Solution
-
-fluxes = st.lists(st.floats(-1e6, 1e6), max_size=20)
+from kochab.core.values import frozen, mutable
 
 
-def detections(n=5):
-    """``n`` stars each of whose numbers says which star it belongs to."""
-    i = np.arange(n, dtype=np.float64)
-    return Detections(
-        100,
-        80,
-        np.column_stack([i, i + 0.5]),
-        100 - i,
-        50 - i,
-        2 + i,
-        1 + i,
-        i / 10,
-        i % 2 == 0,
-        i % 3 == 0,
-        background=7.0,
-        noise=0.5,
-    )
+def star(decorate):
+    """A class with fields of every kind."""
+
+    @decorate
+    class Star:
+        """A star."""
+
+        kind: ClassVar[str] = "star"
+        place: tuple[float, float]
+        name: str = "Kochab"
+        lines: list[str] = field(default_factory=list)
+        weight: float = field(default=1.0, compare=False, repr=False)
+        order: int = field(default=7, kw_only=True)
+        seen: int = field(default=3, init=False)
+        parts: dict[str, int] = field(default_factory=dict, init=False)
+
+        def __post_init__(self):
+            if not self.name:
+                raise ValueError(self.order)
+
+    return Star
 
 
-@given(fluxes)
-def test_a_list_is_put_brightest_first_and_keeps_its_positions(flux):
-    xy = np.column_stack([np.arange(len(flux)), np.zeros(len(flux))])
-    found = Detections.from_list(xy, 10, 10, np.array(flux))
-    assert len(found) == len(flux)
-    assert (np.diff(found.flux) <= 0).all()
-    assert [flux[int(i)] for i in found.xy[:, 0]] == list(found.flux)
-    ties = np.diff(found.flux) == 0
-    assert (np.diff(found.xy[:, 0])[ties] > 0).all()
+PAIRS = [
+    pytest.param(frozen, dataclass(frozen=True, slots=True), id="frozen"),
+    pytest.param(mutable, dataclass(slots=True), id="mutable"),
+    pytest.param(frozen(eq=False), dataclass(frozen=True, slots=True, eq=False), id="frozen, by identity"),
+    pytest.param(mutable(eq=False), dataclass(slots=True, eq=False), id="mutable, by identity"),
+]
+MADE = [((1.0, 2.0),), ((1.0, 2.0), "Polaris", ["a"], 3.0)]
 
 
-def test_a_list_without_flux_is_taken_as_brightest_first():
-    xy = [[3.0, 1.0], [2.0, 9.0], [7.0, 7.0]]
-    found = Detections.from_list(xy, 10, 10)
-    assert found.xy.tolist() == xy
-    assert (np.diff(found.flux) < 0).all()
-    assert len(Detections.from_list(np.empty((0, 2)), 10, 10)) == 0
+@pytest.mark.parametrize(("ours", "theirs"), PAIRS)
+@pytest.mark.parametrize("arguments", MADE)
+def test_values_answer_as_the_standard_librarys_dataclasses(ours, theirs, arguments):
+    a, b = (star(one)(*arguments, order=2) for one in (ours, theirs))
+    assert repr(a) == repr(b)
+    assert [str(one) for one in fields(type(a))] == [str(one) for one in fields(type(b))]
+    assert str(inspect.signature(type(a))) == str(inspect.signature(type(b)))
+    assert type(a).__match_args__ == type(b).__match_args__
+    assert type(a).__slots__ == type(b).__slots__
+    assert not hasattr(a, "__dict__")
+    assert (a == copy.copy(a)) == (b == copy.copy(b))
+    assert (a == type(a)(*arguments)) == (b == type(b)(*arguments))
+    assert a != b
+    assert a.lines is not star(ours)((0.0, 0.0)).lines
 
 
-@pytest.mark.parametrize("index", [np.array([3, 0]), np.array([True, False, False, True, False]), slice(1, 4)])
-def test_take_keeps_every_array_in_step(index):
-    whole = detections()
-    part = whole.take(index)
-    chosen = np.arange(5)[index]
-    assert len(part) == len(chosen)
-    for name in ("xy", "flux", "snr", "fwhm_px", "elongation", "angle_rad", "saturated", "blended"):
-        assert np.array_equal(getattr(part, name), getattr(whole, name)[chosen]), name
-    assert (part.width, part.height, part.background, part.noise) == (100, 80, 7.0, 0.5)
+@pytest.mark.parametrize(("ours", "theirs"), PAIRS)
+def test_values_refuse_what_the_standard_librarys_dataclasses_refuse(ours, theirs):
+    for kwargs in ({}, {"place": 1, "nothing": 2}, {"place": 1, "seen": 2}, {"place": 1, "name": ""}):
+        errors = []
+        for one in (ours, theirs):
+            with pytest.raises((TypeError, ValueError)) as error:
+                star(one)(**kwargs)
+            errors.append((error.type, str(error.value)))
+        assert errors[0] == errors[1]
 
 
-def test_a_hint_helps_when_it_tells_of_the_sky():
-    site, when = Site(47.0, 11.0, 800.0), datetime(2024, 3, 1, 22, tzinfo=UTC)
-    assert not Hint(None, None, when, 2.0, site, "a camera", "header").helps
-    assert Hint(centre_deg=(0.0, 0.0, 1.0)).helps
-    assert Hint(scale_arcsec_px=(1.0, 2.0)).helps
-    assert not Hint().helps
+def test_a_frozen_value_is_changed_by_nothing_and_is_a_key():
+    value = star(frozen)((1.0, 2.0))
+    for change in (lambda: setattr(value, "name", "x"), lambda: delattr(value, "name"), lambda: setattr(value, "x", 1)):
+        with pytest.raises(FrozenInstanceError):
+            change()
+    point = Point(1.0)
+    assert {point: 1}[Point(1.0)] == 1
+    assert replace(point, y=3.0) == Point(1.0, 3.0)
+    assert asdict(replace(point, x=Point(2.0))) == {"x": {"x": 2.0, "y": 5.0}, "y": 5.0}
+    with pytest.raises(TypeError):
+        hash(star(mutable)((1.0, 2.0)))
 
 
-def test_a_task_is_driven_to_its_result_and_reports_on_the_way():
-    def task():
-        yield Progress("read", 0.5)
-        yield Progress("solve", detail="level 3")
-        return "done"
-
-    heard = []
-    assert run(task(), heard.append) == "done"
-    assert heard == [Progress("read", 0.5), Progress("solve", None, "level 3")]
-    assert run(task()) == "done"
+@pytest.mark.parametrize("duplicate", [lambda one: pickle.loads(pickle.dumps(one)), copy.copy, copy.deepcopy])
+def test_values_are_copied_and_sent_to_other_processes(duplicate):
+    assert duplicate(Point(1.0, 2.0)) == Point(1.0, 2.0)
+    assert duplicate(Space(1.0, 2.0, 3.0)) == Space(1.0, 2.0, 3.0)
 
 
-def test_a_task_that_fails_is_not_swallowed():
-    def task():
-        yield Progress("read")
-        raise ValueError("broken")
-
-    with pytest.raises(ValueError, match="broken"):
-        run(task())
+def test_values_without_fields_are_equal_and_keys():
+    assert Nothing() == Nothing() != Point(1.0)
+    assert {Nothing(): 1} == {Nothing(): 1}
 
 
-def test_a_frame_measures_columns_by_rows():
-    frame = Frame(np.zeros((3, 5), np.uint16))
-    assert (frame.width, frame.height) == (5, 3)
-    assert not frame.hint.helps
+def test_a_value_that_extends_another_has_its_fields_first():
+    value = Space(1.0, z=4.0)
+    assert (value.x, value.y, value.z) == (1.0, 5.0, 4.0)
+    assert value != Point(1.0)
+    value.z += 1.0
+    match value:
+        case Space(x, _, z):
+            assert (x, z) == (1.0, 5.0)
 
 
-def test_a_solution_speaks_for_the_frames_middle_with_distortion_included():
-    camera = Camera(600, 400, 1200.0, 100.0, 350.0, k1=-0.1, p2=0.01)
-    solution = Solution(camera, attitude_from(83.0, -5.0, 20.0), (), 0.5, -20.0, "test")
-    x, y = solution.pixels_of(solution.centre_vector[None])[0]
-    assert (x, y) == pytest.approx((299.5, 199.5))
-    assert solution.ra_dec_deg != pytest.approx((83.0, -5.0), abs=1.0)
-    assert solution.rms_arcsec == pytest.approx(0.5 * 206264.806 / 1200)
+@frozen
+class Point:
+    """Of a plane."""
+
+    x: float
+    y: float = 5.0
+
+
+@frozen
+class Nothing:
+    """No field."""
+
+
+@mutable
+class Area:
+    """Of a plane."""
+
+    x: float
+    y: float = 5.0
+
+
+@mutable
+class Space(Area):
+    """And above it."""
+
+    z: float = 0.0

@@ -1,6 +1,5 @@
 """From matched stars to the camera's attitude: estimators by name, and Wahba's problem."""
 
-from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -10,6 +9,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.registry import Registry, number
+from kochab.core.values import frozen
 
 
 class Estimator(Protocol):
@@ -132,7 +132,7 @@ def sigma_rad(seen: Floats, icrs: Floats, matrix: Floats, camera: Camera, given_
 # -- The optimal attitude of all stars together: Wahba's problem -------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Quest:
     """Least squares over every star with equal weights.
 

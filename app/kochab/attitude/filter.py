@@ -16,12 +16,13 @@ Between frames ``M(t + dt) = exp(-[w] dt) M(t)``, with the covariance of the err
 back by itself: a mount that begins to slew is followed, one that tracks is averaged over seconds.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, Attitude, rotation_vector, small_rotation
+from kochab.core.values import frozen
 
 MOST_AGILE = 1e10  # of q: the velocity changes by 56 deg/s in a second, more than any mount's
 
@@ -39,7 +40,7 @@ GATE = 21.1
 it happens once in ten thousand frames by chance."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FilterState:
     """The filter at one moment.
 

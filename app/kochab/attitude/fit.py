@@ -1,7 +1,7 @@
 """Matches to attitude and camera: a robust fit that adds only distortion terms that the stars support."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,10 @@ from kochab.core.attitude import Attitude
 from kochab.core.camera import Camera
 from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Matches
+from kochab.core.values import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FocalPrior:
     """A focal length, px, and the one-sigma error of its logarithm: a Gaussian prior of a fit."""
 
@@ -112,7 +113,7 @@ TELLS_NOTHING = 10.0
 """A prior this many times less certain than the stars changes nothing and is left out."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Fit:
     """A camera and an attitude that agree with ``M`` matches.
 

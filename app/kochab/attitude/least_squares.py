@@ -1,7 +1,7 @@
 """Least squares of attitude, camera and the distortion terms that the stars support."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from kochab.core.arrays import Floats, Indices
 from kochab.core.attitude import small_rotation
 from kochab.core.camera import Camera
 from kochab.core.solution import Matches
+from kochab.core.values import frozen
 
 # -- Least squares of one step: normal equations with the columns scaled to one length ---------
 
@@ -17,7 +18,7 @@ RIDGE = 1e-13
 """Added to the scaled diagonal: columns that are one and the same share what they explain."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Normal:
     """The derivatives ``rows`` (K, N) of N residuals by K parameters, and what they make.
 
@@ -170,7 +171,7 @@ FAR = 2.0
 """When a step makes the sum of squares so many times smaller, the derivatives are made anew."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FitState:
     """One point of the descent.
 

@@ -10,7 +10,7 @@ import signal
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from kochab.cli.process import signals_kept
 from kochab.core import __version__
 from kochab.core.errors import UsageError
+from kochab.core.values import mutable
 from kochab.workflows.archive.run import Chunk, Outcome
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ STARTS, POLL_S, LOOK_S, RESTART_S, LOST_S = 5, 0.1, 1.0, 10.0, 300.0
 KILLED = "Its worker process was ended from outside each time, most likely for lack of memory."
 
 
-@dataclass(slots=True)
+@mutable
 class Workers:
     """A client of a cluster; of one that is ``here`` the workers are kept as many as ``count``."""
 

@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from kochab.cli.process import say
 from kochab.cli.solve import named_frames, tables_of
 from kochab.core.errors import UsageError, printable
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # they load numpy, which --help has no need of
     from kochab.workflows.night.summary import Night
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FrameOfNight:
     """One file of the night."""
 
@@ -58,7 +58,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.set_defaults(run=run)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Output:
     """A file that the night is written into, its text (nothing is written where it is empty) and what is said then."""
 

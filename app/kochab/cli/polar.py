@@ -4,7 +4,7 @@ import argparse
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from kochab.cli.process import say
 from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Hint
 from kochab.core.solution import NoSolution
+from kochab.core.values import frozen
 from kochab.frames.outputs import refuse_overwriting
 from kochab.polar.drift import Drift
 from kochab.polar.error import (
@@ -61,7 +62,7 @@ SAID_BY = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class UnusableFrame:
     """A file that cannot be used: ``code`` is what the program ends with for it."""
 

@@ -5,7 +5,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from kochab.cli.batch import refuse_wcs_over, run_batch, write_objects, write_pi
 from kochab.cli.options import BATCH, Place, add_options, bound_of, detector_settings_of, named, options_of, whole
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import Task
+from kochab.core.values import frozen
 from kochab.workflows.answers import LISTED, answer_of, detections_json
 from kochab.workflows.solution_json import Json
 
@@ -30,7 +31,7 @@ WRITTEN = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pdf", ".svg")
 PIXELS = (2, 1_000_000, "size in pixels")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SolveRequest:
     """One file and what is to be written from it; ``list_size`` is the frame's, px, of a list of stars.
 

@@ -4,11 +4,13 @@ Radians, unit vectors ``(N, 3)`` and pixels ``(N, 2)`` as x, y are ``Floats``; r
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from kochab.core.values import frozen
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,7 +22,7 @@ Bytes = NDArray[np.uint8]
 Array = NDArray[Any]  # of a type that the file or the device decides
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Table:
     """A dataclass of arrays that share the length N, one row a star; other fields belong to all rows."""
 

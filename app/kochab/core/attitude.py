@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.values import frozen
 
 ARCSEC = math.pi / 648_000.0
 """One arcsecond, radians: ``x * ARCSEC`` is in radians, ``x / ARCSEC`` in arcseconds."""
@@ -18,7 +18,7 @@ Degrees = tuple[float, float]
 Angle = TypeVar("Angle", float, Floats)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Attitude:
     """``matrix`` (3, 3) takes ICRS unit vectors to camera axes (x right, y down, z boresight).
 

@@ -16,18 +16,18 @@ equidistant projection, bent by the same terms (Kannala and Brandt 2006, IEEE Tr
 theta these are).
 """
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.values import frozen
 
 NEAREST = 1e-3  # what lies behind a camera is taken to be this far before it, where places must be finite
 FIELDS = 1.5  # how far beside the frame places are told, in half diagonals
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Camera:
     """Optics of one frame; lengths in px, pixel (0, 0) is the centre of the first pixel.
 
@@ -188,7 +188,7 @@ class Camera:
         return np.asarray(uvd * self.focal_xy_px + (self.cx, self.cy))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FisheyeCamera(Camera):
     """A fisheye lens, of up to the whole sky: pixels from the axis are as angles from it, but for the distortion."""
 
@@ -248,7 +248,7 @@ PROJECTIONS: dict[str, type[Camera]] = {kind.projection: kind for kind in (Camer
 """The models of a lens by the name that files give them."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ChartCamera(Camera):
     """A stereographic chart of up to a hemisphere: small circles stay circles, and little is stretched.
 

@@ -1,13 +1,13 @@
 """What every camera that takes frames now offers: settings, limits, frames."""
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Protocol
 
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CaptureSettings:
     """What a person sets; None leaves it to the camera."""
 
@@ -16,7 +16,7 @@ class CaptureSettings:
     binning: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CaptureLimits:
     """The ranges a camera allows, (low, high); None where it does not say or cannot be set."""
 
@@ -81,7 +81,7 @@ class CameraSource(Protocol):
         return True
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CameraDevice:
     """One thing that can be opened: its source's name, its address and words for a person."""
 

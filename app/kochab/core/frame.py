@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import datetime
 from typing import Any
 
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Table
 from kochab.core.robust import median
+from kochab.core.values import frozen
 
 # -- What a person or a header believes about a frame. Hints save time; they never decide ------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Site:
     """A place on the Earth: geodetic degrees, east positive, metres above the ellipsoid."""
 
@@ -24,7 +25,7 @@ class Site:
     height_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Hint:
     """Optional beliefs about scale, place and time; any of them may be wrong.
 
@@ -62,7 +63,7 @@ class Hint:
         return shortest, longest
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Frame:
     """One exposure as read from a file or a camera.
 
@@ -96,7 +97,7 @@ class Frame:
 # -- What a detector found in a frame ----------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Detections(Table):
     """Stars of one frame, brightest first; all per-star arrays share the length N.
 

@@ -1,13 +1,13 @@
 """What every mount reports and can do: pointing, state, abilities, and the sidereal rate."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from math import radians
 from typing import Protocol
 
 from kochab.core.frame import Site
+from kochab.core.values import frozen
 from kochab.text.translation import tr_noop
 
 
@@ -111,7 +111,7 @@ class TrackingRate(StrEnum):
         }[self]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Pointing:
     """Equatorial degrees, RA in [0, 360), and the epoch they belong to."""
 
@@ -120,7 +120,7 @@ class Pointing:
     epoch: Epoch
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountState:
     """State of the mount; None where it does not report it.
 
@@ -141,7 +141,7 @@ class MountState:
     fault: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SiteReport:
     """The site and time that a mount uses; None where it does not report them.
 

@@ -6,14 +6,15 @@ where the driver may stop asking, which is how a task is cancelled.
 
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from time import perf_counter
 from typing import TypeVar
+
+from kochab.core.values import frozen
 
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Progress:
     """How far a task is: ``fraction`` in 0..1 or None when unknown, and what it is doing."""
 

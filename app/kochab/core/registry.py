@@ -8,12 +8,13 @@ A method is a frozen dataclass whose fields are made by :func:`number`, :func:`i
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import field, fields, is_dataclass, replace
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 
 if TYPE_CHECKING:
     import logging
@@ -23,7 +24,7 @@ Kind = Literal["number", "integer", "switch", "choice", "pair"]
 WORDS = {"yes": True, "on": True, "true": True, "no": False, "off": False, "false": False}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Option:
     """One thing a person may choose about a method.
 

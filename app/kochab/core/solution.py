@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
@@ -14,13 +14,14 @@ from kochab.core.arrays import Floats, Ints, Table
 from kochab.core.attitude import Attitude, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
+from kochab.core.values import frozen
 from kochab.text.translation import tr, tr_noop
 
 if TYPE_CHECKING:
     from astropy.wcs import WCS
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Matches(Table):
     """Detections paired with catalogue stars; all arrays share the length M.
 
@@ -66,7 +67,7 @@ class StarCatalogue(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Identification:
     """What an identifier returns: matches, a camera and an attitude good to about a pixel.
 
@@ -83,7 +84,7 @@ class Identification:
     catalogue: StarCatalogue | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NamedStar:
     """One identified star, for people and for JSON. ``mag`` is V; degrees are ICRS.
 
@@ -109,7 +110,7 @@ class NamedStar:
         return plain.encode("ascii", "ignore").decode()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Solution:
     """A pointing with its evidence. Angles are ICRS (J2000) and belong to the frame's centre.
 
@@ -253,7 +254,7 @@ class Reason(StrEnum):
     ANOTHER_FIELD = tr_noop("field of view differs")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NoSolution:
     """No solution is a value: why, what was measured and tried, and one thing to do next."""
 

@@ -6,7 +6,7 @@ When the stars are not small, the same is done on the frame made four times smal
 taken: far out of focus a star is a ring that at full scale looks like many.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Array, Bools, Floats, Table
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import median
+from kochab.core.values import frozen
 from kochab.detection.background import Halving, Mesh, Smoother, halving, measure_mesh
 from kochab.detection.peaks import PreparedFrame, apart, close_pairs, find_peaks, standing_out
 from kochab.detection.star_fit import (
@@ -80,7 +81,7 @@ BATCH = 500  # stars whose stamps are held at once
 LOOKS = 4  # at a large star, each about where the last one put it: a ring's peaks lie on its rim
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MeasuredStars(Table):
     """Measured peaks; arrays of length N, ``moments`` (N, 3) are xx, yy, xy in px^2."""
 
@@ -97,7 +98,7 @@ class MeasuredStars(Table):
         return principal_axes(*self.moments.T)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AutoDetector:
     """Finds stars above ``snr`` and returns ``max_stars`` at most.
 

@@ -5,7 +5,6 @@ what compression, demosaicing or nebulosity have correlated.
 """
 
 import threading
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Floats
 from kochab.core.robust import median
+from kochab.core.values import frozen, mutable
 
 # -- Halving and smoothing: the pass that touches every pixel of the frame ---------------------
 # Pixels are summed 2 x 2 (of a Bayer mosaic only the two greens) and smoothed by a 3 x 3 binomial
@@ -25,7 +25,7 @@ WIDTH: dict[int, type[np.unsignedinteger[Any]]] = {8: np.uint8, 16: np.uint16}
 WORD: dict[int, type[np.unsignedinteger[Any]]] = {1: np.uint16, 2: np.uint32}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Halving:
     """How 2 x 2 pixels become one; ``greens`` is 0 or 1, the column of the green of even rows."""
 
@@ -117,7 +117,7 @@ class _Buffers(threading.local):
 _BUFFERS = _Buffers()
 
 
-@dataclass(slots=True)
+@mutable
 class Smoother:
     """Halves and smooths rows in memory that all smoothers of a thread share."""
 
@@ -196,7 +196,7 @@ class Smoother:
 QUARTILE = 0.6745  # of a unit normal
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Mesh:
     """Level and noise at tile centres and around them, in units of one pixel of the frame.
 
@@ -245,7 +245,7 @@ def measure_mesh(pixels: Array, how: Halving) -> Mesh:
     return cells.mesh(x, y, level / how.gain, spread / how.noise_gain, quantum)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Cells:
     """Tiles of the samples: the first row and column of each, and how many columns one has."""
 

@@ -6,13 +6,12 @@ distance (Miyashita's approximation, HFD = 2 sum(v r) / sum(v), over an aperture
 Kochab's own detections know nothing of this; their FWHM is another measure.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 
 NO_STARS = 99.0
 """What ASTAP tells as the median where there is no star."""
@@ -23,7 +22,7 @@ MOST_TRIALS = 60_000
 """Places tried a threshold: a frame that is all bright has no more stars for being searched to its end."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class HalfFluxStar:
     """A star: ``x``, ``y`` px, (0, 0) the centre of the first pixel; ``hfd_px``; ``snr``; ``flux`` above its sky."""
 

@@ -1,6 +1,6 @@
 """Peaks of the smoothed frame, one for each star, and the stamps cut around them."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from kochab.core import pairing
 from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices, Ints, Table
+from kochab.core.values import frozen
 from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
 
 STRIP = 160  # rows of the frame; what a strip needs fits the cache
@@ -191,7 +192,7 @@ def _means(pixels: Array, xy: Floats) -> Floats:
 # -- Small squares of the frame around stars, gathered at once ---------------------------------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Stamps(Table):
     """``value`` (N, K, K) above background; ``weight`` (N, K, K) is 1 where a pixel may be used.
 
@@ -274,7 +275,7 @@ def _beyond_edges(pixels: Array, rows: Indices, columns: Indices) -> tuple[Array
 # -- What the steps of a detection share: the pixels and what is already known of them ---------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PreparedFrame:
     """Pixels (H, W), how they are halved, their background, and hot pixels (M, 2) as x, y."""
 

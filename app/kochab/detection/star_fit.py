@@ -5,16 +5,15 @@ of least squares with equal weights, which is the maximum likelihood where the b
 the noise. Unused pixels (mosaic, saturated, broken) simply do not take part.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Floats32, Table
 from kochab.core.robust import median
+from kochab.core.values import frozen
 from kochab.detection.peaks import PreparedFrame, Stamps, cut
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Fits(Table):
     """``dx``, ``dy`` (N,) px from the stamps' middles, ``flux`` (N,) and its ``snr`` (N,).
 
@@ -254,7 +253,7 @@ PIXEL_VARIANCE = 1.0 / 12.0  # of a square pixel, px^2
 NARROWEST = 0.995  # of a shape's correlation of x and y: it is twenty times as long as wide
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Shapes(Table):
     """``dx``, ``dy`` (N,) px from the stamp's middle; ``xx``, ``yy``, ``xy`` (N,) px^2; ``flux``.
 

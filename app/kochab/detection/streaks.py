@@ -7,13 +7,13 @@ of roofs and clouds, spikes of bright stars and bad columns are none.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.arrays import Array, Bools, Floats, Indices
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import PER_MAD, mad_sigma, median
+from kochab.core.values import frozen
 
 FAINT, LONG = 3, 4
 """How much smaller the frame is made, and longer the pieces are, for faint streaks."""
@@ -51,7 +51,7 @@ EDGE_LEVEL = 0.4
 """Of its height that the sky may differ from one side to the other."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Streak:
     """From ``ends[0]`` to ``ends[1]`` (2, 2) px, along ``way`` (K, 2) px; ``inside`` says which ends are in the frame.
 

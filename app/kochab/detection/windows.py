@@ -5,14 +5,13 @@ and there a fit of the star image as the default detector makes it. What a windo
 brightest thing in it, whether or not it is the star; that is for whoever asks to say.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Bools, Floats
 from kochab.core.frame import Frame
 from kochab.core.robust import median
+from kochab.core.values import frozen
 from kochab.detection.background import Halving, halving
 from kochab.detection.peaks import Stamps, close_pairs, cut
 from kochab.detection.star_fit import PIXEL_VARIANCE, adaptive_moments, fit_stars, refit_bright, unweighted
@@ -25,7 +24,7 @@ LONGEST_PX = 7.0  # RMS along a trail of 24 px
 UNLIKE = 1.8  # ratio of the largest second moments from which an image is another one
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class WindowStars:
     """What W windows hold: ``xy`` (W, 2) px, ``sigma_px`` (W,) a coordinate, ``snr`` (W,).
 

@@ -7,7 +7,6 @@ first video stream's header, then a chunk for each frame.
 import io
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 from kochab.frames.samples import check_size, split
 from kochab.frames.sandbox import decoding, leave_to_sandbox
 from kochab.frames.ser import check_number, one_of
@@ -34,7 +34,7 @@ _MOST_HEADER = 1 << 20
 _DEEPEST = 4
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Stream:
     """The first video stream: its number, and how a frame of it is stored, the first row at the bottom or not."""
 

@@ -14,7 +14,7 @@ import re
 import sys
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +23,7 @@ import numpy as np
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
+from kochab.core.values import mutable
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import MAX_BYTES, check_size, native
 from kochab.frames.sandbox import leave_to_sandbox
@@ -37,7 +38,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([EeDd][+-]?\d+)?$")
 _NAME = re.compile(r"[A-Z0-9_-]*$")
 
 
-@dataclass(slots=True)
+@mutable
 class Header:
     """Keyword values, the comments beside them, and the keywords of cards that did not parse."""
 
@@ -165,7 +166,7 @@ _MAX_TILE_PX = 1 << 24  # of a tile that spans several planes
 _CHUNK_BYTES = 1 << 19
 
 
-@dataclass(slots=True)
+@mutable
 class FitsImage:
     """Where an image lies: its header (with the primary's keywords) from ``start`` to ``offset``, index, shape."""
 

@@ -6,12 +6,13 @@ Places are points (1/72 inch) from the page's upper left corner, y down.
 import struct
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
 
 from kochab.core.arrays import Floats
 from kochab.core.errors import KochabError
+from kochab.core.values import frozen, mutable
 
 A4, LETTER = (595.28, 841.89), (612.0, 792.0)
 MEANING_BEGINS = """/CIDInit /ProcSet findresource begin 12 dict begin begincmap /CMapName /K def /CMapType 2 def
@@ -20,7 +21,7 @@ MEANING_ENDS = "endbfchar endcmap CMapName currentdict /CMap defineresource pop 
 _CONTROL_OF_CIRCLE = 0.5523  # a quarter of a circle as a Bezier curve
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Font:
     """A TrueType font: its bytes, glyphs by character, their widths and the box, in thousandths of its size."""
 
@@ -80,7 +81,7 @@ def _characters(data: bytes, cmap: int) -> dict[int, int]:
     return found
 
 
-@dataclass(slots=True)
+@mutable
 class Page:
     """What is drawn, in order; :meth:`packed` gives the file."""
 

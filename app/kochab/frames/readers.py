@@ -3,7 +3,6 @@
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -13,6 +12,7 @@ from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import Task, run
 from kochab.core.registry import Registry
+from kochab.core.values import frozen
 from kochab.frames.sandbox import Outside, in_sandbox, leave_to_sandbox, memory_text
 from kochab.text.translation import tr, tr_noop
 
@@ -22,7 +22,7 @@ Reader = Callable[..., Frame]
 # -- Which reader a file belongs to, decided by what it holds before what it is called ---------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Format:
     """A kind of file: its ``reader`` (``module:function``), its suffixes, the bytes it may begin with, and its names.
 

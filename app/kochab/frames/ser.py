@@ -5,7 +5,6 @@ their place in the file follows from the header.
 """
 
 import struct
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import check_size
 from kochab.text.translation import tr
@@ -27,7 +27,7 @@ _COLOURS = (0, *_PATTERNS, 16, 17, 18, 19, _RGB, _BGR)
 _TICKS = (1 << 62) - 1  # above them .NET writes what clock it was
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Header:
     """What a file says of its frames; ``times`` are .NET ticks, 0 when not told."""
 

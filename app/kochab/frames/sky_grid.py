@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors, wrapped
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.text.translation import tr, tr_noop
 
 DEC_STEPS_DEG = (30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1 / 3, 1 / 6, 1 / 12, 1 / 30, 1 / 60, 1 / 120, 1 / 360)
@@ -25,7 +26,7 @@ NORTH_EAST_UP = [1, 0, 2]  # of east, north, up, and back: azimuth runs from nor
 NAMED = {"ecliptic": tr_noop("Ecliptic"), "galactic": tr_noop("Galactic equator")}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class GridLine:
     """One line: ``xy`` (N, 2) image px with NaN where it is out of sight, and its value."""
 

@@ -4,13 +4,12 @@ The midtones transfer function ``m(x) = (m - 1) x / ((2 m - 1) x - m)`` keeps 0 
 the automatic choice puts black some deviations below the sky and the sky itself at a fixed grey.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kochab.core.arrays import Array, Bytes, Floats
 from kochab.core.frame import Frame
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 
 SKY_LEVEL = 0.2  # brightness the median is shown at, 0 to 1
 SHADOW_SIGMAS = 2.8  # so many deviations below the median is black
@@ -18,7 +17,7 @@ _SAMPLE = 250_000
 _BINS = 16384
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stretch:
     """How samples become grey: ``black`` and ``white`` in sample units, ``mid`` in (0, 1).
 

@@ -5,10 +5,10 @@ command line takes its help from it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 
 from kochab.core.mount import Ability, MountState, TrackingRate
+from kochab.core.values import frozen
 from kochab.text.translation import tr, tr_noop
 
 CONNECT = tr_noop("Connect a mount first, or practise with a simulated telescope.")
@@ -39,7 +39,7 @@ class Need(Enum):
     SYNCED = tr_noop("The mount’s position shifted with its new clock or site: sync first, see above.")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Action:
     """One row.
 
@@ -127,7 +127,7 @@ def action(name: str) -> Action:
     return ACTIONS.get(name, Action(name))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountSituation:
     """Everything that decides which actions are possible.
 

@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Lock
@@ -21,6 +21,7 @@ from typing import Any
 
 from kochab.core import __version__
 from kochab.core.errors import printable
+from kochab.core.values import frozen
 
 Clock = Callable[[], datetime]
 FILE, FILE_BYTES, FILES = "journal.log", 4_000_000, 5  # a night of polls at 0.5 s is about 10 MB
@@ -147,7 +148,7 @@ def _log_uncaught_faults() -> None:
 # -- The motions of one mount ------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LogEntry:
     """One motion or sync: ``outcome`` is "sent", "done", "refused" or "failed"."""
 

@@ -1,7 +1,6 @@
 """What the thread of a mount's line reports, and the state of the mount that follows from it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -10,6 +9,7 @@ from kochab.core.frame import Frame, Site
 from kochab.core.mount import Ability, Epoch, MountState
 from kochab.core.progress import Progress
 from kochab.core.solution import Solution
+from kochab.core.values import frozen, mutable
 from kochab.gear.actions import POLAR, action
 
 SLOW_DEG_S = 0.02  # a slew that goes slower than five times the sky has not begun, or has arrived
@@ -19,7 +19,7 @@ class MountEvent:
     """One report; every kind is a frozen dataclass below."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Connected(MountEvent):
     """A mount answers; ``lacks`` is what it cannot do, each with the reason."""
 
@@ -30,14 +30,14 @@ class Connected(MountEvent):
     rates_deg_s: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EpochDoubted(MountEvent):
     """Something of the mount's settings is not as it is taken to be."""
 
     sentence: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PositionReport(MountEvent):
     """Where it says it points, ICRS degrees, how it is, and what its clock or site forbids: all, or all but a sync.
 
@@ -56,7 +56,7 @@ class PositionReport(MountEvent):
     monotonic_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SolvedPosition(MountEvent):
     """A solved frame, and where the mount said it pointed then (ICRS degrees)."""
 
@@ -65,7 +65,7 @@ class SolvedPosition(MountEvent):
     when: datetime
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PracticeStarted(MountEvent):
     """A simulated telescope has been started: where its mount answers, and its camera's name."""
 
@@ -73,14 +73,14 @@ class PracticeStarted(MountEvent):
     camera: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FrameTaken(MountEvent):
     """The camera gave a frame; it is being solved."""
 
     frame: Frame
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class OrderProgress(MountEvent):
     """An order is under way."""
 
@@ -88,7 +88,7 @@ class OrderProgress(MountEvent):
     progress: Progress
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class OrderDone(MountEvent):
     """An order came to its end with this result."""
 
@@ -96,7 +96,7 @@ class OrderDone(MountEvent):
     result: Any
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class OrderFailed(MountEvent):
     """An order did not; ``stopped`` when a person ended it."""
 
@@ -105,40 +105,40 @@ class OrderFailed(MountEvent):
     stopped: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stopped(MountEvent):
     """The bytes of Stop have gone to the mount."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StandsStill(MountEvent):
     """After a Stop the mount was seen to stand still; ``sentence`` is what it did before, if anything."""
 
     sentence: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StopFailed(MountEvent):
     """They could not be sent, or did not help: the mount may be moving."""
 
     sentence: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LimitReached(MountEvent):
     """Tracking came to the horizon, the meridian or an hour angle, and was stopped where that can be."""
 
     sentence: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NoReply(MountEvent):
     """A question was not answered; the next one may be."""
 
     sentence: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LineLost(MountEvent):
     """The line broke; ``again`` is what came of the last try to open it anew."""
 
@@ -149,7 +149,7 @@ class LineLost(MountEvent):
 # All that the window knows of its mount, kept true by the words of its line; nothing of Qt.
 
 
-@dataclass(slots=True)
+@mutable
 class MountSnapshot:
     """All that is known; ``moved_since`` says that the sight is from before the last motion.
 

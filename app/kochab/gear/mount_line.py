@@ -7,13 +7,13 @@ Nothing of Qt: the view runs :meth:`MountLine.run` in a job, and hears of it in 
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from time import monotonic, sleep
 from typing import Any
 
 from kochab.core.errors import DeviceError, KochabError, LineLostError, NoAnswerError, NotStoppedError
 from kochab.core.progress import Progress, Task, run
+from kochab.core.values import frozen
 from kochab.gear import mount_events as events
 from kochab.gear.actions import action
 from kochab.gear.mounts.coordinates import from_mount_epoch
@@ -31,7 +31,7 @@ def never(_: Progress) -> bool:
     return False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountOrder:
     """Something to do; ``stops`` is how often all was stopped when it was wished for.
 

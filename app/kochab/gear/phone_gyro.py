@@ -10,7 +10,6 @@ Rates are of the phone against the stars, in its axes: x to the right of the scr
 
 import http.client
 from collections import deque
-from dataclasses import dataclass
 from time import monotonic
 from typing import Any
 from urllib.parse import quote
@@ -19,6 +18,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError
+from kochab.core.values import frozen
 from kochab.gear.servers.address import making_sense, net_address, unreachable
 from kochab.gear.servers.deadline_http import DeadlineConnection
 from kochab.parsing.text_input import TextError, parse_json
@@ -35,7 +35,7 @@ STALE_S = 1.0
 SOURCE, AXES = "gyroscope", ("t", "x", "y", "z")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Rates:
     """What was measured: moments (N,) of the phone's clock, s, and rates (N, 3), rad/s about the phone's axes.
 

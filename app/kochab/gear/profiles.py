@@ -9,7 +9,7 @@ import logging
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, astuple, dataclass, fields, replace
+from dataclasses import asdict, astuple, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,6 +17,7 @@ from kochab.core.attitude import ARCSEC
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.mount import Epoch
+from kochab.core.values import frozen
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.mounts import DRIVERS
 from kochab.gear.mounts.motion_plan import Horizon, Limits
@@ -42,7 +43,7 @@ BOUNDS: dict[str, tuple[float, float, str]] = {
 LIMITS = ("lowest_altitude_deg", "highest_altitude_deg", "past_meridian_deg", "hour_angle_deg", "horizon_deg")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EquipmentProfile:
     """One telescope as it is set up; what is empty or None is left to the default or to be found.
 

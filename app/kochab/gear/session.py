@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
 from functools import partial
@@ -15,6 +15,7 @@ from kochab.core.errors import NoAnswerError, PortError, UsageError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.folders import config_folder, state_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.gear.journal import utc_now
@@ -39,7 +40,7 @@ BAUDS = (300, 4_000_000)
 OpenCamera = Callable[[str, str, CaptureSettings], CameraSource]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CameraSelection:
     """Which camera: a name of :data:`kochab.gear.cameras.SOURCES`, its address, and the exposure."""
 
@@ -53,7 +54,7 @@ class CameraSelection:
         return self.source, self.address
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountSelection:
     """A port and what listens there; ``baud`` and ``epoch`` are the driver's own when None.
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import CatalogueError, DamagedPatternsError
+from kochab.core.values import frozen
 from kochab.folders import cache_folder
 from kochab.parsing.text_input import read_json
 
@@ -249,7 +250,7 @@ class ReadAhead:
                 self._mapped.madvise(mmap.MADV_WILLNEED, begin, end - begin)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Volume:
     """One opened index; see the module's text. ``mark``: the catalogue's SHA-256.
 

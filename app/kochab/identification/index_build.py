@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats, Ints, Ints32
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.identification.index import (
     ARRAYS,
     HEADER_BYTES,
@@ -131,7 +132,7 @@ def all_levels(ra: Floats, dec: Floats) -> list[Ints]:
     return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class LevelQuads:
     """The quads of one level, a part at a time: all at once they would need a gigabyte.
 

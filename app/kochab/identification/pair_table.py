@@ -7,7 +7,7 @@ detections may be, and each star's own by distance, in rings of equal area, to f
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from hashlib import sha256
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints, Ints32
+from kochab.core.values import frozen
 from kochab.identification.index import PER_FIELD, Volume, is_shipped
 from kochab.identification.table_cache import Arrays, cached_table
 
@@ -31,7 +32,7 @@ NARROWEST_DEG = 7.0
 """Levels for smaller fields have a million pairs and more: their frames are left to the quads."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PairTable:
     """The pairs of N stars up to ``reach_rad``, each both ways round: P of them.
 

@@ -9,7 +9,7 @@ whatever found it.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from kochab.core.errors import DamagedPatternsError
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
+from kochab.core.values import frozen
 from kochab.identification import with_places
 from kochab.identification.index import LEVEL_FIELDS_DEG, PER_FIELD, Volume, drop_fine, fine, shipped
 from kochab.identification.quads import (
@@ -49,7 +50,7 @@ CROWD = 400  # more pointings than this are thinned before the closer look
 FINE = 3  # the volume that may have to be made first
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SearchStage:
     """How deep one round of the search goes; see :func:`kochab.identification.quads.propose`.
 

@@ -7,8 +7,6 @@ distances small. Matching and changing are repeated here with a reach that follo
 and stars count only when each is the other's nearest, so that a false star has no say.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kochab.attitude.least_squares import project_with_jacobian
@@ -16,6 +14,7 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, small_rotation
 from kochab.core.camera import Camera
 from kochab.core.pairing import mutual_nearest_of_few
+from kochab.core.values import frozen
 
 FEWEST = 2  # stars: one leaves the roll open
 ROUNDS = 6
@@ -24,7 +23,7 @@ FLOOR_PX = 0.02  # no place is believed to be better, however small the residual
 BELIEF = 10.0  # residuals that the stated errors count for
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Estimate:
     """An attitude with covariance; ``seen`` and ``star`` (M,) number what was matched.
 

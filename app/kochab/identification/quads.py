@@ -8,13 +8,14 @@ al. 2010 (astrometry.net), with the longest side as the base and the mirror fold
 parities share one index.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.values import frozen
 from kochab.identification.index import Volume
 
 PAIRS = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
@@ -23,7 +24,7 @@ FOLDS = np.array(sorted(product((True, False), repeat=3), key=sum))
 """Every way to fold a code, none first: swapped, mirrored, turned."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Codes:
     """Canonical codes of Q quads.
 
@@ -124,7 +125,7 @@ def _vary(codes: Codes, row: Ints, swap: Bools, mirror: Bools, turn: Bools) -> C
     return Codes(code, order, codes.mirrored[row] ^ swap ^ mirror, codes.quad[row], codes.base[row])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FieldStars:
     """A frame's stars while searching.
 
@@ -137,7 +138,7 @@ class FieldStars:
     scale: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class QuadQuery:
     """Quads of detections to look up.
 
@@ -162,7 +163,7 @@ class QuadQuery:
         return planar(directions(self.focal[:, None], p)), self.focal
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class QuadShapes:
     """What a :class:`QuadQuery` asks of every volume alike: V codes, the variants among them.
 
@@ -208,7 +209,7 @@ def directions(focal: Floats, xy: Floats) -> Floats:
     return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Hypotheses:
     """Supposed pointings, H of them.
 

@@ -7,13 +7,13 @@ false-alarm bound counts every pair of catalogue stars that any two proposers co
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints32
+from kochab.core.values import frozen
 from kochab.identification.pair_table import PairTable
 from kochab.identification.quads import Hypotheses, pointings
 from kochab.identification.verification import (
@@ -36,7 +36,7 @@ PART = 0.2
 """Where the scale moves a side by less than this share of the error, it is left out of account."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class DetectionAngles:
     """The brightest n detections through a camera known to a share of its focal length.
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import small_rotation
 from kochab.core.pairing import mutual_nearest_of_few
+from kochab.core.values import frozen, mutable
 from kochab.identification.index import RA_STEPS, Volume, ranges
 from kochab.identification.quads import FieldStars, Hypotheses, directions
 
@@ -255,7 +255,7 @@ LEAST_PX = 1e-6  # lists made up may agree exactly
 RADII = 8  # agreement is judged at so many radii, each sqrt 2 apart, the best counts
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class CandidatePointing:
     """A pointing while it is being improved: ``matrix`` ICRS to camera, focal length in px, k1."""
 
@@ -278,7 +278,7 @@ class CandidatePointing:
         return xy, uv
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Verdict:
     """What verification found: matched detections and stars (M,), and how likely chance is."""
 

@@ -5,7 +5,6 @@ Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.4.1, eq
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -24,9 +23,10 @@ from kochab.core.attitude import (
 )
 from kochab.core.camera import Camera
 from kochab.core.registry import choice, integer, number
+from kochab.core.values import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Triad:
     """Two stars out of the list; all others are ignored.
 
@@ -77,7 +77,7 @@ def _axes(first: Floats, second: Floats) -> Floats:
 # squares), 2.16 to 2.19 (standard coordinates and back) and the iteration for the image centre of section 2.4.3.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PlateConstants:
     """Six constants from M >= 3 stars that are not on one line.
 

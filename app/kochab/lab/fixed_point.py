@@ -6,20 +6,19 @@ bits; products and dividends are twice as wide on the way, as the thesis asks. N
 what does not fit raises :class:`FixedPointOverflowError`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 
 
 class FixedPointOverflowError(UsageError):
     """A value that has no room in its format."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Format:
     """``whole`` bits before the point and ``fraction`` after it, at most 32 in all.
 

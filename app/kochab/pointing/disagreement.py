@@ -9,7 +9,7 @@ A mount that tells its own clock and site is a witness besides.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime, timedelta
 from itertools import product
 from math import cos, exp, log, pi, radians, sin
@@ -20,6 +20,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
+from kochab.core.values import frozen
 from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.sky.horizon import sidereal_deg
 from kochab.text.translation import tr, tr_noop
@@ -50,7 +51,7 @@ POLAR_AXIS = (
 """Name, advice and evidence: an axis that leans anyhow, and one that leans because the mount is turned a little."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountSighting:
     """One solved frame, and what the mount said when it was taken.
 
@@ -114,7 +115,7 @@ def axes_of(site: Site | None, alt_azimuth: bool) -> Floats:
 Say = Callable[[Seen], Floats]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Cause:
     """A hypothesis: what the mount would say (N, 2) if only this were wrong.
 
@@ -157,7 +158,7 @@ class Cause:
         return np.array([(*o, a, a, c) for o, a, c in product(offsets, self.axis, self.cone)])
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Suspect:
     """A cause with its score in 0..1; ``evidence`` says what it leaves unexplained."""
 
@@ -168,7 +169,7 @@ class Suspect:
     needs: int = 1
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Disagreement:
     """The verdict: ``cause`` is empty when no single cause explains it or nothing is wrong."""
 

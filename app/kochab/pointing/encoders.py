@@ -12,13 +12,13 @@ model leaves out (flexure, axes not square) counts only for the way since then.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import rotation_vectors, separation_deg, small_rotation, unit, wrapped
+from kochab.core.values import frozen
 
 Counts = tuple[float, float]
 """Of both axes, as the box counts them, over whole turns without a jump."""
@@ -39,13 +39,13 @@ DECIDED = 12.0
 """A base whose fit costs (chi squared / 2) so much more than another's is not this mount's."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Sighting:
     attitude: Floats
     counts: Counts
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Fit:
     """``values`` (8,): a and b in radians a thousand counts, lean (2), z, and a small turn (3) of ``mounting`` (3, 3).
 

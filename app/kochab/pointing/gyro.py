@@ -13,13 +13,13 @@ While it rests nothing is added up, so the error grows with the time in motion a
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.attitude import wahba
 from kochab.core.arrays import Floats
 from kochab.core.attitude import rotation_vector, separation_deg, small_rotation, unit
+from kochab.core.values import frozen
 from kochab.pointing.encoders import CREEP_DEG_S, POINTING_DEG, SLIP_SIGMAS
 
 SCALE = 0.01
@@ -45,7 +45,7 @@ UNKNOWN_RAD = 1.0
 """Prior of the mounting's errors: none, but finite."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Felt:
     """The gyroscope at a moment: turned by ``turned`` (3, 3) since the beginning, in motion for ``moved_s``."""
 
@@ -55,13 +55,13 @@ class _Felt:
     steady: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Sighting:
     attitude: Floats
     felt: _Felt
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Turn:
     """What the camera did (3,), what the gyroscope felt with the scales of then taken off (3,), and 1 sigma, rad."""
 

@@ -6,7 +6,7 @@ way on the other side of the pier: sightings from both sides tell.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from math import cos, hypot, radians, sqrt
 
@@ -16,6 +16,7 @@ from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch
+from kochab.core.values import frozen
 from kochab.pointing.disagreement import (
     AXES,
     BUILT,
@@ -56,7 +57,7 @@ NAMES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PointingModel:
     """What a mount says too much, with one sigma: five terms in degrees, by :func:`fit_model`.
 

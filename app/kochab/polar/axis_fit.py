@@ -7,12 +7,13 @@ Three equations a frame leave 2 N - 4 degrees of freedom: none for two frames.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, rotation_vector, rotation_vectors, small_rotation
+from kochab.core.values import frozen
 from kochab.polar.rotations import about, about_each, tangents
 from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, MovementFit, fit_with_movement
 from kochab.polar.sighting import LocalAttitude
@@ -82,7 +83,7 @@ STEPS = 20
 SMALLEST_STEP_RAD = 1e-10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class AxisFit:
     """An axis and what it was fitted with.
 
@@ -311,7 +312,7 @@ FARTHEST_RAD = np.radians(5.0)  # what moved further was turned: no clutch slips
 ON_THE_MOUNT = (Cause.DECLINATION, Cause.CAMERA, Cause.TUBE)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Movement:
     """``what`` moved by ``angle_arcsec`` between the frames labelled ``before`` and ``after``, or something else did.
 
@@ -406,7 +407,7 @@ WOBBLES = (2, 4)  # times a turn; once a turn is no wobble, but where camera or 
 STILL, GROWS, WOBBLES_SO, SCATTERS = 0.4, 0.18, 0.1, 0.015  # how common: nothing, each that grows, wobbles, scatters
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Gradual:
     """An axis (3,) with its covariance (2, 2) by what moves all the time, and the logarithm of its evidence."""
 

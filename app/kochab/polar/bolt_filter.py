@@ -11,11 +11,12 @@ After every turn the particles are drawn anew and led through all turns from the
 of a hand made unlikely is there again when later turns speak for it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.values import frozen
 
 PARTICLES, SEED = 3000, 29
 MOST_BACKLASH_TURNS, WITHOUT_BACKLASH = 0.5, 0.3  # evenly up to the one; the share of bolts that have none
@@ -47,7 +48,7 @@ HABIT = 20.0
 a hand that always goes the other way is a bolt of the other sense."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Turn:
     """What was asked of a bolt and how the error changed, one sigma; ``seen``: by more than noise."""
 
@@ -57,14 +58,14 @@ class Turn:
     seen: bool
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Mistaken:
     """Somebody turned this bolt instead of the other, this way."""
 
     clockwise: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class BoltFilter:
     """Particles (N,) of equal weight; clockwise turns are positive.
 

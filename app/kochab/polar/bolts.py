@@ -4,11 +4,12 @@
 it goes and by how much is sure; a turn against that takes the proof away until others settle it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 
+from kochab.core.values import frozen
 from kochab.polar.bolt_filter import BoltFilter
 from kochab.polar.error import Knob
 from kochab.text.translation import tr_noop
@@ -41,7 +42,7 @@ SHORT, SHORT_OF_BACKLASH = 0.4, (0.25, 0.3, 0.4, 0.5, 0.75)
 SAME_THREAD_FACTOR = 2.0  # a turn within this factor of what the thread says did what it should
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Bolt:
     """A bolt and what is known of it; clockwise, looking at its head, is positive.
 

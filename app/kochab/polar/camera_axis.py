@@ -8,12 +8,13 @@ J its covariance, S = dc/dx and C that of c as known before, one step of a Kalma
     K = J S^T (S J S^T + C)^-1,    x' = x + K (c_before - c),    J' = J - K S J
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import east_north
+from kochab.core.values import frozen
 from kochab.polar.axis_fit import camera_slopes, moved_by
 from kochab.polar.measure import Measurement
 from kochab.polar.rotations import tangents
@@ -21,7 +22,7 @@ from kochab.polar.rotations import tangents
 SAME2 = 9.0  # squared distance in sigmas, two dimensions; farther apart declination or the camera was moved
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class CameraAxis:
     """The polar axis in the camera's own axes, unit vector (3,), and its covariance (3, 3), rad^2.
 

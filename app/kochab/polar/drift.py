@@ -8,7 +8,7 @@ of the field, from the bend of the path, and hardly from RA, where periodic erro
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, angle_between, rotation_vectors
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen
 from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, offset_in_words, total_in_words
 from kochab.polar.flexure import TUBE_ARCSEC, WORSE, lever, rest_covariance
 from kochab.polar.measure import FAR_DEG, MeasureSettings, NoAxis, PolarFinding, PolarFindingKind, stood_still
@@ -46,7 +47,7 @@ ASKEW = 0.06  # an axis 3 deg off its pole makes so much of a turn in RA or Dec 
 STEADY_ARCSEC, WANDERS_ARCSEC, FAST_ARCSEC_H = 2.0, 4.0, 60.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Knock:
     """Between two frames the field turned by ``angle_arcsec`` as neither RA nor Dec turns it."""
 
@@ -55,7 +56,7 @@ class Knock:
     angle_arcsec: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Stretch:
     """Attitudes of a mount that tracked one place, by time.
 
@@ -87,7 +88,7 @@ class Stretch:
         return np.array([(a.time_utc - self.attitudes[0].time_utc).total_seconds() for a in self.attitudes])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Drift:
     """The axis by drift. ``minutes_more`` on the same place make it known to 30 arcsec; None: not within hours.
 
@@ -293,7 +294,7 @@ def measure_drift(stretches: Sequence[Stretch], settings: MeasureSettings) -> Dr
 # -- Linear least squares: two numbers of the axis, the tube's droop, and what each stretch has of its own -----------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Solved:
     """An axis, and its covariances (2, 2), rad^2."""
 
@@ -396,7 +397,7 @@ def _of_pulses(stretches: Sequence[Stretch], parts: Sequence["_Rows"], gain: Flo
     return np.asarray(sum(np.outer(m, m) for m in by_calibration.values()))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Rows:
     """Equations of one stretch, in sigmas: columns of axis and droop, columns of its own with their priors.
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, angle_between
 from kochab.core.errors import UsageError
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen
 from kochab.polar.rotations import alt_az, wrapped_rad
 from kochab.text.translation import number, tr, tr_n, tr_noop
 
@@ -25,7 +26,7 @@ class Knob(StrEnum):
     AZIMUTH = "azimuth"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PolarError:
     """An axis against its pole, both unit vectors (3,) in E, N, U.
 
@@ -152,7 +153,7 @@ CORNER_MM, DECLINATION_DEG = 14.0, 60.0  # of an APS-C sensor, from the guide st
 MOST_PX = 1.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Imaging:
     """Focal length, mm, pixel, µm, and the seconds of one exposure."""
 

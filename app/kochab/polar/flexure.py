@@ -13,12 +13,12 @@ half a turn passes for a shift of the same size, ``exp(2 i t) ~ 2 exp(i t) - 1``
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC
+from kochab.core.values import frozen
 from kochab.polar.axis_fit import chance_of
 from kochab.polar.error import PolarError
 from kochab.polar.rotations import tangents
@@ -31,7 +31,7 @@ CREEPS = 0.6  # of all sweeps, as the priors of :mod:`kochab.polar.axis_fit` hav
 REST_ARCSEC = 10.0  # one sigma of each element of what else gives way
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Droop:
     """How much the tube sinks between zenith and horizon, and one sigma of it."""
 
@@ -62,7 +62,7 @@ def rest_covariance(axis: Floats) -> Floats:
 # doubt about f are kept apart, for the residuals show only the first.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SweepResult:
     """The error one sweep gives, droop left in it; ``rho_rad`` from axis to boresight."""
 
@@ -70,7 +70,7 @@ class SweepResult:
     rho_rad: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class CombinedSweeps:
     """The axis of all sweeps, the droop as known now, and how well they agree.
 

@@ -11,13 +11,14 @@ dropped where the attitude alone puts theta more than three sigmas away.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, rotation_vector, small_rotation
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen
 from kochab.polar.camera_axis import CameraAxis, camera_axis_of
 from kochab.polar.error import PolarError, angle_in_words, finer_in_words
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
@@ -38,7 +39,7 @@ LEAST_RAD = 60.0 * ARCSEC
 REFUTED, BELIEVED = 20.0, 9.0  # chi-squares, one or two degrees of freedom: too large for noise, and well within it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Moment:
     """A live frame: its turn about RA, with the variance and slope of that, and its axis (3,)."""
 
@@ -102,7 +103,7 @@ LARGE_MOVE_DEG = 2.0
 SLIPPED_DEG = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class LiveError:
     """The polar error now.
 
@@ -246,7 +247,7 @@ SMALL_ARCSEC, CLEAR = 4.0, 25.0  # a noise so small, or so many times smaller th
 MOST = 60  # frames; slow drifts must not be averaged away
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SteadyError:
     """The mean of ``frames`` live errors since the last movement.
 

@@ -1,7 +1,7 @@
 """From sightings to the axis, its error and everything worth saying: what the callers use."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
 from itertools import pairwise
@@ -13,6 +13,7 @@ from kochab.core.attitude import ARCSEC, angle_between, rotation_vector
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen
 from kochab.polar.axis_fit import (
     UNLIKELY,
     AxisFit,
@@ -68,7 +69,7 @@ class PolarFindingKind(StrEnum):
     DEC_SIGN = "direction of Dec unknown"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PolarFinding:
     """One sentence for the person, and what it is about; no bolt is to be turned after one that ``spoils``.
 
@@ -391,7 +392,7 @@ STILL_SHARE, SEEN_SIGMAS = 0.1, 3.0  # of the sky's own turn, and how well that 
 TOO_LARGE = 0.02  # residuals less probable than this by their stated errors alone widen the covariance
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MeasureSettings:
     """The site, the pole to align to, and the atmosphere."""
 
@@ -400,7 +401,7 @@ class MeasureSettings:
     refraction: Refraction = STANDARD_REFRACTION
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Measurement:
     """An axis measured from one sweep, or from several with different declinations.
 
@@ -467,7 +468,7 @@ def axis_shift_arcsec(error: PolarError, site: Site, sky_deg: float, within: flo
     return 0.0 if inside else angle_between(axis, error.axis) / ARCSEC
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NoAxis:
     """No axis can be had from these frames: why, and one thing to do next."""
 

@@ -1,13 +1,14 @@
 """How far and which way to turn the RA axis, and where a second sweep shows flexure best."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC
 from kochab.core.mount import Direction
+from kochab.core.values import frozen
 from kochab.polar.axis_fit import foreseen_covariance
 from kochab.polar.error import PolarError
 from kochab.polar.flexure import SweepResult, combine_sweeps
@@ -19,7 +20,7 @@ from kochab.polar.sighting import LocalAttitude
 STEP_DEG, MOST_DEG = 5.0, 120.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Optics:
     """What one solve is worth, arcsec: across the field and in roll."""
 
@@ -124,7 +125,7 @@ PAST_MERIDIAN_DEG = 5.0
 STEPS = 13
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SweepPath:
     """A turn of the RA axis: how low the boresight comes, how far past the meridian."""
 
@@ -190,7 +191,7 @@ BACK_COSTS = 1.05  # times better must be a plan that turns RA back first
 BACK_DEG, CREEP_ARCSEC = 5.0, 10.0  # nearer to its start than that a sweep is back; creep below that needs no frame
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SecondSweep:
     """Turn the declination axis by ``degrees`` and sweep again along ``path``.
 

@@ -10,12 +10,12 @@ Gears swallow what turns them back: the axis follows the motor as behind backlas
 Pokrovskii 1989).
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.values import frozen
 
 SURE, FLOOR = 0.1, 0.05  # a scale is told when known to this share; what is left out is worth that much
 LEAST_FRAMES = 60
@@ -28,7 +28,7 @@ FINE, LEAST_SPAN = (
 OUTLIER, BLOCKS, UNEVEN, CORRELATED = 4.0, 12, 2.5, 0.08
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PulseResponse:
     """What pulses did: ``scale`` times what the calibration says, one ``sigma`` of it.
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from datetime import datetime
 from html import escape
 from math import degrees, log10
@@ -11,6 +11,7 @@ from typing import Any
 
 from kochab.core.errors import KochabError
 from kochab.core.frame import Site
+from kochab.core.values import frozen, mutable
 from kochab.frames.atomic_file import write_atomically
 from kochab.polar.drift import Drift
 from kochab.polar.error import PolarError, angle_in_words
@@ -22,7 +23,7 @@ from kochab.text.translation import number, tr
 SPARSE_S = 2.0  # live errors are kept this far apart
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Entry:
     """One moment: ``kind`` is "measured", "live" or "instruction"; angles in arcsec.
 
@@ -65,7 +66,7 @@ class Entry:
         return cls(time_utc, kind, *place, whole.sigma_arcsec, whole.ellipse_arcsec(), text, *of_total)
 
 
-@dataclass(slots=True)
+@mutable
 class History:
     """Grows while one alignment lasts."""
 

@@ -9,7 +9,6 @@ takes it around, a knock on the tube does both, and a kicked tripod or a turned 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, rotation_vectors
+from kochab.core.values import frozen, mutable
 from kochab.polar.rotations import about, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude
 
@@ -40,7 +40,7 @@ STEPS, SMALLEST_RAD = 20, 1e-9
 LEAST_SIN = 1e-6  # nearer to the boresight than that the axis has no side
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MovementFit:
     """The axis if ``cause`` moved once, after frame ``after`` (counted from 0; of a wrong frame, its own number).
 
@@ -63,7 +63,7 @@ class MovementFit:
     looks_like: Cause
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class _State:
     """Axis on the ground, later and earlier; its distance from the boresight and its side in the camera, the same."""
 

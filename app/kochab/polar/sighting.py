@@ -1,7 +1,7 @@
 """A solved frame as polar alignment sees it: an attitude at a moment, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -12,6 +12,7 @@ from kochab.core.attitude import ARCSEC, Attitude, angle_between
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.solution import Matches, Solution
+from kochab.core.values import frozen
 from kochab.polar.rotations import alt_az, best_rotation
 from kochab.sky.horizon import STANDARD_REFRACTION, Horizon, Refraction
 
@@ -20,7 +21,7 @@ WIDEST_DEG = 20.0  # beyond this much of the field refraction is no longer nearl
 FLOOR_ARCSEC = 0.7  # no frame is believed to better than this: seeing, and refraction as it really is
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Sighting:
     """Where a camera pointed, ICRS, at mid-exposure.
 
@@ -69,7 +70,7 @@ class Sighting:
         return cls(attitude, time_utc, field_deg, label, sweep, sky, solution.camera, stars)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class LocalAttitude:
     """A camera among the things on the ground.
 

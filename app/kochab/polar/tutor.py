@@ -6,11 +6,12 @@ and settled, or when the person confirms. One bolt at a time, the larger error f
 before it has been seen to go without backlash, so that it need not come back.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 
+from kochab.core.values import frozen
 from kochab.polar.bolts import ALTITUDE_BOLT, AZIMUTH_BOLT, SAME_THREAD_FACTOR, SEEN, Base, Bolt
 from kochab.polar.error import (
     FINER,
@@ -116,7 +117,7 @@ class TutorStep(StrEnum):
     STOP = "stop"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Instruction:
     """One thing to do: ``turns`` of ``knob``'s bolt, clockwise positive, or of what has none; ``words`` say it.
 

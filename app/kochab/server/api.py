@@ -13,7 +13,6 @@ import re
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from hmac import compare_digest
 from http import HTTPStatus
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from kochab.core import __version__
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.progress import run as drive
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.parsing.text_input import TextError, parse_json, read_text
 from kochab.server.http_server import Request, Response
@@ -37,7 +37,7 @@ MOST_STARS, MOST_PX = 100_000, 1_000_000
 Place = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Refused(Exception):  # noqa: N818 - an answer, not an error
     status: HTTPStatus
     sentence: str

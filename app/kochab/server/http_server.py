@@ -9,7 +9,7 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import pairwise
@@ -18,6 +18,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from kochab.core.errors import PortError
+from kochab.core.values import frozen
 
 LOOPBACK = ("127.0.0.1", "localhost")
 MOST_BYTES, MOST_FORM_BYTES = 800_000_000, 1_000_000
@@ -32,7 +33,7 @@ HEADERS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Request:
     """What was asked: method, path without its query, the query, and a form's fields; ``file`` is (name, content).
 
@@ -48,7 +49,7 @@ class Request:
     authorization: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Response:
     """What is answered; ``name`` is what a browser saves it as, ``lines`` go out one by one, in place of a body.
 

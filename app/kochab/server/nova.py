@@ -16,7 +16,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from hashlib import sha1
 from hmac import compare_digest
@@ -32,6 +32,7 @@ from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import mutable
 from kochab.folders import data_folder
 from kochab.parsing.text_input import TextError, parse_json
 from kochab.server.http_server import Request, Response
@@ -51,7 +52,7 @@ WRONG_NUMBER_S = 0.1
 ENDING = re.compile(r"(\.[A-Za-z0-9]{1,8}){0,1}(\.(?:fz|gz|bz2))?$")
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Job:
     """One submission and what became of it."""
 

@@ -25,10 +25,10 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from kochab.core.errors import UsageError
+from kochab.core.values import mutable
 from kochab.server.hand_over import DONE, MAGIC, OTHER_VERSION, WRITTEN, Place, connected, limit_numbers, peer
 
 Run = Callable[[Sequence[str]], int]
@@ -43,7 +43,7 @@ ANOTHER_ASKED = 75
 PASSED = {signal.SIGINT, signal.SIGTERM, *({signal.SIGHUP} if hasattr(signal, "SIGHUP") else ())}
 
 
-@dataclass(slots=True)
+@mutable
 class _Standby:
     """A child that was forked ahead: its number, the line to it, and whether it has done its frame."""
 

@@ -1,6 +1,6 @@
 """The simulated camera: what it is, and frames of wherever the mount really points."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from kochab.core.arrays import Floats, Floats32
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
+from kochab.core.values import frozen
 from kochab.simulate.exposure import AttitudeAt, ExposureLight, StarPaths, background, electrons, starlight
 from kochab.simulate.night_sky import DARK_MAG, EXTINCTION, LocalSky, Weather, airmass
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, add_stars, expose
@@ -18,7 +19,7 @@ FWHM_STEP = 0.04
 """px: stars of one width are drawn together."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CameraConfig:
     """A camera on a telescope; the default is a 1.2 MP guide camera with a field of 2.4 deg.
 

@@ -1,7 +1,6 @@
 """One exposure: which stars, how bright, along what paths; as light on the sensor or as a star list."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -10,6 +9,7 @@ from kochab.core.arrays import Floats, Floats32
 from kochab.core.attitude import unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Site
+from kochab.core.values import frozen
 from kochab.simulate.night_sky import EXTINCTION, LocalSky, Weather, airmass, sun_and_moon, surface_mag
 from kochab.simulate.star_images import FWHM_PER_SIGMA
 from kochab.sky import Catalogue
@@ -23,7 +23,7 @@ MOST_SAMPLES = 96
 WIDEST_RAD = np.radians(25.0)  # of sky swept in one exposure that is drawn
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Paths:
     """Stars (N) over an exposure: ``xy`` (K, N, 2) px at ``times`` (K,), NaN behind the camera.
 
@@ -124,7 +124,7 @@ def electrons(mag: Floats, zero_point_e_s: float, seconds: float) -> Floats:
     return np.asarray(zero_point_e_s * seconds * 10.0 ** (-0.4 * mag))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ExposureLight:
     """Everything the light of one exposure depends on."""
 

@@ -7,7 +7,6 @@ refraction. UT1 is taken for UTC and polar motion is left out (under 1 arcsec in
 
 import threading
 import time
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import inf
 
@@ -16,10 +15,11 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Site
+from kochab.core.values import frozen
 from kochab.sky.apparent import JD_UNIX, TT_MINUS_UTC_S
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Atmosphere:
     """Sets the refraction; a pressure of 0 means none."""
 
@@ -104,7 +104,7 @@ EXTINCTION = 0.2  # magnitudes an airmass
 LIGHT_POLLUTION = 0.35  # how much brighter each further airmass makes the sky
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SunAndMoon:
     """Sun and Moon now: directions (3,) east, north, up, and the Moon's phase angle, degrees."""
 
@@ -178,7 +178,7 @@ def sun_altitude_deg(unix_s: float, site: Site) -> float:
 # -- Clouds that drift, wind that shakes; all from a seed, and any moment can be asked for -----
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class WeatherConfig:
     """The weather of a night.
 

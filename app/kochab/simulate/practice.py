@@ -3,13 +3,14 @@
 import math
 import os
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from kochab.core.attitude import apart_deg
 from kochab.core.capture import CaptureSettings
 from kochab.core.errors import UsageError
 from kochab.core.frame import Site
+from kochab.core.values import frozen
 from kochab.simulate.camera_source import SimulatedCamera, announce, withdraw
 from kochab.simulate.responders import RESPONDERS, open_responder
 from kochab.simulate.rig import PracticeRig, RigConfig, misaligned, practice_night, through, tonight
@@ -52,7 +53,7 @@ AXIS_GOAL_ARCSEC = 30.0
 WORST_ARCSEC = 3600.0  # where points run out for who began better than that
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Score:
     """``off_arcsec``: between where the mount believes to point and where it does.
 

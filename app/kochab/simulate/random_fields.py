@@ -1,6 +1,6 @@
 """Random pointings of the real catalogue, as star lists or as rendered frames."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,11 +8,12 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, attitude_from, radec_deg, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
+from kochab.core.values import frozen
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
 from kochab.sky import Catalogue
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FieldPlan:
     """What one simulated field is like; ``size_px`` is the side of its square frame.
 
@@ -32,7 +33,7 @@ class FieldPlan:
     axis_off: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class RandomField:
     """A list of stars and its truth; ``stars`` is how many the catalogue has in the frame."""
 
@@ -92,7 +93,7 @@ SNR = (3.0, 300.0)
 """Of the faintest star: below there is nothing to be found, above no noise to be seen."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class RandomImage:
     """A frame and its truth; ``places`` (N, 2) px are those of its stars."""
 

@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime
 
 import erfa
@@ -12,6 +12,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Attitude, attitude_from, radec_deg, separation_deg, unit, unit_vectors, wrapped
 from kochab.core.frame import Detections, Frame, Hint, Site
+from kochab.core.values import frozen
 from kochab.simulate import night_sky
 from kochab.simulate.camera import CameraConfig, SkyCamera
 from kochab.simulate.exposure import star_list
@@ -21,7 +22,7 @@ from kochab.simulate.mechanics.mount import EquatorialMount
 from kochab.sky import Catalogue, open_catalogue
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AxisError:
     """The polar axis against a pole, arcsec.
 
@@ -34,7 +35,7 @@ class AxisError:
     total_arcsec: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MountTruth:
     """One moment. ``attitude`` takes ICRS catalogue vectors to camera axes near the boresight.
 
@@ -70,7 +71,7 @@ class MountTruth:
 SITE = Site(47.0, 8.0, 450.0)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Event:
     """Something that happens ``at_s`` seconds after the beginning.
 
@@ -83,7 +84,7 @@ class Event:
     amount: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RigConfig:
     """Everything a practice rig is made of; the seed decides all that is random.
 

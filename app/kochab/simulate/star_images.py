@@ -4,20 +4,21 @@ Light is counted in electrons until the last step. Every pixel holds the light t
 at its middle: a Gaussian by the error function, a Moffat by 3 x 3 Gauss-Legendre nodes a pixel.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Floats32
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 
 FWHM_PER_SIGMA = 2.0 * float(np.sqrt(2.0 * np.log(2.0)))
 HOT_E = (500.0, 30000.0)  # of a hot pixel, least and most
 BAND = 256  # rows that are made at once: noise for a whole 61 MP frame would need 250 MB
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RenderedStar:
     """The image of one star: a Gaussian, or a Moffat of index ``beta``, of ``fwhm_px``.
 
@@ -52,7 +53,7 @@ class RenderedStar:
         return self.fwhm_px * (2.2 if self.beta is None else 4.0)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sensor:
     """Electrons to numbers. ``gain_e`` is electrons a unit; ``saturation`` and ``bias`` units."""
 
@@ -64,7 +65,7 @@ class Sensor:
     response: dict[str, float] = field(default_factory=lambda: {"R": 0.6, "G": 1.0, "B": 0.7})  # of the filters
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sky:
     """Background: ``level_e`` electrons a pixel amid, ``gradient_e`` (x, y) edge to edge."""
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -12,6 +11,7 @@ from kochab.core.attitude import unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Site
 from kochab.core.progress import run
+from kochab.core.values import frozen
 from kochab.sky.apparent import without_aberration
 from kochab.sky.satellites import Satellites, topocentric_km
 from kochab.sky.solar_system import Moving, observer_at
@@ -23,7 +23,7 @@ PATH_POINTS = 48
 MOST_CORES = 20_000
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Visitor:
     """One thing that moves: ``path`` gives ICRS unit vectors (K, 3) at unix times (K,), NaN where it is not there.
 

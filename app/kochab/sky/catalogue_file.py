@@ -16,7 +16,6 @@ import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Bytes, Floats, Ints, Table
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.parsing.text_input import parse_json, read_json
 
 MAGIC = b"KOCHAB1\n"
@@ -164,7 +164,7 @@ def zone_index(tier: Ints, zone: Ints) -> NDArray[np.uint32]:
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.uint32)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class StarList(Table):
     """Stars (N,) at J2000, before they are stored.
 

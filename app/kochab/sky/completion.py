@@ -5,7 +5,6 @@
 
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.values import frozen
 from kochab.sky.finder import CATALOGUES, Entry, Finder, Found, finder, numbered, spelled
 from kochab.sky.names import GREEK
 
@@ -23,7 +23,7 @@ CONSTELLATION = -3.0  # as well known as a bright Messier object
 LAST = "\U0010ffff"  # sorts behind every letter
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Candidate:
     """Something whose name begins as the text does; ``written`` is that name, empty of a catalogue's number."""
 

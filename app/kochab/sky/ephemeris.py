@@ -1,7 +1,6 @@
 """Where the Sun, the Moon and the planets are: Chebyshev series of an excerpt of JPL's DE421, 1899 to 2052."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from kochab.core.arrays import Array, Floats
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.sky.catalogue_file import Container
 
@@ -28,7 +28,7 @@ GM = {  # au^3/day^2: the Sun, and the planets with their moons
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Series:
     """Chebyshev series, one per interval of ``days`` from ``start_jd``: ``coefficients`` (N, 3, K) of ``unit`` au."""
 

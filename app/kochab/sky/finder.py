@@ -12,7 +12,7 @@ import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from functools import cache, cached_property
 from typing import NamedTuple
@@ -24,6 +24,7 @@ from kochab.core.attitude import radec_deg, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Task
+from kochab.core.values import frozen
 from kochab.parsing.places import parse_place
 from kochab.sky.apparent import JD_UNIX, from_apparent, julian_date_tt, julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue, shipped_folder
@@ -38,7 +39,7 @@ NUMBER_AND_NAME = re.compile(r"([^()]+) \([^()]+\)")
 ALTERNATIVES = 4
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Found:
     """What a text means: ICRS degrees at J2000, of a body at the time that was asked for.
 
@@ -70,7 +71,7 @@ class Found:
         return constellation_at(self.vector)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NotFound:
     """Nothing is called so; names that are like it, the likest first."""
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Task
 from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.sky.apparent import julian_years
 from kochab.sky.catalogue import Catalogue, open_catalogue
 
@@ -36,7 +37,7 @@ COMPARED = 2000
 TRAIL_POINTS = 16
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BodyInFrame:
     """A body at its pixel; ``seen`` when a detection that is no star lies within three sigma of it."""
 
@@ -46,7 +47,7 @@ class BodyInFrame:
     seen: bool
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class UnknownSource:
     """A bright detection that is in no catalogue; degrees are ICRS, ``mag`` about V by the frame's matched stars."""
 
@@ -59,7 +60,7 @@ class UnknownSource:
     sigma_mag: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FrameBodies:
     """What :func:`bodies_in_frame` finds, each brightest first.
 

@@ -6,7 +6,6 @@ which turns the sky by at most 0.9 s about the pole and so moves an axis by no m
 distance from the pole times 13.5 arcsec a radian; polar motion (0.3 arcsec) is left out.
 """
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from typing import Any
@@ -16,13 +15,14 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Frame, Site
+from kochab.core.values import frozen
 from kochab.sky.apparent import JD_UNIX, apparent, julian_date_tt
 
 SEA_LEVEL_HPA = 1013.25
 SCALE_HEIGHT_M = 8434.0  # R T / (M g) of air at 288 K
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Refraction:
     """The atmosphere's state; ``pressure_hpa`` None takes that of the site's height, 0 is no refraction."""
 
@@ -62,7 +62,7 @@ def low_refraction_deg(altitude_deg: Floats, refraction: Refraction, site: Site)
     return np.asarray(usual * air, dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Horizon:
     """One site at one moment."""
 

@@ -1,6 +1,5 @@
 """What an astronomer calls a field: its constellation, and the most notable deep-sky object in it."""
 
-from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.sky.catalogue import shipped_folder
 from kochab.text.translation import tr
 
@@ -67,7 +67,7 @@ def constellation_names() -> dict[str, str]:
     return _boundaries()[2]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Landmarks:
     """Deep-sky objects worth a name: ICRS vectors (N, 3), V, by how much a name counts, diameters in degrees (N,).
 

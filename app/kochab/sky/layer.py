@@ -5,7 +5,7 @@ seen of it. Marks are in image px, label boxes in screen px; whoever draws bring
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
@@ -14,6 +14,7 @@ import numpy as np
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
 from kochab.core.solution import Solution
+from kochab.core.values import frozen, mutable
 from kochab.sky.object_index import MOST, holding, inside
 from kochab.sky.sky_tables import EPOCH, SkyTables
 from kochab.text.translation import tr
@@ -70,7 +71,7 @@ TextSize = Callable[[str], tuple[float, float]]
 """Width and height of a text, px."""
 
 
-@dataclass(slots=True)
+@mutable
 class Layers:
     """Which of :data:`MARKS` are drawn, how much of each, and in which colour ("#rrggbb") where not in its own."""
 
@@ -94,7 +95,7 @@ class Layers:
         return {kind: rank for kind, rank in ranks.items() if self.on[LAYER_OF[kind]]}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class View:
     """``screen = (pixel + 0.5) * scale + (dx, dy)``; names stay within ``bounds`` (x0, y0, x1, y1), screen px."""
 
@@ -108,7 +109,7 @@ class View:
         return np.asarray((xy + 0.5) * self.scale + (self.dx, self.dy))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Mark:
     """An object or a star of the frame: where, what its name is, and how it ranks.
 
@@ -133,7 +134,7 @@ class Mark:
         return "body" if self.body is not None else "star" if self.kind == "star" else "object"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SkyInFrame:
     """What one frame holds: marks by rank, the best first, and lines (N, 2) px by what they are.
 
@@ -146,7 +147,7 @@ class SkyInFrame:
     constellations: tuple[tuple[str, Floats], ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Label:
     """A name on the screen: its box (x, y, width, height) px, and what it belongs to."""
 

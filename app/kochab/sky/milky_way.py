@@ -4,13 +4,12 @@ Stars of V 7.5 to 10.2, in which the catalogue is whole everywhere, stand three 
 its poles. Their density by galactic longitude and latitude, smoothed, has the star clouds and the dark lane in Cygnus.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.sky_tables import GALACTIC_POLE_DEG
 
@@ -22,7 +21,7 @@ DARKEST, BRIGHTEST = 2.4, 6.5  # times the density around the poles: nothing, an
 CHUNK = 400_000  # stars at once
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MilkyWay:
     """``light`` (180, 360), 0 to 1, by galactic latitude from -90 and longitude from 0, a degree each."""
 

@@ -5,7 +5,6 @@ import re
 import unicodedata
 from collections import ChainMap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import radec_deg, unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.sky.catalogue_file import Container
 
@@ -210,7 +210,7 @@ def position_name(vector: Floats | Sequence[float]) -> str:
 # -- The table of deep-sky objects ---------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SkyObjects(Table):
     """Deep-sky objects: texts (N,), ICRS vectors (N, 3), magnitude, diameters in arcmin, PA in degrees.
 

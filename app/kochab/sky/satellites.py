@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -13,6 +12,7 @@ from kochab.core.attitude import radec_deg, unit
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.parsing.text_input import parse_json
 from kochab.sky.apparent import JD_UNIX, of_date_matrix, without_aberration
 from kochab.sky.ephemeris import shipped_ephemeris
@@ -32,7 +32,7 @@ MOST_ARCSEC, STALE_DAYS = 7200.0, 10.0
 """A place less certain is not told; elements older than that are."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Satellites:
     """Satellites (N,); ``orbits`` are ``sgp4``'s Satrec."""
 

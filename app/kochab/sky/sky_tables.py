@@ -1,6 +1,5 @@
 """What the sky layer draws, from the shipped tables: objects with outlines, named stars, figures and boundaries."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.sky.landmarks import constellation_names
 from kochab.sky.names import SkyObjects, StarNames, read_objects
 
@@ -22,7 +22,7 @@ UNSEEN = 2.0  # magnitudes by which a nebula without a magnitude, a name and a n
 EPOCH, MAS = 2000.0, np.radians(1.0 / 3.6e6)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class NamedStars(Table):
     """Hipparcos' stars, brightest first: HIP number, name as charts print it, vector (N, 3) at J2000, V, motion.
 
@@ -44,7 +44,7 @@ class NamedStars(Table):
         return str(self.name[row]) or (f"HD {self.hd[row]}" if self.hd[row] else f"HIP {self.hip[row]}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Variable:
     """A variable star by the GCVS: type, band, magnitudes at maximum and minimum, period in days; NaN is unknown."""
 
@@ -55,7 +55,7 @@ class Variable:
     period_d: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SkyTables:
     """All of it. ``lines`` are chains of vectors by what they are; ``outlines`` by the row of their object.
 

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import datetime
 from functools import cache, lru_cache
 from pathlib import Path
@@ -15,6 +15,7 @@ from kochab.core.attitude import radec_deg, unit
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.core.progress import Task
+from kochab.core.values import mutable
 from kochab.folders import data_folder
 from kochab.sky.catalogue_file import Container, write_container
 from kochab.sky.ephemeris import shipped_ephemeris
@@ -103,7 +104,7 @@ def _rows_called(names: tuple[str, ...]) -> dict[str, int]:
 USUAL_K1, LEAST_K1 = 10.0, 2.0  # of comets: magnitudes a factor of ten in the distance from the Sun
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class SmallBodies:
     """Asteroids and comets (N,), each with its state at a date of its own.
 

@@ -6,7 +6,6 @@ by. The site counts for the nearer ones, most for the Moon.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from functools import partial
@@ -18,6 +17,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, radec_deg, unit, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.progress import Task
+from kochab.core.values import frozen
 from kochab.sky.apparent import JD_UNIX, LIGHT_AU_DAY, julian_date_tt, of_date_matrix
 from kochab.sky.ephemeris import shipped_ephemeris
 from kochab.text.translation import tr_noop
@@ -40,7 +40,7 @@ class BodyKind(StrEnum):
     SPACECRAFT = tr_noop("satellite")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Body:
     """A body of the Solar System at one moment, seen from one place.
 
@@ -66,7 +66,7 @@ class Body:
         return unit_vectors(self.ra_deg, self.dec_deg)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Observer:
     """Where and when: ``place`` (1, 3) au from the barycentre, ICRS axes, at ``jd_tdb`` (1,), of mid-exposure."""
 

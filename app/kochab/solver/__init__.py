@@ -1,10 +1,11 @@
 """From a frame to a pointing, or to the reason why there is none; and the options of a solve."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from kochab.core.frame import Hint
+from kochab.core.values import frozen
 
 # -- What a person may choose about a solve ----------------------------------------------------
 
@@ -17,7 +18,7 @@ FEWEST_STARS = 6
 """Fewer prove a pointing only when all of them are bright stars."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SolveOptions:
     """Choices for one solve; the defaults solve blind.
 

@@ -8,7 +8,7 @@ stars are put where square pixels would have them, fitted again, and the camera 
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from kochab.core.frame import Detections
 from kochab.core.pairing import mutual_nearest
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, StarCatalogue
+from kochab.core.values import frozen
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver.matches import field_centre, fitted_anew
 from kochab.solver.window_ladder import MOST_WINDOWS
@@ -45,7 +46,7 @@ HIDDEN = 0.005
 """Where the residuals leave room for no larger stretch than this, no ratio is tried; and a smaller one is a lens's."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Stretch:
     """A linear map (2, 2) of places by square pixels to where stars are seen, and the stars that agree with it.
 

@@ -6,7 +6,7 @@ detections without a star, no farther off than chance allows for so bright a one
 found is named and takes no part in the fit.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from kochab.core.frame import Detections, Frame
 from kochab.core.pairing import close_pairs
 from kochab.core.robust import mad_sigma, median
 from kochab.core.solution import Matches, NamedStar, StarCatalogue
+from kochab.core.values import frozen
 from kochab.detection.star_fit import FWHM_PER_SIGMA
 from kochab.detection.windows import look
 from kochab.solver.matches import field_centre, named_stars, without_companions
@@ -48,7 +49,7 @@ BESIDE = ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.0), (0.0, -3.0), (3.0, 3.0), (-3.0, 3
 """Windows from the star's in which light would be no star, but for detections: the star is twice as bright as any."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Expected(Table):
     """W stars of the catalogue without a match: rows, ICRS vectors (W, 3), places (W, 2) px, V, and reach (W,) px."""
 

@@ -8,7 +8,7 @@ in which a frame says nothing, such as the principal point of a narrow field, ad
 """
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.errors import KochabError
 from kochab.core.frame import Hint
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.folders import config_folder, file_stem
 from kochab.frames.atomic_file import write_atomically
 from kochab.identification.predictional_estimate import differential
@@ -37,7 +38,7 @@ FOCAL_FLOOR, CENTRE_FLOOR_PX = 1e-4, 0.3  # what refraction and temperature may 
 KNOWN_SCALE = 1.01
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Profile:
     """A camera with its uncertainty, after ``frames`` frames.
 
@@ -74,7 +75,7 @@ class Profile:
         return (mine.width, mine.height, mine.mirrored) == (other.width, other.height, other.mirrored)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class CameraEvidence:
     """What one frame says: ``information`` (7, 7) and its product with the change it wants (7,).
 

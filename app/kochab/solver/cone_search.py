@@ -6,7 +6,7 @@ Small cones are asked first, since most hints are better than they say; each is 
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from kochab.core.errors import CatalogueError
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, NoSolution, Reason
+from kochab.core.values import frozen
 from kochab.identification.index import LEVEL_FIELDS_DEG, PER_FIELD, Volume, fine
 from kochab.identification.local_index import local_pairs, local_volume
 from kochab.identification.patterns import Patterns, SearchStage
@@ -32,7 +33,7 @@ OWN_DEG = 1.2
 """In wider fields the shipped stars are enough, and found sooner."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Depth:
     """One way through the cones.
 
@@ -71,7 +72,7 @@ MORE_STARS = 3.0
 """Stars taken over those that the deepest level can use, for fields that are richer than the cone's mean."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ConeStars:
     """The stars of a cone as a catalogue of their own: rows 0 to N - 1, brightest first.
 
@@ -144,7 +145,7 @@ def _absent(there: Floats, place: Floats) -> Bools:
     return np.asarray(~np.isfinite(distance))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Narrow:
     """What a hint says of a narrow frame: the middle and the ends of its field, degrees.
 

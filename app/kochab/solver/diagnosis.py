@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.solution import NoSolution, Reason
+from kochab.core.values import mutable
 from kochab.solver import FEWEST_STARS
 from kochab.solver.frame_quality import (
     LENGTH,
@@ -61,7 +62,7 @@ LARGE_DEG2 = 25.0
 Finding = tuple[Reason, str]
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Evidence:
     """What a diagnosis is made from, and what was measured of it so far.
 

@@ -5,8 +5,6 @@ propose a pointing, the others must all confirm it. Where the scale is known, tr
 looked up already (:mod:`kochab.identification.triangles`), and only five stars are left to this.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kochab.attitude import wahba
@@ -16,6 +14,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.pairing import mutual_nearest
 from kochab.core.solution import Identification, Matches, StarCatalogue
+from kochab.core.values import frozen
 from kochab.identification.patterns import ROUGHLY
 from kochab.identification.quads import directions, pointings
 from kochab.identification.verification import ACCEPT_LOG10, with_crowding
@@ -36,7 +35,7 @@ Checked = tuple[float, Matches, Camera, Floats]
 """Largest error (px), matches, camera, and where every star should be, px (S, 2)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _BrightSky:
     """The bright stars that may be in the frame, brightest first: rows, unit vectors (N, 3)."""
 

@@ -8,7 +8,7 @@ the terms here are those of :mod:`kochab.core.camera`). The calibration is kept 
 import json
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
 from kochab.core.robust import median
 from kochab.core.solution import Matches, Solution
+from kochab.core.values import frozen
 from kochab.folders import config_folder, file_stem
 from kochab.frames.atomic_file import write_atomically
 from kochab.parsing.text_input import read_json
@@ -41,7 +42,7 @@ AIR_SHARE, AIR_RAD, LOWEST_RAD = 0.05, 58.3 * ARCSEC, np.radians(87.0)
 CELLS = 6  # a side, in which residuals are averaged: what is left there is no noise
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class StarsOfFrame:
     """Stars of one solved frame: ``xy`` (M, 2) px, and where they stood, ``directions`` (M, 3) in east, north, up.
 
@@ -79,7 +80,7 @@ class StarsOfFrame:
         return cls(file, solution.stars_px, directions, solution.camera, solution.rms_px)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FixedCamera:
     """A camera on the ground: ``attitude`` takes east, north, up (refracted) to its axes.
 

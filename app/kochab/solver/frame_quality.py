@@ -1,7 +1,7 @@
 """Sky brightness, trails and focus of a frame that did not solve."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 
 SIDE_PX = 1200
 """Frames are binned to about this many pixels a side before shapes are looked at."""
@@ -29,7 +30,7 @@ FAR_SKY = 5.0
 """Radii of a disc within which the sky is looked at from further away."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Bins:
     """A frame made small: ``image`` (H, W), finite, the mean of ``step`` by ``step`` pixels."""
 
@@ -37,7 +38,7 @@ class Bins:
     step: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FrameLevels:
     """Levels of a frame: ``background_share`` and ``saturated_share`` are fractions of 1.
 
@@ -54,7 +55,7 @@ class FrameLevels:
     glare_aspect: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Trails:
     """Shapes of the bright patches: ``aspect`` is length over width, 1 when round.
 
@@ -74,7 +75,7 @@ class Trails:
     lined_up: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Discs:
     """Stars out of focus: the ``count`` of discs or rings all as wide, and their median diameter.
 
@@ -172,7 +173,7 @@ def measure_discs(bins: Bins, clip: float) -> Discs:
     return Discs(2.0 * float(np.median(radii[widest])), count, share, spread, len(radii) - count)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Disc:
     """A disc: signal-to-noise ratio, level above the sky, and in bins its radius and its centre (2,) as y, x."""
 

@@ -3,7 +3,7 @@
 import logging
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from datetime import UTC, datetime
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Stopwatch, Task, TimedOut
 from kochab.core.solution import Identification, Matches, NamedStar, NoSolution, Reason, Solution, StarCatalogue
+from kochab.core.values import frozen
 from kochab.identification.verification import ACCEPT_LOG10
 from kochab.solver import DEFAULT_METHOD, FEWEST_STARS, UNKNOWN_YEAR, UNKNOWN_YEAR_SIGMA, SolveOptions
 from kochab.solver.matches import PRINCIPAL_POINT_SIGMA, named_stars
@@ -35,7 +36,7 @@ FEWEST_TO_TRY = 3
 """With fewer stars than a triangle no method has anything to look for."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Examined:
     """The answer together with the detections it was made from."""
 
@@ -43,7 +44,7 @@ class Examined:
     result: Solution | NoSolution
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Request:
     """One list of stars to solve: how, by which clock, and the ``frame`` it is of, None for a list alone.
 

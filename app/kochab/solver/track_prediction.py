@@ -8,7 +8,7 @@ site.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import Attitude, rotation_vector
 from kochab.core.camera import Camera
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen
 from kochab.identification.predictional_estimate import expected_px
 from kochab.solver.matches import catalogue_sigma_rad, field_centre
 
@@ -31,7 +32,7 @@ FAR_PX = 64  # at most where the prediction is less certain than that
 APART_PX = 8.0  # places nearer to each other are one
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Prediction:
     """A prediction, and half the side of the windows around the stars it expects, px.
 
@@ -107,7 +108,7 @@ DEEPER = 1.5  # magnitudes below the limit that still disturb a neighbour
 MOST = 4000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Expected:
     """E stars that should be in a frame, brightest first: numbers in the pool and places (E, 2)."""
 

@@ -11,13 +11,14 @@ a window at most. Each look at the prediction is a candidate. How dense the star
 not matter here: each window has one star.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
+from kochab.core.values import frozen
 from kochab.detection.star_fit import FWHM_PER_SIGMA, PIXEL_VARIANCE
 from kochab.detection.windows import WindowStars, look
 from kochab.identification.predictional_estimate import Estimate, concluded, differential, expected_px
@@ -32,7 +33,7 @@ FARTHEST_PX = 3.0  # of a find that agrees, however unsure
 WORST_PX = 1.2  # RMS of the residuals; a lens that moved or a wrong match is worse
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Tracked:
     """An estimate whose ``star`` numbers the windows, with its false-alarm bound."""
 
@@ -111,7 +112,7 @@ SHARPNESS_STARS, SHARPNESS_SHARE = 40, 0.5  # stars that tell whether they are s
 SHARP_PX2 = 0.36 - PIXEL_VARIANCE
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class WindowSearchResult:
     """The prediction looked at, the sky there, the stars expected, what was seen, and what that matches."""
 

@@ -8,7 +8,7 @@ time, and only small windows around the stars expected there are read
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from time import perf_counter
 from typing import Literal
@@ -24,6 +24,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile, TrackedCamera, turn_between
 from kochab.solver.matches import named_stars, zonal_covariance
@@ -36,7 +37,7 @@ from kochab.solver.track_windows import TrackedStarImage, WindowSearch, WindowSe
 Mode = Literal["lost", "tracking"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class TrackUpdate:
     """What one frame told. Everything in it belongs to ``time_utc``, the frame's own moment.
 

@@ -8,7 +8,7 @@ chance is out of the question; then :func:`kochab.solver.matches.extend` grows i
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
+from kochab.core.values import frozen
 from kochab.identification.index import shipped
 from kochab.identification.patterns import WIDE, Patterns, SearchStage
 from kochab.identification.verification import ACCEPT_LOG10
@@ -51,7 +52,7 @@ MISFIT = 0.004
 """Residuals of this RMS, over the frame's larger side, are another lens than the camera model's."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Window:
     """Part of a frame: its middle (2,) px in the frame, and the detections within, by number and in its own pixels."""
 

@@ -1,10 +1,10 @@
 """What every view of the window is given; made once, in :func:`kochab.window.application.build`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from PySide6.QtWidgets import QPushButton
 
+from kochab.core.values import frozen
 from kochab.window.devices.cameras import Cameras
 from kochab.window.devices.equipment import Equipment
 from kochab.window.devices.mount_control import MountControl
@@ -17,7 +17,7 @@ from kochab.window.undo import Undo
 from kochab.workflows.session.wiring import Wiring
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Services:
     """What a view may use of the window.
 

@@ -3,7 +3,7 @@
 import atexit
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, field, fields
 from functools import cache
 from pathlib import Path
 from string import Template
@@ -14,6 +14,7 @@ from PySide6.QtGui import QColor, QFont, QIcon, QPainter, QPalette, QPixmap
 from PySide6.QtSvg import QSvgRenderer
 from PySide6.QtWidgets import QApplication
 
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.text.translation import tr_noop
 
@@ -23,7 +24,7 @@ def _shades(dark: str, light: str, night: str) -> Any:
     return field(metadata={"dark": dark, "light": light, "night": night})
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Colours:
     """One theme, as ``#rrggbb``. Night holds red light alone: its green and blue are exactly 0."""
 

@@ -5,7 +5,7 @@ import io
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from html import escape
 from pathlib import Path
@@ -19,6 +19,7 @@ from kochab.core.errors import KochabError, printable
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
+from kochab.core.values import mutable
 from kochab.folders import data_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import avm_packet, compass
@@ -89,7 +90,7 @@ CIRCLE: Floats = np.column_stack([np.cos(_TURN), np.sin(_TURN)])
 Stroke = tuple[Floats, str, float]  # places (N, 2), colour "#rrggbbaa", width
 
 
-@dataclass(slots=True)
+@mutable
 class Drawing:
     """What is drawn over a picture of ``width`` x ``height`` px.
 

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from kochab.core.progress import Task
+from kochab.core.values import frozen
 from kochab.workflows.solution_json import Json, as_json, bodies_json
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
@@ -21,7 +21,7 @@ LISTED = 200
 """Of a frame's deep-sky objects the best known that its JSON has, where nobody asks for all."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Answer:
     """The JSON of a frame; what of it is drawn and written elsewhere is there when it was solved."""
 

@@ -1,7 +1,7 @@
 """Centre a target: goto, solve, correct, until it is centred or cannot be."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 
 from kochab.core.attitude import Degrees, apart_deg
@@ -9,6 +9,7 @@ from kochab.core.errors import NoAnswerError, RefusedError, StoppedError
 from kochab.core.mount import Ability, Direction, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution, SolveNow, no_solution_text
+from kochab.core.values import frozen, mutable
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import SyncEvidence
 from kochab.gear.mounts.motion_policy import ACROSS
@@ -30,7 +31,7 @@ class CentringEnd(StrEnum):
     NO_SOLUTION = "no solution"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Centring:
     """How it ended, in one sentence too, and its course.
 
@@ -173,7 +174,7 @@ def centre_typed(mount: Guard, solve_now: SolveNow, text: str, tolerance_arcsec:
     return (yield from centre_target(mount, solve_now, target, tolerance_arcsec))
 
 
-@dataclass(slots=True)
+@mutable
 class _Centring:
     """One centring in progress."""
 

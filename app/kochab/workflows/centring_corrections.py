@@ -6,11 +6,12 @@ axis rotates them, a slipping clutch shortens them); the next one allows for tha
 """
 
 from cmath import isfinite
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from math import cos, radians
 
 from kochab.core.attitude import Degrees, apart_deg, wrapped
+from kochab.core.values import frozen, mutable
 from kochab.text.translation import tr_noop
 from kochab.workflows.sync_mount import shifted
 
@@ -35,7 +36,7 @@ class Correction(StrEnum):
     FINE = tr_noop("small moves")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountAndSky:
     """The reported and the solved position; mount coordinates, degrees."""
 
@@ -43,7 +44,7 @@ class MountAndSky:
     sky: Degrees
 
 
-@dataclass(slots=True)
+@mutable
 class Course:
     """The course of a centring on ``target``; mount coordinates, degrees."""
 

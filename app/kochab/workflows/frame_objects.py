@@ -1,7 +1,6 @@
 """What is in a solved frame besides stars, as JSON, a table or DS9's regions: objects, bodies of the Solar System."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isfinite, isnan
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ from kochab.core.attitude import radec_deg
 from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.sky.names import MAG_SOURCES, SkyObjects
 from kochab.sky.object_index import MOST, holding, inside, object_index
 from kochab.workflows.solution_json import Json
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # what follows is loaded by those who need it: a cold solve o
 NAN = float("nan")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FrameObject:
     """An object or a body whose middle is in the frame, or an object that holds the whole frame (``larger``).
 

@@ -3,7 +3,6 @@
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import datetime
 from typing import TypeVar
 
@@ -12,6 +11,7 @@ from kochab.core.errors import NoAnswerError, RefusedError, StrayedError, UsageE
 from kochab.core.frame import Site
 from kochab.core.mount import Pointing
 from kochab.core.progress import Progress, Task, run
+from kochab.core.values import frozen
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_policy import due_side
 from kochab.parsing.places import parse_place
@@ -28,7 +28,7 @@ MISSES = 3  # replies that may be lost in a row
 RUNAWAY_DEG, RUNAWAY_READINGS = 0.25, 6  # still moving so far between readings, though not slewing
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Target:
     """A place, ICRS degrees, and its name."""
 
@@ -104,7 +104,7 @@ def names_to_offer() -> Task[list[str]]:
     return [f"M {n}" for n in range(1, 111)] + stars
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FlipQuestion:
     """Nothing but a meridian flip stands against a goto: a person decides."""
 

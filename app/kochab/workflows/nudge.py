@@ -2,7 +2,6 @@
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.slew_supervisor import FOLLOWED_DEG
 from kochab.polar.rotations import about
@@ -30,7 +30,7 @@ ENDS = tr_noop("the mount ends each goto of at most 2° itself, even if the comp
 RUNS_ON = tr_noop("this move runs on if the computer fails: keep an eye on the mount")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Nudged:
     """What was sent: ``by`` is "guide pulses", "moves", one move, "a goto" or, for too little, "nothing"."""
 
@@ -176,7 +176,7 @@ STEPS, STEP_RAD = 8, 1e-6
 CLOSE_PX = 0.01
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Turn:
     """Axis angles in degrees, towards greater right ascension and towards the north."""
 

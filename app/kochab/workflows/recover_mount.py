@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 
 from kochab.core.errors import DeviceError, RefusedError
@@ -10,6 +10,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, SiteReport
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution, SolveNow, no_solution_text
+from kochab.core.values import frozen
 from kochab.gear.mounts.coordinates import from_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
@@ -27,7 +28,7 @@ UNDATED = tr_noop(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Recovery:
     """What was done; degrees are ICRS.
 

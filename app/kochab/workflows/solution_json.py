@@ -38,7 +38,7 @@ def _solved(file: str, s: "Solution") -> Json:
     ra, dec = s.ra_dec_deg
     camera, attitude, axis = s.camera, s.centre_attitude, s.attitude
     terms = ("focal_px", "cx", "cy", "k1", "k2", "p1", "p2", "aspect")
-    names = NamedStar.__slots__
+    names = NamedStar.__match_args__
     return {
         "file": file,
         "solved": True,

@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -12,13 +11,14 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.parsing.text_input import read_text
 from kochab.solver import SolveOptions
 from kochab.solver.pipeline import examine_frame, solve_detections
 from kochab.text.translation import tr, tr_n
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SolvedFrame:
     """A frame, its detections, and its solution or why there is none.
 

@@ -6,7 +6,7 @@ houses leave the sky free.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from kochab.core.frame import Detections, Frame, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.robust import median
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.detection.auto import AutoDetector
 from kochab.detection.star_fit import FWHM_PER_SIGMA
 from kochab.detection.windows import look
@@ -55,7 +56,7 @@ SECTORS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 HIGH_DEG = 60.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Sightings(Table):
     """Stars of the catalogue in a frame: ``xy`` (N, 2) px where they should be, altitude and azimuth, degrees.
 
@@ -71,7 +72,7 @@ class Sightings(Table):
     by_chance: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Cloud:
     """What share of a part of the sky is cloud, one sigma, and of how many stars; None where too few would show."""
 
@@ -80,7 +81,7 @@ class Cloud:
     stars: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SkyCover:
     """Cloud over a frame: in all, above 60 degrees ("zenith"), and in eight directions below."""
 

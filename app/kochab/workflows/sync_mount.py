@@ -5,13 +5,14 @@ and is sent as far beside the target as that error is.
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Ability, Pointing
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution, SolveNow
+from kochab.core.values import frozen
 from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.gear.mounts.guard import Guard
 from kochab.gear.mounts.motion_plan import Preview, SyncEvidence
@@ -24,7 +25,7 @@ TAKES = 3
 UNMOVED = tr_noop("Sync on this frame only if the telescope has not moved since it was taken.")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SyncOffer:
     """What a sync would do, for a person to say yes to; nothing has changed yet.
 
@@ -53,7 +54,7 @@ class SyncOffer:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SyncDone:
     """``synced``, or why not; ``slewed`` when an offset slew did it instead."""
 

@@ -1,6 +1,5 @@
 """A place of the sky tonight at a site: how high, rising or setting, and when it comes to the meridian or up."""
 
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -9,6 +8,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch
+from kochab.core.values import frozen
 from kochab.gear.mounts.coordinates import to_mount_epoch
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.horizon import Horizon, hour_angle_deg
@@ -18,7 +18,7 @@ from kochab.text.translation import number, tr
 SIDEREAL_DEG_H = 15.0410686  # that the sky turns in an hour of a clock
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TargetTonight:
     """Where a place of the sky stands, and when it comes where.
 

@@ -19,7 +19,7 @@ import re
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from kochab.cli.batch import attempt
@@ -29,6 +29,7 @@ from kochab.core.errors import CatalogueError, FrameError, KochabError, UsageErr
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Reason, Solution
+from kochab.core.values import mutable
 from kochab.workflows.other_solvers import cd_at_centre
 from kochab.workflows.solution_json import Json
 
@@ -52,7 +53,7 @@ FIELD_FACTOR = 2.5
 """How far off ``-fov`` may be: binning not told to the caller makes 2, a reducer or a Barlow lens forgotten up to 2."""
 
 
-@dataclass(slots=True)
+@mutable
 class AstapRequest:
     """What was asked, as ASTAP's letters: hours, degrees, and degrees from the south pole."""
 

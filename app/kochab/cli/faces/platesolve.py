@@ -14,7 +14,6 @@ wait, for which its window stays, is read and left alone. Exit code: 0 when a re
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from kochab.cli.batch import attempt
@@ -24,6 +23,7 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.workflows.solution_json import Json
 
 WRITTEN, NOT_WRITTEN, TIMEOUT_S = 0, 1, 60.0
@@ -32,7 +32,7 @@ SOLVED_2 = "Valid plate solution"
 LEAST_RADIUS_DEG = 5.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PlateRequest:
     """A frame, where it may point and how wide it is, degrees; None where that is not known."""
 

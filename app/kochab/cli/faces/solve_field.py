@@ -13,7 +13,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from kochab.core.errors import KochabError, UsageError, printable
 from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import mutable
 from kochab.workflows.other_solvers import arcsec_px, parity, scale_between, up_deg, within_scale
 from kochab.workflows.solution_json import Json
 
@@ -83,7 +84,7 @@ IGNORED = {
 """Of astrometry.net's own search and tools, with a value."""
 
 
-@dataclass(slots=True)
+@mutable
 class SolveFieldRequest:
     """What was asked: options by their long names, and the files."""
 

@@ -8,7 +8,7 @@ import os
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import monotonic, sleep
@@ -17,6 +17,7 @@ from kochab.core.capture import CameraDevice, CameraSource, CaptureLimits, Captu
 from kochab.core.errors import FrameError, LineLostError, PortError
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
+from kochab.core.values import frozen, mutable
 from kochab.text.translation import tr
 
 # -- Which files of a folder are new and finished; pure bookkeeping, the clock is given --------
@@ -25,7 +26,7 @@ SETTLE_S = 0.3  # a file whose size and time have not changed for so long may be
 PATIENCE_S = 4.0  # a file that has not changed for so long and still cannot be read is broken
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stamp:
     """What a directory says of a file: its size in bytes and when it was last written."""
 
@@ -33,7 +34,7 @@ class Stamp:
     mtime_ns: int
 
 
-@dataclass(slots=True)
+@mutable
 class _File:
     stamp: Stamp
     since_s: float

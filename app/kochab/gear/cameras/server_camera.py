@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from time import monotonic
 
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, RefusedError
+from kochab.core.values import frozen
 from kochab.gear.servers.address import making_sense
 from kochab.text.translation import tr
 
@@ -16,7 +16,7 @@ from kochab.text.translation import tr
 DOWNLOAD_S = 30.0  # how long after an exposure a picture may be under way before the line counts as lost
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Exposure:
     """``begun_s`` on :func:`time.monotonic`, the same in UTC, and how long it is."""
 

@@ -1,7 +1,6 @@
 """Telescope mounts: serial line, protocol, driver and guard, each apart."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -10,6 +9,7 @@ from kochab.core.errors import NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.mount import Epoch, Home, Mount
 from kochab.core.registry import Registry
+from kochab.core.values import frozen
 
 DRIVERS: Registry[Mount] = Registry(
     "mount driver",
@@ -41,7 +41,7 @@ SERVERS = ("indi", "alpaca")  # drivers of mounts behind a server, found by its 
 STOP_REPLY_S = 0.5  # by then the reply to the opening Stop has come
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Diagnosis:
     """The mount on a port, or what to do; ``advice`` may come with a mount as well."""
 

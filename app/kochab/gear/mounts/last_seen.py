@@ -3,12 +3,13 @@
 import json
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
 
 from kochab.core.attitude import Degrees, apart_deg
+from kochab.core.values import frozen
 from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.parsing.text_input import read_json
 
@@ -16,7 +17,7 @@ OVER_S = 12 * 3600.0  # by then the mount has been put away, or somebody has ali
 MOVED_DEG, UNDER_WAY_DEG, AGED_S = 1.0, 10.0, 600.0  # it is written anew only then, and when a session ends
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Place:
     """Right ascension and declination of date, degrees, and when it was there.
 

@@ -1,7 +1,6 @@
 """A motion before it begins: limits, plan, the paths the telescope may take, and the preview."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from math import cos, radians
@@ -13,6 +12,7 @@ from kochab.core.attitude import Degrees, angle_between, separation_deg, unit_ve
 from kochab.core.frame import Site
 from kochab.core.mount import MountState
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.sky.horizon import hour_angle_deg, sidereal_deg
 from kochab.text.translation import tr
 
@@ -22,7 +22,7 @@ from kochab.text.translation import tr
 Horizon = tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Limits:
     """The guard's numbers. A fork or alt-azimuth mount ``crosses_meridian`` without a flip.
 
@@ -70,7 +70,7 @@ class Limits:
         return np.asarray(np.maximum(low, np.interp(azimuths_deg, azimuths, altitudes, period=360.0)))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SyncEvidence:
     """The results of independent solves: one entry a solve in every tuple, centres in ICRS degrees."""
 
@@ -96,7 +96,7 @@ class Severity(StrEnum):
     WARN = "warn"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RuleFinding:
     """One sentence of one rule."""
 
@@ -104,7 +104,7 @@ class RuleFinding:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Plan:
     """A motion or a sync from the reported position to a target; degrees of date.
 
@@ -191,7 +191,7 @@ def warn(text: str, /, **values: object) -> RuleFinding:
 Rule = Callable[[Plan], Iterable[RuleFinding]]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Preview:
     """A motion or sync that has not been done; positions in the mount's own epoch, degrees.
 

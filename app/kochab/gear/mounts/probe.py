@@ -8,12 +8,13 @@ make: NexStar is asked first because the commands of other makes contain its one
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import monotonic
 from typing import Any, TypeVar
 
 from kochab.core.errors import DeviceError, NoAnswerError, PortError
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.gear.mounts import DRIVERS, SERVERS, Diagnosis
 from kochab.gear.mounts.drivers.lx200_dialects import DIALECTS, named
 from kochab.gear.mounts.drivers.nexstar import MAKER_SINCE, STARSENSE, VARIANTS
@@ -218,7 +219,7 @@ ADAPTERS = {
 MAKERS = ("celestron", "sky-watcher", "skywatcher", "ioptron", "onstep", "meade", "10micron")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PortInfo:
     """One port; ``hint`` names what it might be, empty when nothing is known."""
 

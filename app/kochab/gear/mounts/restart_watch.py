@@ -1,11 +1,12 @@
 """Was the mount switched off and on? One that was says that it is at home, wherever its tube is."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 
 from kochab.core.attitude import Degrees, apart_deg, wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, Mount, MountState, Pointing
+from kochab.core.values import frozen
 from kochab.gear.journal import MotionLog
 from kochab.gear.mounts.coordinates import of_date
 from kochab.gear.mounts.last_seen import LastSeen, Place
@@ -45,7 +46,7 @@ TURNED = tr_noop(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Look:
     """A place of date that the mount reported, and when, by both clocks; how it was then.
 

@@ -5,13 +5,13 @@ declination stays. Every other drift is a motion, once it is larger than what th
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from math import ceil, cos, inf, radians
 from time import monotonic
 
 from kochab.core.attitude import wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, Pointing
+from kochab.core.values import frozen
 
 LOOK_S = 0.7  # between two readings
 LOOKS = 8  # a nudge has run out by then
@@ -26,7 +26,7 @@ READOUTS_DEG = (1.0 / 40.0, 1.0 / 60.0), (360.0 / 65536.0, 360.0 / 65536.0), (1.
 """What RA and Dec count in: tenths of a minute and minutes of arc; a turn in 16 bits; seconds."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reading:
     """A position, and when it was asked for, by `monotonic` and by a clock that may be simulated.
 

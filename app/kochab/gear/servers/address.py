@@ -2,17 +2,17 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from socket import gaierror
 
 from kochab.core.errors import NoAnswerError, PortError, printable
+from kochab.core.values import frozen
 from kochab.text.angle_text import short_name
 from kochab.text.translation import tr, tr_noop
 
 # -- What a person types to name a device on another computer: ``host:port/device`` ------------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NetAddress:
     """A server and what is wanted of it; ``rest`` is empty when nothing was named."""
 

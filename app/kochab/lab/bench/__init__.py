@@ -7,7 +7,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 
 T = TypeVar("T")
 Row = Mapping[str, Any]
@@ -22,7 +23,7 @@ Report = Callable[[str], None]
 """Called with a line of progress."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Goal:
     """A number an issue asks for, measured.
 
@@ -65,7 +66,7 @@ class Goal:
         return cls(name, value, f">= {limit:g}", None if value is None else value >= limit)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BenchResult:
     """``rows`` are measurements (plain numbers and words), ``goals`` compare some of them."""
 
@@ -146,7 +147,7 @@ def timed(work: Callable[[], T], clock: Callable[[], float] = time.process_time)
     return done, clock() - started
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Only:
     """Selects the rows whose names begin with one of ``names``; all rows when it is empty."""
 

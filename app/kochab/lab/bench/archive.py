@@ -19,7 +19,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +30,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, Row
 from kochab.lab.bench.serve import KOCHAB, SMALL, rendered
 from kochab.sky import open_catalogue
@@ -53,7 +53,7 @@ SAMPLE_S = 1.0
 NEEDED = ("distributed", "pyarrow", "fsspec", "psutil")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ran:
     """One command: seconds on the wall and of all its processes, their peak of memory together, and its rows.
 

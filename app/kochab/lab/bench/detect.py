@@ -11,7 +11,6 @@ import time
 import tracemalloc
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -22,6 +21,7 @@ from scipy.special import ndtr
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 from kochab.detection import DETECTORS
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.lab.detectors.star_finders import found_places
@@ -30,7 +30,7 @@ from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sk
 # -- How good a list of stars is, when the truth is known --------------------------------------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class DetectionTruth:
     """Stars of one field: ``xy`` (N, 2) px; ``snr`` (N,) and ``bound_px`` (N,) of ``expected``."""
 
@@ -174,7 +174,7 @@ SIZES = {1: (1224, 816), 6: (3000, 2000), 24: (6000, 4000), 61: (9576, 6388)}  #
 SLOW = ("DAOStarFinder",)  # timed once a field
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RenderedField:
     """One rendered field: its size, number of stars, their FWHM, how often it is timed."""
 

@@ -7,7 +7,7 @@ stars go down to a signal-to-noise of 10, so that rates are lower than the thesi
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.frame import Frame
 from kochab.core.pairing import mutual_nearest
+from kochab.core.values import frozen
 from kochab.detection import DETECTORS, Detector
 from kochab.lab.bench import BenchResult, Goal, Report, Row, timed
 from kochab.simulate.star_images import FWHM_PER_SIGMA, RenderedStar, Sensor, Sky, render
@@ -32,7 +33,7 @@ PAPER_ERROR_PX = {"gaussian": 0.314, "peaks": 0.830, "contours": 1.665}
 """Means of the thesis' average errors in x and in y (7.1.2 to 7.1.4)."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FrameKind:
     """Frames of one kind: how many, their stars, their sky and sensor."""
 

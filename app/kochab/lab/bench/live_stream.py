@@ -5,7 +5,7 @@ moment's frame. Rendering would cost more than what is measured here.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import Any
@@ -18,6 +18,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint
 from kochab.core.mount import Direction
 from kochab.core.progress import run
+from kochab.core.values import frozen
 from kochab.lab.bench import summary
 from kochab.lab.estimators import average
 from kochab.simulate.camera import CameraConfig
@@ -37,7 +38,7 @@ SWING_DEG = 0.4
 SCALE_ARCSEC_PX = 30.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Ring:
     """Frames of half a swing and where each truly points, ``matrices`` (N, 3, 3)."""
 

@@ -10,7 +10,7 @@ In a checkout the detective, random evenings, conformance and killed programs ar
 import contextlib
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from itertools import product
 from typing import Any
 
@@ -20,6 +20,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.errors import DeviceError, LineLostError
 from kochab.core.progress import Progress
 from kochab.core.progress import run as drive
+from kochab.core.values import mutable
 from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, mount_stops, reported, summary
 from kochab.lab.bench.mount_rig import MountRig, mount_rig, unguarded
 from kochab.simulate.responders import RESPONDERS
@@ -34,7 +35,7 @@ AT_ONCE = 4
 AGAIN = 3  # how often somebody begins anew after the line was lost or the mount fell silent
 
 
-@dataclass(slots=True)
+@mutable
 class CentringRun:
     """One run's outcome; ``error_arcsec`` is the truth in the middle of the last exposure."""
 

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from math import inf
 from typing import Any
@@ -20,6 +20,7 @@ from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, Home, Pointing
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen, mutable
 from kochab.gear.journal import LogEntry
 from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
@@ -41,7 +42,7 @@ SAME_DEG = 0.02  # two writings of one place, the coarsest to 15 arcsec, nutatio
 LATEST_STOP_S = 8.0  # a bare motor's goto ends in several turns
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ReceivedOrder:
     """One order that moves something: what, when (unix s), and what was ``given`` with it."""
 
@@ -133,7 +134,7 @@ UNANSWERED = ("pulse", "move", "stop")
 CHANCES = {Fault.SILENCE: 0.01, Fault.GARBAGE: 0.01, Fault.LATE: 0.01, Fault.SPLIT: 0.03, Fault.WRONG: 0.01}
 
 
-@dataclass(slots=True)
+@mutable
 class MountRig:
     """A rig, the line to its mount, and the guard around the driver at the other end."""
 

@@ -7,7 +7,6 @@ which none may be given a pointing.
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -17,6 +16,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.lab.bench import BenchResult, Goal, Report, summary
 from kochab.simulate.random_fields import FieldPlan, RandomField, random_field, random_points
 from kochab.sky import open_catalogue
@@ -35,7 +35,7 @@ WITHIN = 0.01
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Case:
     """Fields of one size, those with so many stars, and how well the scale is known."""
 

@@ -4,7 +4,7 @@ What is planted is in the same units as what the night's page says, so that a ro
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import unit, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.progress import run
+from kochab.core.values import frozen
 from kochab.frames.fits_write import write_fits
 from kochab.simulate import night_sky
 from kochab.simulate.camera import CameraConfig
@@ -40,7 +41,7 @@ EXPOSURE_S, EVERY_S = 30.0, 40.0
 WORM_S = 2.0 / 15.041 * 3600.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Faults:
     """What is wrong with a night; the default is nothing.
 
@@ -78,7 +79,7 @@ EARTH_KM, GM_KM3_S2, JD_1949_12_31 = 6378.135, 398600.8, 2433281.5
 NEW_STAR_MAG, UNKNOWN_BODY_MAG, UNKNOWN_ARCSEC_H = 7.6, 8.0, 500.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MadeNight:
     """A night on disk, and the two-line elements of what is listed."""
 

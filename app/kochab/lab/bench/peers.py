@@ -17,7 +17,6 @@ import subprocess
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -30,6 +29,7 @@ from kochab.core.attitude import apart_deg
 from kochab.core.frame import Detections
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.frames import read_frame
 from kochab.identification.index_build import make_fine
 from kochab.lab.bench import BenchResult, Goal, Report, summary, timed
@@ -50,7 +50,7 @@ Place = tuple[float, float]
 Solver = Callable[[Detections], Place | None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Case:
     """Stars to solve; ``truth`` is the centre and the tolerance, degrees, None where there is no field."""
 

@@ -10,7 +10,7 @@ atmosphere (Auer and Standish 2000, AJ 119, 2472, equation 3), not the two-term 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 
@@ -23,6 +23,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary, timed
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import Measurement, MeasureSettings, PolarFindingKind, measure
@@ -52,7 +53,7 @@ ACCUSED = {
 """Findings that are false where only RA turned."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Night:
     """A camera that turns about one axis; ``enu_to_camera`` (N, 3, 3) at each of ``times_unix``."""
 

@@ -7,7 +7,7 @@ calibration 30 % wrong, a second place, clouds, a guiding assistant, or pulses t
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +18,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, small_rotation, unit
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen, mutable
 from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary
 from kochab.polar.drift import measure_drift
 from kochab.polar.error import CHI2_95
@@ -36,7 +37,7 @@ COLUMNS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Evening:
     """What is drawn for one log; ``calibration`` is how many times farther than stated a pulse moves Dec."""
 
@@ -143,7 +144,7 @@ def off_arcsec(evening: Evening, seconds: float) -> tuple[float, float]:
     return float(-east / ahead / ARCSEC), float(-up / ahead / ARCSEC)
 
 
-@dataclass(slots=True)
+@mutable
 class Gear:
     """Dec behind its backlash: where the motor stands and the axis, arcsec to the north."""
 

@@ -7,7 +7,6 @@ is the one at the last frame, when the bolts are turned.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, small_rotation, unit
 from kochab.core.frame import Site
+from kochab.core.values import frozen
 from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary
 from kochab.polar.error import CHI2_95
 from kochab.polar.measure import Measurement, MeasureSettings, measure_local
@@ -28,7 +28,7 @@ BEGUN = datetime(2026, 3, 14, 20, 0, tzinfo=UTC)
 LEAST_INSIDE = 0.93
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Turn:
     """A camera that turns about an axis (3,): ``matrices`` (N, 3, 3) take it to E, N, U after ``turns_rad`` (N,).
 

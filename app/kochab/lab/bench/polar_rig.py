@@ -7,7 +7,7 @@ weighs all directions of the field alike under the air's squeeze, as a square fr
 moves each frame as a whole by 0.7 arcsec besides, which no solve can know of.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from kochab.core.mount import Direction
 from kochab.core.progress import Progress, Task
 from kochab.core.progress import run as run_task
 from kochab.core.solution import NoSolution
+from kochab.core.values import mutable
 from kochab.polar.error import Knob, PolarError
 from kochab.polar.measure import MeasureSettings
 from kochab.polar.plan import Optics, sweep_path
@@ -39,7 +40,7 @@ ANY_HOUR_DEG, LOWEST_DEG = (-180.0, 180.0), 25.0
 RATE_DEG_S = 2.0
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class RigSky:
     """A rig with the three things an alignment needs; ``optics`` are the errors of its solves.
 

@@ -20,7 +20,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ import numpy as np
 from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 from kochab.frames import read_frame
 from kochab.frames.fits_write import write_fits
 from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report
@@ -57,7 +57,7 @@ sys.exit(found.get("RA") is None)
 """
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Spent:
     """Of one command: seconds on the wall and of the processor, and whether it solved its frame."""
 

@@ -11,7 +11,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from threading import Semaphore
 from typing import Any
@@ -23,6 +23,7 @@ from kochab.core.errors import FrameError, LineLostError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import Solution
+from kochab.core.values import mutable
 from kochab.frames import read_frame
 from kochab.frames.fits_write import fits_bytes
 from kochab.identification.index_build import make_fine
@@ -118,7 +119,7 @@ def goals(row: dict[str, Any]) -> list[Goal]:
     ]
 
 
-@dataclass(slots=True)
+@mutable
 class Work:
     """The solves of a turn that are not Live's."""
 

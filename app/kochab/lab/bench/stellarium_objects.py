@@ -5,13 +5,14 @@ import re
 import struct
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
 
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
+from kochab.core.values import mutable
 
 NUMBERED = ("NGC", "IC", "M", "C", "B", "Sh2", "vdB", "RCW", "LDN", "LBN", "Cr", "Mel", "PGC", "UGC")
 """Of an object's designations the first fourteen, in the order of Stellarium's records."""
@@ -24,7 +25,7 @@ DARK, UNKNOWN_MAG = 12, 90.0
 SPELT = str.maketrans({"'": "", "-": " ", "’": ""})
 
 
-@dataclass(slots=True)
+@mutable
 class SkyObject:
     """One object: degrees ICRS, arcmin, PA east of north; ``also`` are its other designations and names.
 

@@ -4,7 +4,7 @@ The background is one number, the median, as in "Lost in space" for robotic tele
 2018), section 5.1.1. A sky with a slope needs the ``auto`` detector.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats, Floats32
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 from kochab.detection.background import BROKEN, Halving
 from kochab.detection.peaks import Stamps, apart, cut
 from kochab.detection.star_fit import FWHM_PER_SIGMA, PIXEL_VARIANCE, adaptive_moments
@@ -22,7 +23,7 @@ HALF = 7  # px; of the stamp on which a star's width is measured
 BATCH = 2000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Flat:
     """``image`` (H, W) above the median ``level``; 0 where ``broken`` (H, W) is set.
 

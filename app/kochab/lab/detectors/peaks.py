@@ -3,18 +3,19 @@
 Source: "Lost in space" for robotic telescopes (thesis, 2018), section 5.1.3, the "peak detection method".
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
 
 from kochab.core.frame import Detections, Frame
 from kochab.core.registry import integer, number, switch
+from kochab.core.values import frozen
 from kochab.lab.detectors.background import measured_detections, no_detections, separated_stars, without_background
 from kochab.lab.detectors.star_finders import found_places
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MaximaDetector:
     """A pixel above the threshold that none in the box around it exceeds.
 
@@ -60,7 +61,7 @@ class MaximaDetector:
 # space" for robotic telescopes (thesis, 2018), section 5.1.2, the "source detection method".
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class GaussianDetector:
     """Peaks of a Gaussian's width, with the thesis' defaults.
 
@@ -92,7 +93,7 @@ class GaussianDetector:
 # Source: sections 6.2.4 and 7.1.5: Gaussian sources first, and local maxima where those are too few.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ThesisDetector:
     """The stars of ``first`` when they are ``fewest`` (1 or more; the thesis' 5) or more.
 

@@ -4,7 +4,6 @@ Source: the thesis on attitude from stellar images, section 2.2, equations 2.1 a
 parameters are those of section 4.2.1.
 """
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from kochab.core.arrays import Floats
 from kochab.core.frame import Detections, Frame
 from kochab.core.registry import choice, integer, number, switch
+from kochab.core.values import frozen
 from kochab.lab.detectors.background import Flat, measured_detections, no_detections, without_background
 from kochab.lab.fixed_point import Format
 
@@ -81,7 +81,7 @@ def _moved(centre: int, place: int, part: int, total: int) -> int:
 MOST_PIXELS = 200_000
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ClusterDetector:
     """Pixels within ``tau_px`` of a cluster's centre belong to it; others found a new one.
 
@@ -175,7 +175,7 @@ def _clusters(
 # 5.2. The thesis takes OpenCV's contours; the pixels inside a contour are those scipy labels.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ContourDetector:
     """Pixels above the threshold that touch, corners included, are one star.
 

@@ -6,7 +6,6 @@ documentation: a background and a noise with stars clipped away, 5 sigma, an FWH
 """
 
 import warnings
-from dataclasses import dataclass
 from importlib import import_module
 from typing import ClassVar
 
@@ -16,12 +15,13 @@ from kochab.core.arrays import Bools, Floats, Floats32
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Frame
 from kochab.core.registry import integer, number
+from kochab.core.values import frozen
 from kochab.lab.detectors.background import measured_detections, no_detections, separated_stars, without_background
 
 FAINTEST_SNR = 3.0  # of the light in a box; IRAFStarFinder gives some peaks of the noise
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DaoStarFinder:
     """Peaks whose profiles along x and y a Gaussian fits, by photutils' DAOStarFinder."""
 
@@ -36,7 +36,7 @@ class DaoStarFinder:
         return _detect("DAOStarFinder", frame, self.sigmas, self.fwhm_px, self.max_stars)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class IrafStarFinder:
     """Peaks whose moments are those of a star, by photutils' IRAFStarFinder."""
 

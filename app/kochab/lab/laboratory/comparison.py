@@ -7,7 +7,7 @@ solution stands for the truth, or of a simulated field.
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from time import perf_counter, thread_time
 from typing import Any, TypeVar
@@ -23,6 +23,7 @@ from kochab.core.pairing import mutual_nearest
 from kochab.core.progress import PREPARING, Progress, Task
 from kochab.core.registry import Registry, checked
 from kochab.core.solution import Identification, Matches, NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.simulate.random_fields import FieldPlan, RandomField, RandomImage
@@ -72,7 +73,7 @@ PLACE_DEG = 10.0
 """Within this of the true centre, when the methods know the place."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Choice:
     """One method, detector or estimator with the options that were changed."""
 
@@ -101,7 +102,7 @@ def field_plan(fov_deg: float, stars: int, noise_px: float, false: float, missin
     return FieldPlan(fov_deg, size_px, noise_px, missing, false, brightest=stars)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FieldTruth:
     """Where the camera really points.
 
@@ -119,7 +120,7 @@ class FieldTruth:
         return cls(field.camera, field.attitude, max(RIGHT_PX, NOISE_SPARED * plan.noise_px))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Trial:
     """What came of the stars with one method, detector or estimator.
 
@@ -283,7 +284,7 @@ REACH_PX = 3.0
 """A detection within this of a star's true place is that star."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DetectorScore:
     """``stars`` that were detected; of ``there`` true ones, ``true``, off by ``error_px`` (RMS).
 

@@ -6,20 +6,21 @@ missing stars. Of detectors it is the stars found that count, of estimators of t
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from itertools import zip_longest
 from statistics import median
 from typing import Any
 
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import options_of
+from kochab.core.values import frozen
 from kochab.frames.export import csv_text
 from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, Trial, with_progress
 from kochab.lab.laboratory.scene import simulated_scene, tries_on
 from kochab.simulate.random_fields import FieldPlan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ParameterSweep:
     """One thing that is varied; ``option`` is that of a method, else it is one of the field's."""
 
@@ -44,7 +45,7 @@ def sweeps_of(kind: ComparedPart) -> list[str]:
     return [name for name, sweep in SWEEPS.items() if kind is ComparedPart.METHOD or not sweep.option]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Point:
     """``right`` of ``fields`` answers were right and ``wrong`` were wrong at ``value``.
 

@@ -1,7 +1,7 @@
 """What a comparison looks at: a frame or a simulated field, all that is known of it, and one trial upon it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -16,6 +16,7 @@ from kochab.core.frame import Detections, Frame, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import checked
 from kochab.core.solution import Identification, NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.lab.laboratory.comparison import (
@@ -114,7 +115,7 @@ REPEATS = 20
 REFUSED = "not with these stars"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class NamedStars:
     """``found`` stars whose places are good to ``sigma_px`` (M,), and the fit of them all."""
 
@@ -193,7 +194,7 @@ LARGEST_PX = 8192
 OPEN_FIRST = "Open a frame first, or choose a simulated field."
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Scene:
     """A ``frame``, or the ``detections`` of one, or both.
 

@@ -6,7 +6,7 @@ the brightest 8,118 stars of this catalogue make 139,964 of them in hundredths o
 """
 
 from abc import abstractmethod
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import lru_cache
 from math import factorial
 from typing import Any, ClassVar, Self
@@ -18,6 +18,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
+from kochab.core.values import frozen
 from kochab.identification import Answer
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused
 from kochab.lab.methods.pairs import Pairs, between, catalogue_pairs, spread
@@ -29,7 +30,7 @@ from kochab.lab.methods.pairs import Pairs, between, catalogue_pairs, spread
 MOST_FINALISTS = 200_000  # beyond, the search has lost its way: inconclusive
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Chain:
     """What pivoting led to: ``figures`` (F,) of the frame and ``entries`` (F,) of the catalogue.
 
@@ -120,7 +121,7 @@ def pivot(order: Ints, candidates: list[Ints], keys: Ints, as_printed: bool = Fa
     return Chain(order[: step + 1], None, step, compared)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FigureTable:
     """``stars`` (F, c) of ``pairs`` in the catalogue's figures; ``values`` (F,) to search ascend."""
 
@@ -134,7 +135,7 @@ class FigureTable:
         return replace(self, **kept)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PivotingMethod(AngularMethod):
     """What the two methods of the thesis share: its values as defaults, and the way to names.
 
@@ -226,7 +227,7 @@ class PivotingMethod(AngularMethod):
         """
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Angles(PivotingMethod):
     """The angle method; for its options see `PivotingMethod`."""
 

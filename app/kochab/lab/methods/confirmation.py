@@ -8,7 +8,6 @@ every pair of catalogue stars the method looked at.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,6 +20,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.pairing import mutual_nearest_of_few
 from kochab.core.progress import Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason
+from kochab.core.values import frozen
 from kochab.identification import Answer, with_places
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, refit
 from kochab.sky import open_catalogue
@@ -31,7 +31,7 @@ FEWEST = 3
 ODD, ODD_PX = 5.0, 3.0  # a name is dropped beyond so many times the median error, and so many px
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class CandidateNames:
     """Supposed names: ``detection`` (M,), catalogue ``rows`` (M,) and their ``vectors`` (M, 3).
 
@@ -169,7 +169,7 @@ def table_deg(detections: Detections, focal_px: float) -> float:
     return float(min(np.ceil(np.degrees(2.0 * np.arctan(diagonal / 2.0 / focal_px))), WIDEST_DEG))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AngularMethod(ABC):
     """A method that compares angles between stars, so that it has to know the scale.
 

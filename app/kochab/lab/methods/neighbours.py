@@ -6,7 +6,7 @@ neighbour is nearer than the rim of the picture are looked up in the star databa
 are those measured. Parity is free, as no feature has a sense of turning.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -21,6 +21,7 @@ from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number, switch
+from kochab.core.values import frozen
 from kochab.identification import Answer
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused
@@ -50,7 +51,7 @@ TYPICAL_BV = 0.7  # the median over stars of the catalogue whose colour is known
 PLACES = 4096  # a key is (first * PLACES + second) * PLACES + angle
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class NeighbourTable:
     """N stars, brightest first, and E entries by ascending ``key``.
 
@@ -190,7 +191,7 @@ DEPTHS = (1.0, 0.7, 1.4, 0.5, 2.0)  # times the expected number of stars, bright
 MOST_CANDIDATES = 1500
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Neighbours(AngularMethod):
     """The method and its options, the paper's values as defaults; they suit a field of 30 deg.
 

@@ -6,7 +6,7 @@ and 8 degrees give about 200,000 of them in a few hundredths of a second, so the
 needed and kept, 16 bytes a pair; large ones also on disk.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Bools, Floats, Ints, Ints32
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.sky import open_catalogue
 
@@ -23,7 +24,7 @@ MOST_PAIRS = 12_000_000
 KEPT = ("rows", "vectors", "first", "second", "angle")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Pairs:
     """All pairs of ``N`` stars up to an angle; P pairs, the closest first.
 

@@ -6,7 +6,7 @@ of the satellite. Here it is what a person or a mount says: place and scale, fro
 that could be meant, over the unknown roll and the radius around the place.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -20,6 +20,7 @@ from kochab.core.pairing import mutual_nearest_of_few
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number
 from kochab.core.solution import Identification, Matches
+from kochab.core.values import frozen
 from kochab.identification import Answer
 from kochab.identification.predictional_estimate import expected_px, predictional_estimate
 from kochab.identification.verification import ACCEPT_LOG10, CandidatePointing, chance_of, improve
@@ -31,7 +32,7 @@ BATCH = 256
 SCALES = (1.0, 0.93, 1.075)  # a hint's range is a tenth to either side
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Predict(AngularMethod):
     """The method and its options."""
 

@@ -5,7 +5,6 @@ list; here the brightest 8,118 stars make 1,112,819 from the pair table in a few
 has fewer because it has fewer angles, fewer than so many stars would make if they were spread evenly over the sky.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import permutations
 from typing import ClassVar
@@ -16,6 +15,7 @@ from kochab.core.arrays import Floats, Ints
 from kochab.core.attitude import unit
 from kochab.core.errors import UsageError
 from kochab.core.registry import integer
+from kochab.core.values import frozen
 from kochab.identification.table_cache import Arrays, cached_table
 from kochab.lab.methods.angles import Chain, FigureTable, PivotingMethod, pivot, pivot_order
 from kochab.lab.methods.pairs import Pairs, angles_between, between, catalogue_pairs, spread
@@ -115,7 +115,7 @@ MOST_TRIANGLES = 4_000_000
 """Looked at: some seconds. The thesis' list and circle need 1.9 million."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class TriangleTable(FigureTable):
     """Triangles (T, 3), the smallest area first, with ``keys`` (T, 3) and ``moment`` (T,)."""
 
@@ -123,7 +123,7 @@ class TriangleTable(FigureTable):
     moment: Floats
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SphericalTriangles(PivotingMethod):
     """The spherical-triangle method; for its options see `PivotingMethod`."""
 

@@ -1,6 +1,5 @@
 """Catalogue triads that fit three detections: separations, rotation, enclosed angle."""
 
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -10,6 +9,7 @@ from kochab.core.arrays import Array, Floats, Ints
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen, mutable
 from kochab.lab.methods.pairs import Pairs, angles_between, spread
 
 SLACK_RAD = 2e-5  # the first look at a third side is a little generous
@@ -20,7 +20,7 @@ class TooManyTriadsError(Exception):
     """More catalogue triads than may be looked at for one frame."""
 
 
-@dataclass(slots=True)
+@mutable
 class TriadBudget:
     """How many catalogue triads may still be looked at for one frame, and what came of the others.
 
@@ -38,7 +38,7 @@ class TriadBudget:
         self.left -= count
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AngleUnit:
     """How angles are counted: ``per_rad`` to the radian, and cut off to integers when ``whole``."""
 
@@ -55,7 +55,7 @@ class AngleUnit:
         return np.asarray(numbers / self.per_rad, dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class TriadDetections:
     """The n detections of one parity.
 
@@ -104,7 +104,7 @@ class TriadDetections:
         return np.asarray(np.arccos(np.clip(np.cos(step).prod(axis=2), -1.0, 1.0)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FoundTriads:
     """Triads: ``detection`` and ``star`` (K, 3), mean ``rotation`` (K,) radians, when known."""
 
@@ -157,7 +157,7 @@ def triads_by_separation(
     return detection[rows, order], star[rows, order], looked
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _PairList:
     """Pairs of stars for two detections, both ways round: ``first`` (N + 1,) entry of each star."""
 
@@ -223,7 +223,7 @@ POLE = np.array([0.0, 0.0, 1.0])
 ENDS = ((1, 2), (2, 0), (0, 1))  # the corners a side joins, opposite to corners 0, 1, 2
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tests:
     """Tolerances, radians, of separations, rotation angles and enclosed angles."""
 

@@ -9,7 +9,6 @@ rotation, votes with a `vote number`, multiple stars merged and the final check 
 
 import cmath
 from bisect import bisect_left, insort
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import choice, integer, number, pair, switch
 from kochab.core.solution import Identification
+from kochab.core.values import frozen
 from kochab.identification import Answer
 from kochab.lab.fixed_point import FixedPointOverflowError
 from kochab.lab.methods import triad_tests, triads_fixed_point
@@ -144,7 +144,7 @@ GLANCE = 7  # so many of the brightest look for the scale first, where it is not
 LIKELIEST = 3  # so many scales, the nearest, are tried with all when that has found nothing
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Triads(AngularMethod):
     """The method and its options, the thesis' values (section 4.2.1) as defaults.
 

@@ -5,7 +5,6 @@ Kolomenkin, Pollak, Shimshoni and Lindenbaum (2008, IEEE Trans. Aerosp. Electron
 searches take 12 to 87 s a frame; here all ranges are looked up in one call and the votes counted in another.
 """
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,12 +15,13 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import Progress, Task
 from kochab.core.registry import integer, number
+from kochab.core.values import frozen
 from kochab.identification import Answer
 from kochab.lab.methods.confirmation import AngularMethod, CandidateNames, confirm, refused, table_deg
 from kochab.lab.methods.pairs import Pairs, angles_between, between, catalogue_pairs, spread
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Voting(AngularMethod):
     """The method and its options, the thesis' values as defaults.
 

@@ -9,7 +9,7 @@ import asyncio
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError, XMLPullParser
@@ -17,6 +17,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from kochab.core import __version__
 from kochab.core.mount import Epoch, Pointing
+from kochab.core.values import frozen, mutable
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
 from kochab.server.telescope.listening import Line, NotTheProtocol, Ports, verdict_of
 from kochab.workflows.telescope.offered import OfferedTelescope
@@ -41,7 +42,7 @@ def listen(ports: Ports, port: int) -> int:
     return ports.listen("INDI", Device(ports.telescope).talk, port)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Property:
     """One vector as it stands now: ``kind`` is Switch, Number or Text; ``perm`` r, w or both."""
 
@@ -119,7 +120,7 @@ class Elements:
         return whole
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Device:
     """The device and its state."""
 

@@ -9,10 +9,10 @@ import socket
 import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import Protocol
 
 from kochab.core.errors import PortError
+from kochab.core.values import mutable
 from kochab.text.translation import tr, tr_noop
 from kochab.workflows.telescope.offered import OfferedTelescope
 
@@ -29,7 +29,7 @@ class NotTheProtocol(Exception):  # noqa: N818 (ends a conversation, is nobody's
     """What came is not of this protocol."""
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Line:
     """One connection; ``who`` names it on the screen."""
 

@@ -8,12 +8,13 @@ Protocol, revision 2010.10; INDI's lx200driver; what SkySafari sends.
 import re
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from kochab.core import __version__
 from kochab.core.attitude import Degrees
 from kochab.core.errors import NoAnswerError
 from kochab.core.mount import Epoch, Pointing
+from kochab.core.values import mutable
 from kochab.gear.mounts.coordinates import from_mount_epoch, to_mount_epoch
 from kochab.gear.mounts.protocols import lx200
 from kochab.server.telescope.listening import Line, NotTheProtocol, Ports, verdict_of
@@ -39,7 +40,7 @@ FIXED = {
 Order = Callable[[Degrees, str], "Future[str]"]
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Commands:
     """Cuts a stream of bytes into commands; what stands between them is passed over, as telescopes do."""
 
@@ -73,7 +74,7 @@ class Commands:
         return whole
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Handset:
     """What one program has set on its line: a target of date, and the precision."""
 

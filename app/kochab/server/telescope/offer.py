@@ -1,10 +1,10 @@
 """The telescope offered at its ports, in every protocol that is asked for."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pkgutil import resolve_name
 
 from kochab.core.errors import PortError, UsageError
+from kochab.core.values import frozen
 from kochab.server.http_server import LOOPBACK
 from kochab.server.phone_page import local_address
 from kochab.server.telescope.listening import Ports
@@ -12,7 +12,7 @@ from kochab.server.telescope.stellarium_remote import StellariumRemote, remote_a
 from kochab.workflows.telescope.offered import OfferedTelescope
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Row:
     """One protocol: its name on the screen, what listens for it ("module:name"), and its usual port."""
 

@@ -9,7 +9,6 @@ import json
 import math
 import threading
 from base64 import b64encode
-from dataclasses import dataclass
 from http.client import HTTPException
 from time import monotonic
 from typing import Any
@@ -20,6 +19,7 @@ import numpy as np
 from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors
 from kochab.core.errors import UsageError
 from kochab.core.mount import SIDEREAL_DEG_S
+from kochab.core.values import frozen
 from kochab.gear.servers.address import NetAddress, net_address, server_text
 from kochab.gear.servers.deadline_http import DeadlineConnection
 from kochab.parsing.text_input import TextError, parse_json
@@ -42,7 +42,7 @@ class _Unanswered(Exception):  # noqa: N818 (ends a turn; its text is for a pers
     """Nobody answered as Stellarium does."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RemoteAddress:
     """Where Stellarium is, and its password, if it has one."""
 

@@ -5,14 +5,16 @@ too, which is how a camera sees the whole of an exposure; nothing needs a thread
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import copysign, cos, exp, pi, radians, sin, sqrt
+
+from kochab.core.values import frozen
 
 FAST_DEG_S = 0.05  # above: a slew, which may slip; below: tracking and guiding
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Segment:
     """Motion from ``start`` (unix s) on: motor angle, rate and acceleration in degrees.
 
@@ -83,7 +85,7 @@ def trapezoid(way: float, rate: float, top: float, brake: float) -> list[tuple[f
     return [piece for piece in pieces if piece[0] > 1e-9]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class GearErrors:
     """What keeps an axis from being where its motor has turned it.
 

@@ -5,20 +5,21 @@ equator. Tube frame: x along the tube, z its up (north when the tube is on the m
 left. Camera axes: x right, y down, z out along the boresight. Local frame: east, north, up.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import cos, radians, sin
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Site
+from kochab.core.values import frozen
 from kochab.simulate.mechanics.axis import GearErrors
 
 X, Y, Z = np.eye(3)
 CAMERA_TO_TUBE = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Build:
     """How a mount was put together; all zero is perfect.
 
@@ -90,7 +91,7 @@ def _drooped(camera: Floats, flexure_arcsec: float) -> Floats:
 # -- The polar axis on its wedge, and the two bolts that move it -------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BoltErrors:
     """Backlash of the altitude and azimuth bolts, arcmin, and how far each drags the other axis.
 
@@ -142,7 +143,7 @@ class Wedge:
 # -- How a mount is built, how badly it stands and how it moves --------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MountConfig:
     """How a mount is built, how badly it stands and how it moves. Degrees unless named.
 

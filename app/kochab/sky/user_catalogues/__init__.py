@@ -9,13 +9,13 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.folders import config_folder
 from kochab.parsing.text_input import TextError, read_json
 from kochab.sky.user_catalogues.star_cone import Cone, Reach, StarCone, UserCatalogue
@@ -40,7 +40,7 @@ SETTINGS = "catalogue.json"
 WHOLE_SKY = 0.995
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Where:
     """One catalogue: its kind, its name within ``path`` as ``D50`` or ``4100``, and the folder or file."""
 

@@ -9,7 +9,6 @@ a colour; a record whose RA is all ones opens a section of one magnitude and one
 
 import math
 import mmap
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.sky.user_catalogues.star_cone import Cone, Reach, StarCone, Version, version
 
 HEADER = 110
@@ -27,7 +27,7 @@ PAD_RAD = 1e-6
 """Places are rounded to 0.08 arcsec: a star may lie as far outside its area."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tiling:
     """How the sky is cut: ``bounds_deg`` (R + 1,) of the rings, south to north, and how many cells each has."""
 

@@ -3,7 +3,7 @@
 import mmap
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 
 BLOCK, CARD = 2880, 80
 MOST_CARDS = 36 * 400
@@ -23,7 +24,7 @@ Header = dict[str, str]
 """Values as they are written, without quotes."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FitsTable:
     """One binary table: its ``header``, and columns as views of the mapped file (rows, or rows x repeat)."""
 
@@ -45,7 +46,7 @@ class FitsTable:
         return flat if width == 1 else flat.reshape(-1, width)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FitsTables:
     """The primary header and the binary tables of a file."""
 

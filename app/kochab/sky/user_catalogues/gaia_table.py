@@ -10,7 +10,7 @@ import hashlib
 import warnings
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.folders import cache_folder
 from kochab.sky.catalogue import Catalogue
 from kochab.sky.catalogue_file import EPOCH, MOVING, StarList, write_deep
@@ -28,7 +29,7 @@ from kochab.sky.user_catalogues.fits_tables import map_tables
 from kochab.sky.user_catalogues.star_cone import Cone, Reach, StarCone
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ForeignStars:
     """Stars at ``epoch``, V or nearly; ``epoch`` None when the files do not say."""
 

@@ -6,7 +6,6 @@ beside them (https://github.com/dstndstn/astrometry.net, libkd). What a series s
 table, row by row.
 """
 
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import CatalogueError
+from kochab.core.values import frozen
 from kochab.sky.user_catalogues.fits_tables import FitsTables, map_tables, primary_header
 from kochab.sky.user_catalogues.star_cone import Cone, Reach, StarCone, Version, version
 
@@ -30,7 +30,7 @@ UNIT = 1e-3
 _LOW_BITS = np.uint32(3)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class StarTree:
     """One index file: ``stars`` (N, 3) unsigned, ``low`` (3,) and ``scale`` of their range, its tree and magnitudes.
 
@@ -198,7 +198,7 @@ class IndexFiles:
         return Reach(faintest, stars / (SKY_DEG2 * share), min(share, 1.0))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class IndexFile:
     """What the header of an index file says: its series as ``4100``, its scale as a number, its part of the sky."""
 

@@ -1,7 +1,6 @@
 """What every catalogue of the user's own gives: the stars of a cone, and how far it reaches."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats, Table
 from kochab.core.attitude import unit_vectors
+from kochab.core.values import frozen
 
 Version = tuple[int, int]
 
@@ -22,7 +22,7 @@ def version(path: Path) -> Version:
     return facts.st_size, facts.st_mtime_ns
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Cone:
     """A circle on the sky: its axis and half angle, radians, ICRS.
 
@@ -47,7 +47,7 @@ class Cone:
         return 2.0 * math.pi * (1.0 - math.cos(self.radius_rad))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class StarCone(Table):
     """Stars (N,): ``ra`` and ``dec`` in radians, ICRS, and ``mag``, V or nearly."""
 
@@ -76,7 +76,7 @@ ENOUGH = 30
 """Stars that a frame should have to choose from."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reach:
     """How far a catalogue reaches: its faintest star, stars a square degree in the median, share of the sky."""
 

@@ -1,7 +1,6 @@
 """Frames that a camera would take, one or a mosaic of them, and their borders on the sky."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -10,12 +9,13 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import attitude_from, radec_deg, unit
 from kochab.core.camera import Camera
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.text.angle_text import AngleStyle, radec_plain
 
 SIDE_POINTS = 17  # of a side of a frame: straight in the frame, it bends on the chart
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Mosaic:
     """Frames of ``width_deg`` x ``height_deg`` side by side, each turned to the position angle ``rotation_deg``.
 

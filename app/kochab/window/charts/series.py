@@ -1,9 +1,8 @@
 """Lines of a chart and its axes; lines differ by colour, dashes and marker, so that any one suffices."""
 
-from dataclasses import dataclass
-
 from PySide6.QtGui import QColor
 
+from kochab.core.values import frozen
 from kochab.text.translation import number, tr
 from kochab.window.themes import THEMES, Colours
 
@@ -16,7 +15,7 @@ MARKERS = ("o", "s", "t1", "p", "d", "t")  # as the plotting library calls them
 WIDTH_PX, MARKER_PX = 1.8, 7
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ChartAxis:
     """``span`` is what is shown at first; without one it follows the lines."""
 
@@ -34,7 +33,7 @@ class ChartAxis:
         return f"{tr(self.title)}, {tr(self.unit)}" if self.unit else tr(self.title)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Series:
     """One line; ``style`` numbers its colour, dashes and marker. NaN breaks the line.
 
@@ -48,7 +47,7 @@ class Series:
     sigma: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LineStyle:
     """One line; ``dashes`` in widths of the line, none for a whole one."""
 

@@ -1,7 +1,6 @@
 """Many files: each is read and solved in turn, in a thread, beside whatever is open."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ from PySide6.QtCore import QObject, Signal
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import mutable
 from kochab.frames import frames_of
 from kochab.solver import SolveOptions
 from kochab.text.translation import tr
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kochab.workflows.solve_frame import SolvedFrame
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class FileState:
     """A file with what is known of it; ``picture`` is small, (H, W, 3) uint8."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QMenu, QWidget
 from kochab.core.frame import Frame
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import stars_csv
 from kochab.frames.outputs import refuse_input
@@ -30,7 +31,7 @@ from kochab.workflows.solution_json import as_json, to_line
 Write = Callable[[Frame, Solution, Path], None]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Export:
     """One kind of file: its menu text, what its name ends in, and how it is written."""
 

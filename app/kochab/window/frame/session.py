@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib import import_module
 from pathlib import Path
 from time import monotonic, perf_counter
@@ -13,6 +13,7 @@ from PySide6.QtCore import QObject, Signal
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import mutable
 from kochab.gear.mounts import DRIVERS
 from kochab.identification import IDENTIFIERS
 from kochab.solver import SolveOptions
@@ -78,7 +79,7 @@ class WorkflowEngine:
 log = logging.getLogger("kochab")
 
 
-@dataclass(slots=True)
+@mutable
 class Known:
     """The open frame; ``last_good`` outlives a solve of it again that fails, and ends with the frame.
 

@@ -1,7 +1,7 @@
 """A frame prepared for the screen: a pyramid of binned copies, its statistics, and its stretch."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,12 @@ from kochab.core.arrays import Array, Floats
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 from kochab.frames.stretch import debayer_preview, midtones, stretch_parameters
 from kochab.text.translation import tr
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ScreenStretch:
     """Black point and midtone, each in 0..1 of the image's range.
 
@@ -57,7 +58,7 @@ BINS = 256
 STRIP_ROWS = 256  # a strip at a time, so that a task can be cancelled and memory stays low
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FrameImage:
     """What the view draws. ``mono[k]`` and ``colour[k]`` are binned by ``2**k``, uint8 or uint16.
 

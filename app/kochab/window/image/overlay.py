@@ -1,7 +1,7 @@
 """The marks over a frame: how each kind is painted, and all of them in one pass; sizes are screen px."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from struct import pack
 
@@ -12,6 +12,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, 
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
+from kochab.core.values import mutable
 from kochab.frames.export import compass
 from kochab.frames.sky_grid import GridLine, SiteSky, grid_lines, named_lines, pieces
 from kochab.sky.kinds import FAMILIES
@@ -48,7 +49,7 @@ ARROW_PX, AROUND_ARROW_PX = 32.0, 52.0
 EDGE_PX = 4.0  # how much wider an arrow's dark edge is
 
 
-@dataclass(slots=True)
+@mutable
 class Brush:
     """What every mark needs to paint itself."""
 
@@ -296,7 +297,7 @@ def _letter(painter: QPainter, at: QPointF, way: Floats, letter: str, shade: QCo
         painter.drawText(box, Qt.AlignmentFlag.AlignCenter, letter)
 
 
-@dataclass(slots=True)
+@mutable
 class Overlay:
     """Paints the sky over a solved frame, and detections, as the ``layers`` say.
 

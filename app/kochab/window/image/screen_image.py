@@ -1,6 +1,6 @@
 """The visible part of a frame as a QImage, where it lies on the screen, and where labels have room."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -10,12 +10,13 @@ from PySide6.QtCore import QRectF
 from PySide6.QtGui import QImage
 
 from kochab.core.arrays import Array, Floats
+from kochab.core.values import frozen
 from kochab.window.image.frame_image import FrameImage, ScreenStretch
 
 SMALLEST, LARGEST = 1.0 / 64.0, 48.0  # px of the screen for one of the image
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Viewport:
     """``screen = (pixel + 0.5) * scale + offset`` in logical screen pixels.
 
@@ -69,7 +70,7 @@ class Viewport:
         return replace(self, dx=dx, dy=dy)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class RenderedFrame:
     """A ``width`` x ``height`` px frame that another thread has stretched and perhaps binned.
 

@@ -1,6 +1,6 @@
 """What the Laboratory compares, with the options of each, and on which stars."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import Any
 
@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QDoubleSpinBox, QListWidget, QListWidgetItem
 
 from kochab.core.errors import UsageError
 from kochab.core.registry import checked, options_of
+from kochab.core.values import mutable
 from kochab.lab.laboratory.comparison import REGISTRIES, Choice, ComparedPart, in_words, paper_for
 from kochab.text.translation import tr, tr_noop
 from kochab.window.panels.method_options import OptionsForm
@@ -40,7 +41,7 @@ ONE = {
 }
 
 
-@dataclass(slots=True)
+@mutable
 class MethodChoice:
     """What is chosen of one kind: names, their options, and why options are not allowed."""
 

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
@@ -11,6 +10,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.window.image.screen_image import RenderedFrame
 from kochab.window.live.rendering import DisplaySettings, Levels, LiveRenderer
 from kochab.window.services import Services
@@ -21,7 +21,7 @@ from kochab.workflows.solve_frame import SolvedFrame
 WAIT_S = 0.1  # for a frame, before the task sees whether it was cancelled
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Rendered:
     """A frame ready to be drawn; ``update`` is its solution, None when it is not solved yet."""
 

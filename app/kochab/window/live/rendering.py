@@ -1,6 +1,6 @@
 """Renders a live frame for the screen in a few ms: binned, stretched, with its levels."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from time import monotonic
 
 import numpy as np
@@ -10,6 +10,7 @@ from PySide6.QtGui import QImage
 from kochab.core.arrays import Array
 from kochab.core.frame import Frame
 from kochab.core.progress import run
+from kochab.core.values import frozen
 from kochab.frames.samples import clipping_level
 from kochab.window.image import frame_image
 from kochab.window.image.frame_image import BINS, ScreenStretch, sky_level, storable
@@ -61,7 +62,7 @@ SAMPLE = 100_000
 FULL_16 = 65535.0  # where floats are counts, not shares of full scale
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DisplaySettings:
     """How to show frames: ``stretch`` is None for the automatic one.
 
@@ -75,7 +76,7 @@ class DisplaySettings:
     colour: bool = True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Levels:
     """How a frame is exposed, as fractions of full scale.
 

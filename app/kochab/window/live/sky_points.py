@@ -1,7 +1,6 @@
 """What the all-sky chart shows: bright stars, constellation figures, and the trail of the pointing."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.sky import shipped_folder
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FAINTEST = 4.3  # V of the stars
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SkyPoints:
     """``stars`` (N, 3) ICRS unit vectors, ``mag`` (N,); ``strokes`` (M, 2, 3) make the figures."""
 

@@ -1,7 +1,6 @@
 """The status of a live stream as text; no widgets."""
 
 import math
-from dataclasses import dataclass
 
 from PySide6.QtCore import QDateTime, QLocale
 
@@ -10,6 +9,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import radec_deg
 from kochab.core.capture import CaptureLimits
 from kochab.core.solution import NoSolution
+from kochab.core.values import frozen
 from kochab.text.angle_text import AngleStyle, age_text, arcsec_text, dec_text, milliseconds_text, ra_text
 from kochab.text.translation import number, tr, tr_n, tr_noop
 from kochab.window.live.rendering import Levels
@@ -24,7 +24,7 @@ MEASURED_DEG_S = 0.1 * math.degrees(RATE_SIGMA_RAD_S)  # a rate better known tha
 OLD_S = 1.0  # added to three frame intervals: an older solution may no longer be true
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StreamStatus:
     """The headline with its style sheet ``role``; ``text`` is one more sentence."""
 

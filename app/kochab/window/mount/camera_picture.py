@@ -1,6 +1,5 @@
 """The last frame of the mount's camera, small, with its age; an opened file is never shown here."""
 
-from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
@@ -12,6 +11,7 @@ from kochab.core.arrays import Array
 from kochab.core.frame import Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
+from kochab.core.values import mutable
 from kochab.sky.layer import MARKS, Layers
 from kochab.sky.sky_tables import SkyTables
 from kochab.text.angle_text import age_text
@@ -29,7 +29,7 @@ SHOWN = ("objects", "names", "bodies")
 SHAPE = 0.66  # height over width, before there is a frame
 
 
-@dataclass(slots=True, eq=False)
+@mutable(eq=False)
 class Taken:
     """One frame of the camera, and what came of it so far."""
 

@@ -1,7 +1,6 @@
 """Where the mount reports that it points, where plate solving finds it, and what a sync would do."""
 
 import math
-from dataclasses import dataclass
 from time import monotonic
 
 from PySide6.QtCore import QPointF, QSize, Qt, QTimer, Signal
@@ -10,6 +9,7 @@ from PySide6.QtWidgets import QDialog, QFrame, QGridLayout, QSizePolicy, QWidget
 
 from kochab.core.attitude import apart_deg, wrapped
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.gear.mount_events import MountSnapshot
 from kochab.text.angle_text import (
     AngleStyle,
@@ -43,7 +43,7 @@ RINGS_ARCSEC = (10, 30, 60, 180, 600, 1800, 3600, 3 * 3600, 10 * 3600, 30 * 3600
 SHARE = 0.82  # of the half width: the radius of the ring
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Offset:
     """From the mount's position to the solved one, degrees on the sky."""
 

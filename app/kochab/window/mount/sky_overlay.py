@@ -4,7 +4,7 @@ The mount's place is a ring, the solved one a dot, the way of a slew a dashed li
 the mount lies a hill.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import datetime
 
 import numpy as np
@@ -14,6 +14,7 @@ from PySide6.QtGui import QColor, QPainter, QPainterPath, QPen, QPolygonF
 from kochab.core.arrays import Floats
 from kochab.core.attitude import angle_between, unit
 from kochab.core.frame import Site
+from kochab.core.values import frozen, mutable
 from kochab.gear.mounts.motion_plan import Limits
 from kochab.sky.horizon import Horizon
 from kochab.text.translation import tr, tr_noop
@@ -31,7 +32,7 @@ LABEL_LETTERS = 20  # of the longest name of a mark
 WAYS = ((0.0, tr_noop("N")), (90.0, tr_noop("E")), (180.0, tr_noop("S")), (270.0, tr_noop("W")))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class LocalSky:
     """The horizon and the meridian of a site at one time, as ICRS unit vectors.
 
@@ -65,7 +66,7 @@ def _directions(azimuths_deg: Floats, altitudes_deg: Floats) -> Floats:
     return np.stack([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(altitude)], axis=-1)
 
 
-@dataclass(slots=True)
+@mutable
 class MountMarks:
     """What is painted; every place is an ICRS unit vector (3,), None where there is none.
 

@@ -1,12 +1,12 @@
 """Draws the full-screen view at the bolts: large digits and few shapes, each with its words."""
 
-from dataclasses import dataclass
 from time import monotonic_ns
 
 from PySide6.QtCore import QRectF, Qt, QTimer
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPainterPath, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
+from kochab.core.values import frozen
 from kochab.text.translation import tr
 from kochab.window.themes import Colours, draw_glyph, theme_colours
 
@@ -61,7 +61,7 @@ DIGITS_SHARE = 1.0 / 3.0
 LEAST_PX = 8  # no letter is smaller
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Face:
     """What the view shows; ``shape`` is the name of a glyph, or empty."""
 

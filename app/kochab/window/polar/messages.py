@@ -1,7 +1,6 @@
 """The one message of the Polar room: the most urgent of what is known. All of it stands in the Tonight page."""
 
-from dataclasses import dataclass
-
+from kochab.core.values import frozen
 from kochab.polar.measure import PolarFindingKind
 from kochab.text.translation import tr
 from kochab.window.polar.error_display import more_text
@@ -11,7 +10,7 @@ QUIET = (PolarFindingKind.DONE, PolarFindingKind.UNCHECKED, PolarFindingKind.FLE
 """Said by the number's ± and by the tutor."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Message:
     """A sentence and its role in the style sheet."""
 

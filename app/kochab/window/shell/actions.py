@@ -1,7 +1,6 @@
 """Every command of the window, a row each: its name, its words and keys, and whose method it calls."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 
@@ -9,12 +8,13 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QMainWindow
 
+from kochab.core.values import frozen
 from kochab.sky.layer import MARKS
 from kochab.text.translation import tr, tr_noop
 from kochab.window.themes import Colours, glyphs, icon
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Command:
     """One command; ``slot`` names a part of the window (:class:`kochab.window.shell.commands.Parts`) and its method.
 

@@ -4,7 +4,6 @@ A page of a person's language stands in a folder of its name, ``help/de/4-live.m
 """
 
 import re
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from PySide6.QtGui import QImage, QTextDocument
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QTextBrowser, QWidget
 
 from kochab.core import __version__
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.gear.journal import save_report
 from kochab.text.translation import tr, tr_noop
@@ -29,7 +29,7 @@ from kochab.window.widgets import Part, bring_to_front, column, grid, label, nam
 PICTURE_PX, LIST_PX = 640, 250
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class HelpPage:
     """One page: its name, as of the mode that it is about, its title, and its text in Markdown."""
 

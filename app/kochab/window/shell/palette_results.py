@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtGui import QAction, QKeySequence
 
 from kochab.core.arrays import Floats
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.parsing.places import parse_place
 from kochab.sky.completion import Completion
 from kochab.sky.finder import Found, spelled
@@ -31,7 +31,7 @@ SPARE = 3  # times as many are looked at: several names may be of one thing
 WORDS = 3  # letters from which on a command is found by any word of its tip too
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Result:
     """A line of the palette: a place of the sky, ICRS unit vector (3,), px ``xy`` in the open frame, or a command."""
 
@@ -44,7 +44,7 @@ class Result:
     action: QAction | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Surroundings:
     """What results are seen from: the open frame's solution, where the observer stands now, the bodies then."""
 

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from PySide6.QtCore import QEvent, QSize, Qt, Signal
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QPushButton, QSizePolicy, QVBoxLayout, QWidget
 
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.frames import format_names, suffixes
 from kochab.text.angle_text import short_name
@@ -23,7 +23,7 @@ from kochab.window.themes import BASE_POINT
 from kochab.window.widgets import Page, Part, button, clear_layout, column, label, page, row, scrolled, styled_frame
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sample:
     """A frame to try, with its title and a line about it."""
 

@@ -11,7 +11,6 @@ import json
 import re
 import uuid
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import reduce
 from operator import and_, eq, ge, gt, le, lt, ne
@@ -24,6 +23,7 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 from kochab.parsing.text_input import TextError, parse_json
 from kochab.workflows.archive.inputs import SCHEMA as INPUTS
 from kochab.workflows.archive.inputs import is_local, opened
@@ -40,7 +40,7 @@ _SIGNS: dict[str, Callable[[Any, Any], Any]] = {"=": eq, "!=": ne, "<": lt, "<="
 _INDEX = ("url", "stamp", "size_bytes", "content", "recipe", "quarantined", "error", "done_utc")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Condition:
     """What rows must meet, and the columns it asks for."""
 
@@ -48,7 +48,7 @@ class Condition:
     expression: Any
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Dataset:
     """A dataset at a URL; ``shard`` names the parts and the state of one of several runs, "all" for the only one."""
 

@@ -7,7 +7,6 @@ the ETag or the time of the last change. An input with the stamp that its row in
 import csv
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import fsspec
@@ -16,6 +15,7 @@ import pyarrow.parquet as pq
 
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.frames import named_as_frame
 from kochab.parsing.text_input import LARGEST_BYTES, decoded
 
@@ -35,7 +35,7 @@ LIST_COLUMNS = ("x", "y", "width", "height")
 """Of a Parquet table that holds star lists: x and y are lists, px; ``flux`` may be there."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Item:
     """One input: a frame, or a list of stars of a frame of ``width`` and ``height`` px (0 for frames).
 

@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import cache, lru_cache
 from io import BytesIO
@@ -25,6 +25,7 @@ from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Detections, Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.frames import reading
 from kochab.frames.fits import read_header
 from kochab.frames.readers import named_as_fits
@@ -84,7 +85,7 @@ class UnreachableError(KochabError):
     """What is stored there may well be a frame, but nothing came of it now: the next run tries again."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Recipe:
     """How frames are solved, where they were taken if headers don't say, and how often a file is asked for.
 
@@ -113,7 +114,7 @@ def _digest(recipe: Recipe) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Session:
     """What the last frame of a folder tells of the next: size, px, scale, and its place once two agreed.
 
@@ -216,7 +217,7 @@ def table_of(rows: Sequence[Json]) -> pa.Table:
 # -- Fetching ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Source:
     """A file here, the stars of a list, or a header alone, with the SHA-256 of its content, "" of a header."""
 

@@ -6,7 +6,7 @@ import platform
 import time
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from typing import Any
 
@@ -18,6 +18,7 @@ from kochab.core import __version__
 from kochab.core.arrays import Array
 from kochab.core.errors import UsageError
 from kochab.core.progress import Progress
+from kochab.core.values import frozen, mutable
 from kochab.text.duration_text import duration_text
 from kochab.workflows.archive.dataset import Dataset
 from kochab.workflows.archive.inputs import Item, items_of
@@ -36,7 +37,7 @@ SESSIONS = 1000
 """Folders whose last frame is remembered."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Chunk:
     """Inputs of one folder for one worker; ``known`` are the hashes that their rows have, "" without."""
 
@@ -51,7 +52,7 @@ class Chunk:
         return [Chunk((item,), (known,), self.recipe, self.session) for item, known in pairs]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Outcome:
     """The rows of a chunk, and what its last frame tells of the next."""
 
@@ -60,7 +61,7 @@ class Outcome:
     session: Session | None = None
 
 
-@dataclass(slots=True)
+@mutable
 class Run:
     """What of ``total`` inputs is left to do, ``left`` as `dataset.left_to_do` gives it, and what came of it.
 

@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from threading import Condition, Event, Lock, Thread
 from time import monotonic
@@ -12,6 +11,7 @@ from typing import Generic, TypeVar
 from kochab.core.capture import CameraSource, CaptureLimits, CaptureSettings
 from kochab.core.errors import DeviceError, LineLostError, NoAnswerError, RefusedError
 from kochab.core.frame import Frame
+from kochab.core.values import frozen
 from kochab.text.translation import tr
 
 T = TypeVar("T")
@@ -74,7 +74,7 @@ MOST_WARNINGS = 20
 CLOCK_SLACK_S = 2.0  # a frame dated further in the future than this had another clock than this computer's
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Shot:
     """A frame with its moments on :func:`time.monotonic`: mid-exposure and arrival here."""
 

@@ -9,7 +9,7 @@ import json
 import shutil
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
@@ -22,6 +22,7 @@ from kochab.core.errors import FrameError, UsageError
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.frames.atomic_file import write_atomically
 from kochab.parsing.text_input import TextError, parse_json, read_json, read_text
 from kochab.solver import SolveOptions
@@ -264,7 +265,7 @@ def session_folder(parent: Path, now: datetime | None = None) -> Path:
 SAME_PX = 1.0  # solutions of the same frame that differ by less are the same: nothing in solving is random
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Replayed:
     """A frame solved again beside its recorded line.
 

@@ -1,13 +1,14 @@
 """What live solving reports of every frame, with its age, and the drift of the pointing."""
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.attitude import ARCSEC, east_north
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.solver.tracker import Mode, TrackUpdate
 from kochab.workflows.live.capture import Shot
 
@@ -21,7 +22,7 @@ TONIGHT_S = 12 * 3600.0
 """What was taken longer ago is not of this night."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Drift:
     """Motion of the frame's centre on the sky, arcsec a minute; east and north are positive.
 
@@ -76,7 +77,7 @@ class DriftMeter:
         return Drift(ra, dec, ra_sigma, dec_sigma, float(times[-1] - times[0]), len(times))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class GoodPointing:
     """The last pointing. It is old as soon as a later frame has none."""
 
@@ -89,7 +90,7 @@ class GoodPointing:
         return now_s - self.shutter_s
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class LiveUpdate:
     """One frame, its result, and how the stream is doing.
 

@@ -6,11 +6,11 @@ row is what one frame shows; its sigmas are those of that place and magnitude.
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import UTC
 
 from kochab.core import __version__
 from kochab.core.errors import UsageError
+from kochab.core.values import frozen
 from kochab.workflows.night.strangers import Sight, Stranger, StrangerKind
 from kochab.workflows.night.summary import Night
 
@@ -25,7 +25,7 @@ PROVISIONAL = re.compile(r"(?:[ADCPX]/)?\d{4} [A-Z]{1,2}\d*|\d{4} (?:P-L|T-[123]
 CODE = re.compile(r"[0-9A-Z][0-9]{2}")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Observatory:
     """Who observes, where and with what: the MPC's code of the site, a name, aperture in metres, design, detector."""
 

@@ -5,7 +5,6 @@ Each in the aperture that the others have, and brought to V by their catalogue m
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
@@ -17,6 +16,7 @@ from kochab.core.frame import Frame
 from kochab.core.progress import run
 from kochab.core.robust import median
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.sky.catalogue import open_catalogue
 from kochab.sky.finder import NotFound, find
 from kochab.workflows.night.sky_brightness import COLOUR, OfColour, StarsOnSky, colours_of, of_colour, photometry_at
@@ -27,7 +27,7 @@ CHECKS = 30
 """Catalogued stars most like one that are kept beside it: while it changes, others are."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ChosenStar:
     """A star to follow: its name, ICRS unit vector (3,), and V and B-V of the catalogue, NaN where it has none."""
 
@@ -37,7 +37,7 @@ class ChosenStar:
     colour: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StarInFrame:
     """What one frame says of a chosen star: V, its noise by the sky, and what the catalogue makes uncertain.
 
@@ -92,7 +92,7 @@ def stars_in_frame(
     return tuple(found)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Others:
     """The catalogue stars that a solution matched and a frame measures.
 

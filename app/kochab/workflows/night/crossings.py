@@ -7,7 +7,6 @@ candidate, never more. What is left is told as what it is: in none of the elemen
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 
@@ -19,6 +18,7 @@ from kochab.core.frame import Detections, Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S, SIDEREAL_RAD_S
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.detection.streaks import Streak, find_streaks
 from kochab.sky.solar_system import Body, BodyKind, Moving, covers, observer_at
 from kochab.text.translation import tr_noop
@@ -49,7 +49,7 @@ class CrossingKind(StrEnum):
     METEOR = tr_noop("meteor candidate")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Crossing:
     """One streak: ``name`` by the elements, or empty; ``ends_deg`` RA and Dec, ICRS, where it begins and ends.
 

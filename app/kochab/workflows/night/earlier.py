@@ -4,13 +4,14 @@ import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 from kochab.folders import state_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.parsing.text_input import TextError, parse_json, read_text
@@ -42,7 +43,7 @@ QUANTITIES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NightRecord:
     """What is kept of a night: when it began (ISO, UTC), of what equipment, where (degrees or None), and its numbers.
 
@@ -64,7 +65,7 @@ class NightRecord:
         return near and self.equipment == other.equipment and apart < SITE_DEG
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Compared:
     """One quantity: tonight, the usual value with the scatter from night to night, and of how many nights."""
 

@@ -1,16 +1,16 @@
 """What happened at one moment of the night, in order: the field jumped, the mount flipped, something crossed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
+from kochab.core.values import frozen
 from kochab.text.angle_text import angle_text
 from kochab.text.translation import tr
 from kochab.workflows.night.crossings import Crossing, CrossingKind
 from kochab.workflows.night.tracking import JumpKind, Tracking
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Event:
     """``kind`` for programs, ``text`` a sentence for people."""
 

@@ -1,7 +1,7 @@
 """One frame of a night: solved, and everything measured of it that the night is made of."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
@@ -14,6 +14,7 @@ from kochab.core.frame import Detections, Frame, Site
 from kochab.core.mount import Epoch, PierSide
 from kochab.core.progress import Task
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.frames import reading
 from kochab.frames.samples import number_or_none
 from kochab.frames.stretch import apply, debayer_preview, stretch_parameters, white_balanced
@@ -39,7 +40,7 @@ BRIGHTEST = 200
 """Stars of a frame whose light is compared with other frames."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sky:
     """Geometric altitudes of field, Moon and Sun, degrees; the Moon's distance from the field and its lit share."""
 
@@ -57,7 +58,7 @@ class Sky:
         return float(air_masses(np.array(self.altitude_deg)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class NightFrame:
     """What is kept of a frame. ``ra_deg``, ``dec_deg`` (ICRS) and the scale are NaN where it was not solved.
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.errors import FrameError
+from kochab.core.values import frozen
 from kochab.workflows.night.backlash import told_backlash
 from kochab.workflows.night.measure import Measure
 from kochab.workflows.polar.guide_logs import GuidedRun, guided_runs, is_guide_log, response_of
@@ -21,7 +21,7 @@ ALIKE_MOST = 0.95
 """Neighbours are never taken to be more alike than that."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Guiding:
     """One run: when by the log's own clock, how long, frames without those that settle, dithers, and RMS in arcsec.
 

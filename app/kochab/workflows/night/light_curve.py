@@ -9,7 +9,6 @@ written beside.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
@@ -18,6 +17,7 @@ from kochab.core import __version__
 from kochab.core.arrays import Floats, Ints
 from kochab.core.errors import UsageError
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 from kochab.sky.apparent import JD_UNIX
 from kochab.workflows.night.chosen_stars import StarInFrame
 from kochab.workflows.night.frame import NightFrame
@@ -43,7 +43,7 @@ BANDS = {"V": "V", "TG": "TG", "G": "TG"}
 HEAD = "NAME,DATE,MAG,MERR,FILT,TRANS,MTYPE,CNAME,CMAG,KNAME,KMAG,AMASS,GROUP,CHART,NOTES"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Point:
     """One measurement: mid-exposure, V with its sigma, V of the check star in the same frame, airmass where known."""
 
@@ -54,7 +54,7 @@ class Point:
     airmass: float | None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LightCurve:
     """A star over the night; ``check`` names the check star, "" without one.
 

@@ -1,19 +1,19 @@
 """A number with its uncertainty, and robust medians that have one."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.robust import mad_sigma, median
+from kochab.core.values import frozen
 from kochab.text.translation import number
 
 OF_MEDIAN = math.sqrt(math.pi / 2.0)
 """How much wider than a mean's the uncertainty of a median of Gaussian values is."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Measure:
     """``value`` and its standard uncertainty ``sigma``, in one unit."""
 

@@ -7,11 +7,11 @@ nights and the field was held for two of its turns; an exposure smears it, which
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints
+from kochab.core.values import frozen
 from kochab.workflows.night.measure import Measure, one_sigma
 
 FEWEST = 14
@@ -28,7 +28,7 @@ LEAST_ARCSEC = 0.3
 """Smaller ones are of refraction and seeing."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Periodic:
     """``amplitudes`` (harmonics 1, 2, 3), arcsec on the axis, half of peak to peak of each; period in seconds.
 

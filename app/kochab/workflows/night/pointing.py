@@ -6,13 +6,13 @@ header says.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.attitude import Degrees, apart_deg
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Epoch, Pointing
+from kochab.core.values import frozen
 from kochab.pointing.disagreement import MountSighting
 from kochab.pointing.pointing_model import FARTHEST_DEG, PointingModel, fit_model
 from kochab.sky.horizon import sidereal_deg
@@ -32,7 +32,7 @@ CLEARLY = 1.5
 """An equinox is chosen where its model foretells places so many times better than the other's."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NightPointing:
     """The pointing model and the sightings it was fitted to; without one, ``why`` there is none."""
 

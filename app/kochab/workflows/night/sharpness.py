@@ -6,13 +6,13 @@ tilted by cannot be told at one focus position, so nothing says so. Curvature of
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.frame import Detections
 from kochab.core.robust import mad_sigma
+from kochab.core.values import frozen
 from kochab.text.translation import tr_noop
 from kochab.workflows.night.measure import Measure, clipped, median_of
 
@@ -38,7 +38,7 @@ SIDES = (
 """Every 45 degrees from the right, down first."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FieldOfSharpness:
     """FWHM over the field, px: ``terms`` (4,) a, b, c, d of the module's text, and their covariance (4, 4).
 
@@ -85,7 +85,7 @@ class FieldOfSharpness:
         return SIDES[round(math.degrees(math.atan2(self.terms[2], self.terms[1])) / 45.0) % 8]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Sharpness:
     """Of one frame: stars used, FWHM px, elongation (major over minor axis), and the common trail.
 

@@ -13,7 +13,6 @@ PASP 95, 163), with ``sigma`` the noise of a pixel and ``s`` the profile's own.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
@@ -23,6 +22,7 @@ from kochab.core.attitude import separation_deg, unit_vectors
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import median
 from kochab.core.solution import NamedStar, Solution
+from kochab.core.values import frozen
 from kochab.sky.catalogue import open_catalogue
 from kochab.workflows.night.measure import OF_MEDIAN, Measure, clipped
 
@@ -62,7 +62,7 @@ SAMPLED = 500
 SENSOR = "INSTRUME", "GAIN", "OFFSET", "XBINNING"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DarkLevel:
     """The median of a dark or bias, counts; ``sensor`` as of :func:`sensor_of`."""
 
@@ -71,7 +71,7 @@ class DarkLevel:
     level: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class StarsOnSky:
     """Stars (N,) of one frame beside their sky.
 
@@ -351,7 +351,7 @@ def _at_colour(values: Floats, colour: Floats, left_out_mag: float) -> Measure |
     return Measure(found.value, math.hypot(found.sigma, tint, LIGHT_MAG, 0.5 * left_out_mag))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class OfColour:
     """The value that stars of one colour have in common, its sigma, and its change with B-V.
 

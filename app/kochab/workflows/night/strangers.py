@@ -6,7 +6,6 @@ place in frame after frame, a new star; on a straight way at an even pace, a bod
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from itertools import combinations
@@ -19,6 +18,7 @@ from kochab.core.frame import Detections, Site
 from kochab.core.progress import Task
 from kochab.core.robust import median
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.sky import open_catalogue
 from kochab.sky.frame_bodies import BodyInFrame, bodies_in_frame
 from kochab.sky.solar_system import BodyKind, Moving
@@ -51,7 +51,7 @@ class StrangerKind(StrEnum):
     UNKNOWN_BODY = tr_noop("moves, not in any catalogue")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sight:
     """One of them in one frame: ICRS degrees as measured, px, magnitude about V, and their sigmas.
 
@@ -71,7 +71,7 @@ class Sight:
     off_arcsec: tuple[float, float] = (float("nan"), float("nan"))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Sights:
     """Of one frame: ``bodies`` seen, the names of those that should be ``there``, and detections without a star."""
 
@@ -80,7 +80,7 @@ class Sights:
     unknown: tuple[Sight, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stranger:
     """One thing over the night; ``frames`` are indices of those that show it, ``sights`` the same in order.
 

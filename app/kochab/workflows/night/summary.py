@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from kochab.core.attitude import unit_vectors
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
+from kochab.core.values import frozen
 from kochab.polar.drift import Drift, measure_drift, stretches_of
 from kochab.polar.error import Knob, angle_in_words
 from kochab.polar.measure import MeasureSettings
@@ -53,7 +53,7 @@ CLOUDED = 0.15
 """Share of the frames."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Night:
     """Frames in order of time, and what they say together.
 

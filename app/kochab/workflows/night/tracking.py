@@ -10,7 +10,6 @@ and is large is none: a clutch that slipped, a knock, or somebody who centred ag
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 
@@ -20,6 +19,7 @@ from kochab.core.arrays import Bools, Floats
 from kochab.core.attitude import wrapped
 from kochab.core.mount import SIDEREAL_DEG_S, SIDEREAL_RAD_S
 from kochab.core.robust import mad_sigma
+from kochab.core.values import frozen
 from kochab.polar.error import angle_in_words
 from kochab.text.translation import tr
 from kochab.workflows.night.backlash import dec_backlash
@@ -53,7 +53,7 @@ ALONG = 0.15
 """Share of the other axis up to which a jump is one of RA or of Dec alone."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Place:
     """Where the middle of a frame pointed, ICRS degrees, when, and the frame's width and roll, degrees.
 
@@ -81,7 +81,7 @@ class JumpKind(StrEnum):
     TURNED = "turned"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Jump:
     """Between the frames ``before`` and ``after``, indices into the places; ways on the sky in RA and Dec."""
 
@@ -121,7 +121,7 @@ class Jump:
         return tr("The field jumped {far} ± {off}: a knock, a slipped clutch, or a new centring.", far=far, off=off)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tracking:
     """Of one field: drift a second on the sky in arcsec an hour (RA as an arc), wander about it in arcsec RMS.
 

@@ -7,12 +7,12 @@ Only differences between frames are told: filter, gain and aperture of the teles
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.robust import mad_sigma
+from kochab.core.values import frozen
 from kochab.workflows.night.measure import Measure
 
 OWN_MAG = 0.25
@@ -24,7 +24,7 @@ CLEAR = 0.9
 ROUNDS, WORST = 4, 4.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class StarLight:
     """Stars of one frame: ``star`` (N,) their identifiers; ``excess_mag`` (N,) catalogue less measured magnitude.
 

@@ -1,7 +1,7 @@
 """Polar alignment: measure the axis, turn the bolts, measure again until it is good."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -11,6 +11,7 @@ from kochab.core.attitude import ARCSEC
 from kochab.core.errors import RefusedError
 from kochab.core.progress import Task
 from kochab.core.solution import NoSolution
+from kochab.core.values import frozen
 from kochab.gear.adjusters import AdjusterAxis
 from kochab.polar.camera_axis import CameraAxis, with_axis_seen_before
 from kochab.polar.error import Knob, PolarError, angle_in_words, split_in_words, total_in_words
@@ -47,7 +48,7 @@ SPOILT = {PolarFindingKind.REMEASURE: AdjustingEnd.LARGE_MOVE, PolarFindingKind.
 """What makes the live error worthless, so that it is measured again by itself."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Adjusted:
     """Why it ended, whether a bolt was asked to turn, the last reading (not a measurement), and what took it."""
 
@@ -263,7 +264,7 @@ MOST_QUIET = 5
 """Measurements one after another without a turn of a bolt, after which a rough hand is told where it stands."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AlignOptions:
     """When it is good: the total and ``sure`` of its sigmas are within ``goal_arcsec``.
 
@@ -277,7 +278,7 @@ class AlignOptions:
     second_sweep: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Alignment:
     """How it ended: the last measurement, the bolts' moves, and everything that happened."""
 

@@ -9,7 +9,7 @@ that are proved to move the star against the calibration leave north unknown, wh
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from kochab.core.attitude import ARCSEC
 from kochab.core.errors import FrameError
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.robust import mad_sigma
+from kochab.core.values import mutable
 from kochab.parsing.text_input import TextError, read_text
 from kochab.polar.drift import PULSES, Stretch, upright
 from kochab.polar.measure import MeasureSettings
@@ -40,7 +41,7 @@ REVERSED_SIGMAS = 3.0  # below zero, by which pulses are proved to move the star
 JUMP_SIGMAS, JUMP_OF_PULSE = 8.0, 0.5  # a step beyond these that no pulse explains: another star, or a kick
 
 
-@dataclass(slots=True)
+@mutable
 class GuidedRun:
     """One run of guiding; ``rows``: time, s, RA and Dec of the star, px, pulses west and south, ms, dithers so far.
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from kochab.core.capture import CameraSource
 from kochab.core.errors import RefusedError
 from kochab.core.mount import Direction, Mount
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.polar.drift import Drift, measure_drift, stretches_of
 from kochab.polar.error import angle_in_words
 from kochab.polar.flexure import UNKNOWN, Droop
@@ -153,7 +154,7 @@ class MountTurner:
             self._sleep(0.1)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sweep:
     """How a measurement is to be taken. ``goal_arcsec`` is for its uncertainty, both directions.
 
@@ -171,7 +172,7 @@ class Sweep:
     backwards: Direction | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Measured:
     """A measurement, the path of its sweep, all findings, and how far along the path RA stands in the end."""
 

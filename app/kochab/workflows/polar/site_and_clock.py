@@ -6,7 +6,7 @@ the Sun, the frames' own headers, the time zone, and frames that would look at t
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from kochab.core.attitude import ARCSEC, angle_between, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.frames.hints import NO_ZONE
 from kochab.polar.error import CHI2_68, PolarError, angle_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind, axis_shift_arcsec
@@ -226,7 +227,7 @@ def _by_night_at(files: Sequence[SolvedFile], site: Site) -> bool:
     return _up_at(files, site) and all(sun_altitude_deg(site, time) < UP_DEG for time in times)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Horizontal:
     """Where a header has its place over the horizon and where it stands from a site: altitude and azimuth, degrees."""
 

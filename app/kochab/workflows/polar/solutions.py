@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Hint, Site
 from kochab.core.progress import Task
 from kochab.core.solution import Matches, NamedStar, NoSolution, Reason, Solution
+from kochab.core.values import frozen
 from kochab.frames.fits import parse_cards
 from kochab.frames.hints import NO_ZONE, aware_utc, hint_from_keywords
 from kochab.frames.readers import named_as_fits
@@ -256,7 +257,7 @@ def _hint_of(picture: Path) -> tuple[Hint, tuple[str, ...]]:
 # -- The axis of such files: by their turn, or by drift where nobody turned them -------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FilesRequest:
     """What a person says of files; None where the files say it, and ``guided`` where their drift shows it.
 
@@ -274,7 +275,7 @@ class FilesRequest:
     how: str = GIVE_SITE
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FilesAxis:
     """The axis, or why there is none; what reading the files warned of; what was measured there another night."""
 

@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +19,7 @@ from kochab.core.frame import Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S
 from kochab.core.progress import Progress, Task, without_preparing
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.folders import config_folder
 from kochab.frames.atomic_file import write_atomically
 from kochab.frames.hints import NO_ZONE, Aim, aim_from_keywords, aware_utc, zone_from_keywords
@@ -49,7 +50,7 @@ class SightingSource(Protocol):
         """The next frame, why it has no solution, or None when none came yet."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SolvedFile:
     """A frame's file, its time and site, and its solution.
 
@@ -230,7 +231,7 @@ NIGHTS_FILE, MOST_NIGHTS = "polar-nights.json", 50
 SAME_PLACE_DEG = 0.01
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PolarNight:
     """What was last measured at a place with an equipment profile ("" for none); arcsec, as a measurement says them."""
 

@@ -1,10 +1,10 @@
 """What a polar alignment reports while it runs, and the buttons a person can press."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from kochab.core.mount import Direction
 from kochab.core.progress import Progress
+from kochab.core.values import frozen
 from kochab.polar.drift import Drift
 from kochab.polar.live import LiveError, SteadyError
 from kochab.polar.measure import Measurement, PolarFinding
@@ -12,7 +12,7 @@ from kochab.polar.tutor import Instruction
 from kochab.text.translation import tr_noop
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PolarUpdate(Progress):
     """Progress with everything a screen shows; what does not belong to the phase is None.
 
@@ -34,7 +34,7 @@ class PolarUpdate(Progress):
     notes: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TurnInstruction(Progress):
     """A person is asked to turn an axis: RA east or west, declination north or south."""
 

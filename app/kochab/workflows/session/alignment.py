@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from functools import partial
@@ -19,6 +19,7 @@ from kochab.core.frame import Frame, Hint, Site
 from kochab.core.mount import Ability
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.frames.hints import NO_ZONE
 from kochab.gear.adjusters import AdjusterAxis, Adjusters
 from kochab.gear.mounts.guard import Guard
@@ -87,7 +88,7 @@ class AxisTurnedBy(StrEnum):
     NOBODY = tr_noop("Nobody: measure drift while tracking")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AlignmentRequest:
     """Everything an alignment needs to begin.
 
@@ -137,7 +138,7 @@ T = TypeVar("T")
 Tell = Callable[[Progress], None]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AlignmentTools:
     """``tell`` and the others run in the alignment's thread.
 

@@ -1,8 +1,9 @@
 """The state of an alignment: one frozen value that every screen shows."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from kochab.core.progress import Progress
+from kochab.core.values import frozen
 from kochab.polar.drift import Drift
 from kochab.polar.error import Knob, PolarError, total_in_words
 from kochab.polar.measure import PolarFinding, PolarFindingKind
@@ -20,7 +21,7 @@ PAST = 400  # points of the trail that are kept
 Point = tuple[float, float]  # azimuth on the sky, altitude; arcsec
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AlignmentState:
     """``words`` say what to do, ``detail`` what goes on meanwhile.
 

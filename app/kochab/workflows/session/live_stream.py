@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
@@ -10,6 +10,7 @@ from kochab.core.capture import CameraSource
 from kochab.core.errors import KochabError, UsageError
 from kochab.core.frame import Frame, Hint
 from kochab.core.progress import Progress, Task
+from kochab.core.values import frozen
 from kochab.solver import SolveOptions
 from kochab.solver.camera_profile import Profile
 from kochab.text.translation import tr
@@ -76,7 +77,7 @@ MOST_MESSAGES = 50
 Show = Callable[[Frame, LiveUpdate | None], None]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class StreamRequest:
     """What to open, and how.
 
@@ -92,7 +93,7 @@ class StreamRequest:
     hint: Hint | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Lens:
     """What is known of the camera and its lens, and the sentence of a frame that contradicts it."""
 

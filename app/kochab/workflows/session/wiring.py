@@ -4,9 +4,9 @@ The simulated sky and the command line are such: the window is given callables, 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
+from kochab.core.values import frozen
 from kochab.gear.session import StartPractice
 from kochab.workflows.live.update import LiveUpdate
 from kochab.workflows.session.alignment_state import AlignmentState
@@ -54,7 +54,7 @@ class PolarPage(Protocol):
         """Replace what phones see; its age is told when they ask."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Wiring:
     """Callables from outside; a view that is not given what it needs says so and offers less.
 

@@ -8,7 +8,6 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from time import monotonic
 from typing import Generic, TypeVar
@@ -20,6 +19,7 @@ from kochab.core.attitude import Degrees, radec_deg, unit
 from kochab.core.errors import DeviceError, NoAnswerError
 from kochab.core.frame import Site
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.pointing.encoders import earth_fixed
 from kochab.sky.horizon import NO_AIR, STANDARD_REFRACTION, Horizon
 from kochab.text.translation import tr
@@ -32,7 +32,7 @@ BESIDE_RAD = 1e-3
 Device = TypeVar("Device")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ByAid:
     """Where it points: ICRS degrees, 1 sigma, and when, of :func:`time.monotonic`."""
 

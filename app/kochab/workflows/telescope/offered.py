@@ -7,7 +7,7 @@ does; without a mount, or without leave to move it, it is the target that a pers
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from time import monotonic
@@ -21,6 +21,7 @@ from kochab.core.errors import RefusedError
 from kochab.core.frame import Site
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.gear.journal import utc_now
 from kochab.gear.mount_line import MakeTask
 from kochab.gear.mounts.guard import Guard
@@ -59,7 +60,7 @@ class MountOrders(Protocol):
         """Stop the mount now; never waits."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Seen:
     """Where it points, ICRS degrees, seen ``at_s`` of :func:`time.monotonic`, and whether it slews there."""
 

@@ -6,10 +6,11 @@ encoders or a gyroscope on it tell it between two solves, too.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import atan2, cos, degrees, hypot, radians
 
 from kochab.core.attitude import Degrees, apart_deg, unit_vectors, wrapped
+from kochab.core.values import frozen
 from kochab.sky.horizon import Horizon
 from kochab.text.angle_text import age_text, angle_text
 from kochab.text.translation import tr, tr_noop
@@ -22,7 +23,7 @@ OLD_S = 10.0
 BELOW = tr_noop("{name} is below the horizon.")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PushTo:
     """From where it points to the target, degrees.
 

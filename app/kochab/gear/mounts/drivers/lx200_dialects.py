@@ -5,9 +5,10 @@ NYX-101 1.0, ZWO 2.1, RainbowAstro 200629), INDI's drivers, and exchanges of rea
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, MountState
+from kochab.core.values import frozen
 from kochab.gear.mounts.protocols import lx200 as protocol
 
 Question = tuple[bytes, int, Callable[[bytes], MountState]]
@@ -25,7 +26,7 @@ ON_STEP_FLAGS: Question = (protocol.STATUS, 0, protocol.parse_flags)
 SIDE: Question = (b":pS#", 0, protocol.parse_side)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Dialect:
     """What a make does in its own way.
 

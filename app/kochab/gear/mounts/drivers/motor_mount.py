@@ -6,7 +6,7 @@ stand. So nothing slews until the user or a solved frame has confirmed home.
 
 import json
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import ClassVar, NoReturn, Protocol
 
@@ -23,6 +23,7 @@ from kochab.core.mount import (
     Pointing,
     TrackingRate,
 )
+from kochab.core.values import frozen
 from kochab.gear.mounts.drivers.serial_mount import SerialMount
 from kochab.gear.mounts.kept_by_line import kept_file
 from kochab.gear.mounts.serial_line import Command
@@ -85,7 +86,7 @@ NUDGE_DEG = 2.0  # the longest move while home is not confirmed
 BESIDE_POLE_DEG = 5.0  # this near the pole the second angle doesn't show the pier side
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class KeptZero:
     """The offset of both axes and what the counters read with it, degrees, for the next program.
 

@@ -1,6 +1,5 @@
 """NexStar hand controls (Celestron), and SynScan (Sky-Watcher), which shares their framing."""
 
-from dataclasses import dataclass
 from datetime import datetime
 from math import inf
 from typing import ClassVar
@@ -8,6 +7,7 @@ from typing import ClassVar
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction, Epoch, MountState, Pointing, SiteReport, TrackingRate
+from kochab.core.values import frozen
 from kochab.gear.mounts.drivers.serial_mount import ALIGNED_BY_CLOCK, STOP_S, SerialMount
 from kochab.gear.mounts.protocols import code_table
 from kochab.gear.mounts.protocols import nexstar as protocol
@@ -22,7 +22,7 @@ HALTS = b"".join(protocol.move_fixed(board, True, 0) for board in BOARDS)
 GUIDE_PERCENT, GUIDE_LONGEST_MS = 50, 2550  # of sidereal; one byte of hundredths of a second
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class HandControl:
     """What the make of a hand control decides: the versions since which it has a sync and reports the pier's side.
 

@@ -1,11 +1,11 @@
 """iOptron's RS-232 command language, version 3 (2016 and later mounts)."""
 
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from kochab.core.attitude import wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import Ability, Direction, MountState, PierSide, TrackingRate
+from kochab.core.values import frozen
 from kochab.gear.mounts.protocols import code_table, match, require
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
@@ -49,7 +49,7 @@ def is_alt_azimuth(model: str) -> bool | None:
     return None if " or " in model or model.startswith("model") else any(word in model for word in ALT_AZIMUTH)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PositionReply:
     """Reply to ``:GEP#``: degrees of date, and the side of the pier when it is sure."""
 

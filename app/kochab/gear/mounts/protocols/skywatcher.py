@@ -5,8 +5,8 @@ digits, the low byte first.
 """
 
 import re
-from dataclasses import dataclass
 
+from kochab.core.values import frozen
 from kochab.gear.mounts.protocols import code_table, match, require
 from kochab.gear.mounts.serial_line import Reader, SerialLink
 
@@ -30,7 +30,7 @@ ERRORS = code_table(
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AxisStatus:
     """The reply to ``f`` for one axis."""
 

@@ -8,7 +8,6 @@ import math
 import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from itertools import groupby
@@ -18,6 +17,7 @@ from typing import Any, Literal
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run as drive
 from kochab.core.solution import NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.folders import data_folder
 from kochab.identification import IDENTIFIERS
 from kochab.lab.bench import BenchResult, Goal, Report, Row, as_cell, machine, timed
@@ -176,7 +176,7 @@ COLUMNS = {name: name for name in ("table", "what", "unit", "paper", "ours", "de
 """Column heads of the Markdown table."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PapersResult(BenchResult):
     """The rows of all papers; as text they are Markdown."""
 

@@ -11,7 +11,7 @@ the paper does not say. In table 3 both know scale and lens, and that no star is
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -24,6 +24,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.identification.predictional_estimate import Estimate, predictional_estimate
 from kochab.lab.bench import Row, column, timed
 from kochab.lab.bench.papers import Published, options_with_scale, share_error
@@ -50,7 +51,7 @@ PIXELS = 576
 BLEND_DEG = 0.1  # twice 3 arcmin: two such stars leave one image of 3 arcmin pixels
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CameraError:
     """One row of the paper's tables 2 and 3, with the paper's own figures for it."""
 
@@ -65,7 +66,7 @@ class CameraError:
 SITUATIONS = tuple(CameraError(**printed) for printed in TABLES.printed["situations"])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _CatalogueSky:
     vectors: Floats
     mag: Floats

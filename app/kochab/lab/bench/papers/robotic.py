@@ -8,7 +8,7 @@ give its figures, and with the 3 px its best margin too (without a lens error 1 
 when the named star lies within 5 px of the detection. The default sees the very same brightest stars.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from kochab.core.attitude import Attitude, east_north, unit, wrapped
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.lab.bench.papers import robotic_stages
 from kochab.lab.bench.papers.robotic_stages import MARGIN_PX, STARS, TABLES, fields, options, pairs_of, plain
 from kochab.lab.methods.voting import recognise
@@ -33,7 +34,7 @@ PICTURES, SCATTERED = 10, 12
 NEAR_PX = 5.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Outcome:
     """What a method named on one field: the detections ``seen`` (K,), their ``vectors`` (K, 3).
 

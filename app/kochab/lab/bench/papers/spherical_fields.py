@@ -1,7 +1,6 @@
 """Random fields of the thesis on spherical triangles, and how its methods are scored on them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Bools, Floats, Ints
 from kochab.core.attitude import unit
+from kochab.core.values import frozen
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Published, fastest
 from kochab.lab.methods.angles import Angles, angle_table
@@ -162,7 +162,7 @@ FACES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
 QUERIES = 2000
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class QuadTree:
     """The leaves: ``corners`` (T, 3, 3) unit vectors and ``numbers`` (T, 3) of those corners."""
 

@@ -10,7 +10,6 @@ sees the same directions through a square camera that it knows as well; it is co
 the thesis' methods it has to prove that chance did not give the answer.
 """
 
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -21,6 +20,7 @@ from kochab.core.attitude import attitude_from, radec_deg, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.solution import Solution
+from kochab.core.values import frozen
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import options_with_scale, share_error, solve_timed
 from kochab.lab.bench.papers import spherical_fields as fields
@@ -180,7 +180,7 @@ FREE = 1000  # "virtually no limit" of pivots
 TREE_LEVELS = 5  # 4 + 16 + 64 + 256 + 1,024 nodes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ProgramStep:
     """A way to run the thesis' test; each differs in one thing from the one before."""
 

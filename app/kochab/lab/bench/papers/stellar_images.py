@@ -4,7 +4,6 @@ The centroids are the printed ones, so that everything after them can be compare
 themselves are not published: centroids in fixed point are measured on frames drawn with stars at the printed places.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Frame
 from kochab.core.progress import run
 from kochab.core.solution import Identification, NoSolution, Solution
+from kochab.core.values import frozen
 from kochab.detection import DETECTORS
 from kochab.identification import IDENTIFIERS
 from kochab.lab.bench import timed
@@ -31,7 +31,7 @@ TABLES = Published.of("stellar_images")
 FIELD_DEG = tuple(TABLES.printed["field_deg"])
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Printed:
     """One frame of the thesis and what came of it, as ``resources/papers`` explains."""
 
@@ -53,7 +53,7 @@ MAXIMUM_DEG = 12.0
 REPEATS = 5
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NamedImage:
     """How many stars of the frame got their printed names and other ones, and the answer."""
 
