@@ -48,12 +48,18 @@ def fork(listening: int, paths: list[str]) -> bool:
     import pytest
 
     pytest.main(["--collect-only", "-p", "no:cacheprovider", *paths])
-    if "kochab.window.application" in sys.modules:  # its windows name what a frame shows: 2.8 s for each process
+    if "kochab.window.application" in sys.modules:  # its windows name what a frame shows: 4.8 s for each process
+        from kochab.sky.completion import completion
         from kochab.sky.finder import finder
         from kochab.sky.sky_tables import sky_tables
 
         finder()
         sky_tables()
+        completion()
+    if "astropy.coordinates" in sys.modules:  # the first transformation reads where the pole was each day: 2 s
+        from astropy.utils import iers
+
+        iers.earth_orientation_table.get()
     gc.freeze()
     interrupted = signal.signal(signal.SIGINT, signal.SIG_IGN)  # whom Ctrl-C means is pytest
     running: list[tuple[int, int, socket.socket]] = []

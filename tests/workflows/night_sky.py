@@ -41,9 +41,8 @@ def drawn(size, xy, flux, fwhm, seed=0, sky=300.0, stretch=1.0, angle_deg=0.0):
 def scattered(size, count, seed, margin=15):
     """Places (N, 2) at least 14 px apart, and fluxes (N,) of a usual spread."""
     rng = np.random.default_rng(seed)
-    places = []
-    while len(places) < count:
-        new = rng.uniform(margin, np.array(size) - margin)
-        if all(np.hypot(*(new - old)) > 14 for old in places):
-            places.append(new)
-    return np.array(places), 10 ** rng.uniform(3.6, 5.0, count)
+    places, n = np.empty((count, 2)), 0
+    while n < count:
+        places[n] = rng.uniform(margin, np.array(size) - margin)
+        n += bool((np.hypot(*(places[:n] - places[n]).T) > 14).all())
+    return places, 10 ** rng.uniform(3.6, 5.0, count)
