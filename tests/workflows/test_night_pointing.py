@@ -7,6 +7,7 @@ from dataclasses import replace
 from datetime import timedelta
 from html import unescape
 
+import erfa
 import numpy as np
 import pytest
 
@@ -20,6 +21,7 @@ from kochab.simulate.mechanics.geometry import Build, MountConfig
 from kochab.simulate.rig import PracticeRig, RigConfig
 from kochab.sky.horizon import sidereal_deg
 from kochab.workflows.night.frame import NightFrame, _epoch, _pier_side
+from kochab.workflows.night.measure import Measure
 from kochab.workflows.night.page import night_page
 from kochab.workflows.night.pointing import pointing_of
 from kochab.workflows.night.summary import night_of
@@ -102,7 +104,8 @@ def why(frames):
     assert found.useful_sightings == ()
     assert night_json(night_of(frames))["pointing_model"] is None
     (line,) = found.lines()
-    assert line.startswith("Pointing model unknown: ")
+    assert line.startswith("Pointing model and tube flexure unknown: ")
+    assert night_json(night_of(frames))["tube_flexure_unknown"].startswith("Tube flexure unknown: ")
     return line
 
 
@@ -135,12 +138,12 @@ SITES = [Site(47.0, 8.0, 450.0), Site(-33.0, 151.0, 60.0)]
 HOURS_AND_DECS = [(-50, 10), (15, 20), (-10, 65), (35, 50), (-30, 45), (55, 5), (-60, 60), (40, -10)]
 
 
-def rig_frames(site, build, every_s=60.0, epoch=Epoch.DATE):
-    """Frames of the practice rig at eight places; its axis stands 25 arcmin too high and 40 off in azimuth."""
+def rig_frames(site, build, every_s=60.0, epoch=Epoch.DATE, places=HOURS_AND_DECS):
+    """Frames of the practice rig at some places; its axis stands 25 arcmin too high and 40 off in azimuth."""
     mount = MountConfig(misalignment_arcmin=(25.0, 40.0), build=build)
     north = np.sign(site.latitude_deg)
     rig = PracticeRig(RigConfig(seed=4, site=site, mount=mount, start_deg=(-20.0, north * 30.0)))
-    for hour, dec in HOURS_AND_DECS:
+    for hour, dec in places:
         assert not rig.mount.goto((rig.mount.sidereal_deg() - hour) % 360.0, north * dec)
         rig.wait_until_still(1.0)
         rig.clock.sleep(every_s)
@@ -173,6 +176,50 @@ def test_the_practice_rigs_polar_axis_and_cone_are_found_from_its_own_word(site,
     assert abs(terms["west"]) == pytest.approx(40.0 * np.cos(np.radians(site.latitude_deg)), abs=2.0)
     assert abs(terms["cone"]) == pytest.approx(12.0, abs=1.0)
     assert found.model.after_arcsec < 90.0 < 1200.0 < found.model.before_arcsec
+
+
+def high_places(site, count, rng):
+    """Hour angles and declinations, degrees, north of the equator, more than 20 degrees up."""
+    found = []
+    while len(found) < count:
+        hour, dec = rng.uniform(-65.0, 65.0), rng.uniform(-15.0, 80.0)
+        _, altitude = erfa.hd2ae(*np.radians([hour, dec, abs(site.latitude_deg)]))
+        if np.degrees(altitude) > 20.0:
+            found.append((hour, dec))
+    return found
+
+
+def test_the_practice_rigs_flexure_is_found_from_its_own_word() -> None:
+    """Its sky is refracted, which its computer knows nothing of; its axes are not quite square."""
+    rng, pulls, sigmas = np.random.default_rng(5), [], []
+    for k in range(8):
+        sags = float(rng.uniform(0.0, 120.0))
+        site = SITES[k % 2]
+        build = Build(cone_deg=rng.normal(0.0, 0.1), square_deg=rng.normal(0.0, 0.03), flexure_arcsec=sags)
+        frames = list(rig_frames(site, build, places=high_places(site, 9 + k, rng)))
+        found = pointing_of(frames).flexure
+        assert found is not None
+        pulls.append((found.value - sags) / found.sigma)
+        sigmas.append(found.sigma)
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.5
+    assert np.abs(pulls).max() < 3.0
+    assert np.median(sigmas) < 10.0
+    night = night_of(frames)
+    words = f"Tube flexure: {found.text('+')}″ from zenith to horizon."
+    assert words in unescape(night_page(night, "field")).replace("\u00a0", " ")
+    assert f"pointing {words}" in text_of(night, "page.html")
+    told = night_json(night)
+    assert (told["tube_flexure_arcsec"], told["tube_flexure_arcsec_sigma"]) == (found.value, found.sigma)
+    assert told["tube_flexure_unknown"] is None
+
+
+def test_few_places_tell_no_flexure(night) -> None:
+    found = pointing_of(frames_of(night[1], Epoch.DATE))
+    assert replace(found, droop=None).flexure_words == "Tube flexure unknown: too few places."
+    assert replace(found, droop=Measure(12.0, 45.4)).flexure_words == (
+        "Tube flexure unknown (±45″): it needs more places, low ones too."
+    )
+    assert replace(found, droop=Measure(150.0, 45.4)).flexure == Measure(150.0, 45.4)
 
 
 @pytest.mark.parametrize("site", SITES)

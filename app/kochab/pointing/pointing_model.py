@@ -153,7 +153,7 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
         raise RefusedError("A pointing model needs the site: set it first.")
     alt_azimuth = bool(sightings[-1].alt_azimuth)
     seen = Seen(sightings)
-    fits = [(fit(seen, cause), cause) for cause in _free(alt_azimuth)]
+    fits = [(fit(seen, cause), cause) for cause in free_causes(alt_azimuth)]
     (_, terms, left), cause = max(fits, key=lambda one: one[0][0])
     slopes = residuals(terms, *cause.geometry(seen))[1].reshape(-1, 5)
     # two numbers a sighting, less five terms
@@ -178,7 +178,7 @@ def fit_model(sightings: Sequence[MountSighting]) -> PointingModel:
     )
 
 
-def _free(alt_azimuth: bool) -> Sequence[Cause]:
+def free_causes(alt_azimuth: bool) -> Sequence[Cause]:
     """All terms free; the second axis' offset one of declination, or of the axis itself."""
     offset, axis, cone = (*SMALL, *OFFSETS), (*SET_UP, *AXES), (*BUILT, *CONES)
     free = Cause("", "", lambda seen: seen.expected, 1.0, offset=offset, axis=axis, cone=cone, fitted=True)

@@ -114,7 +114,8 @@ def night_parts(night: Night, name: str, earlier: Sequence[Compared] = (), colum
         parts.append(_mount(night.tracking))
     if model := night.pointing.model:
         table = _table((tr("Pointing model"), tr("This night")), model.rows())
-        parts.append(f"<section>{table}<p>{escape(model.worth())}</p></section>")
+        words = "".join(f"<p>{escape(text)}</p>" for text in (model.worth(), night.pointing.flexure_words))
+        parts.append(f"<section>{table}{words}</section>")
     if night.guiding:
         parts.append(_guiding(night.guiding))
     for heading, rows in ((tr("Best frames"), night.best), (tr("Worst frames"), night.worst)):
@@ -374,6 +375,8 @@ def _notes(night: Night) -> list[str]:
         notes.append(text)
     elif not all(frame.time_utc for frame in night.frames):
         notes.append(tr("Drift is not measured: the frames do not say when they were taken."))
+    if night.tracking and night.guiding:
+        notes.append(tr("Drift while guiding is flexure between guide camera and telescope, or field rotation."))
     if night.pointing.useful_sightings:
         command = "kochab mount goto TARGET --model NIGHT.json"
         notes.append(tr("Until the next sync this model aims gotos: {how}", how=command))

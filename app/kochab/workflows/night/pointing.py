@@ -1,4 +1,4 @@
-"""The night's pointing model: where frames point against where their headers have the mount.
+"""The night's pointing model and the tube's flexure: where frames point against where their headers have the mount.
 
 Frames of one place say one thing; a model needs several. The headers' places may be of J2000, as the standard has it,
 or of date, as many mounts speak: the one that makes the better model is taken, if it is clearly better; else what the
@@ -14,11 +14,13 @@ from kochab.core.errors import RefusedError
 from kochab.core.mount import Epoch, Pointing
 from kochab.core.values import frozen
 from kochab.pointing.disagreement import MountSighting
+from kochab.pointing.flexure import tube_droop
 from kochab.pointing.pointing_model import FARTHEST_DEG, PointingModel, fit_model
 from kochab.sky.horizon import sidereal_deg
-from kochab.text.translation import tr, tr_noop
+from kochab.text.translation import number, tr, tr_noop
 from kochab.workflows.night.backlash import COPIED_ARCSEC
 from kochab.workflows.night.frame import NightFrame
+from kochab.workflows.night.measure import Measure
 
 PLACES_DEG = 5.0
 """Frames farther apart than this in hour angle and declination count as different places."""
@@ -30,15 +32,24 @@ EQUATORIAL = 0.9
 is upside down on the other side of the pier."""
 CLEARLY = 1.5
 """An equinox is chosen where its model foretells places so many times better than the other's."""
+DROOP_ARCSEC = 30.0
+"""What tubes commonly sag by: a flexure is told that is surer than this, or surely none."""
+
+
+FEW = tr_noop("too few places")
 
 
 @frozen
 class NightPointing:
-    """The pointing model and the sightings it was fitted to; without one, ``why`` there is none."""
+    """The pointing model and the sightings it was fitted to; without one, ``why`` there is none.
+
+    ``droop`` is how much further the tube sags at the horizon than at the zenith, arcsec, as far as the sightings show.
+    """
 
     model: PointingModel | None
     sightings: tuple[MountSighting, ...] = ()
     why: str = ""
+    droop: Measure | None = None
 
     @property
     def useful_sightings(self) -> tuple[MountSighting, ...]:
@@ -46,11 +57,26 @@ class NightPointing:
         one = self.model
         return self.sightings if one is not None and one.foretold_arcsec < WORTH * one.before_arcsec else ()
 
+    @property
+    def flexure(self) -> Measure | None:
+        """The droop where it tells more than what tubes do anyway."""
+        return self.droop if self.droop and self.droop.tells(DROOP_ARCSEC) else None
+
+    @property
+    def flexure_words(self) -> str:
+        """The flexure of the tube, or why it is not known."""
+        if self.flexure:
+            return tr("Tube flexure: {droop}″ from zenith to horizon.", droop=self.flexure.text("+"))
+        if self.droop:
+            sigma = number(self.droop.sigma, ".0f")
+            return tr("Tube flexure unknown (±{sigma}″): it needs more places, low ones too.", sigma=sigma)
+        return tr("Tube flexure unknown: {why}.", why=tr(self.why or FEW).rstrip("."))
+
     def lines(self) -> list[str]:
-        """Each term with its sigma, and what the model is worth; or why there is none."""
+        """Each term with its sigma, and what the model is worth, or why there is none; and the flexure."""
         if self.model is not None:
-            return self.model.lines()
-        return [tr("Pointing model unknown: {why}.", why=tr(self.why).rstrip("."))]
+            return [*self.model.lines(), self.flexure_words]
+        return [tr("Pointing model and tube flexure unknown: {why}.", why=tr(self.why).rstrip("."))]
 
 
 NO_POINTING = NightPointing(None)
@@ -82,7 +108,9 @@ def pointing_of(frames: Sequence[NightFrame]) -> NightPointing:
         if places[0].epoch is None:
             return _unknown(tr_noop("the headers do not say whether their places are J2000"))
         best = best if best.epoch is places[0].epoch else other
-    return NightPointing(best, tuple(sightings[best.epoch]))
+    used = sightings[best.epoch]
+    droop = tube_droop(used, best)
+    return NightPointing(best, tuple(used), droop=Measure(*droop) if droop else None)
 
 
 def _unknown(why: str) -> NightPointing:

@@ -143,6 +143,8 @@ def night_json(night: Night, earlier: Sequence[Compared] = ()) -> dict[str, Any]
             "polar": _polar(night.polar) if night.polar else None,
             "pointing_model": model_json(night.pointing.model) if night.pointing.model else None,
             "pointing_model_unknown": night.pointing.why or None,
+            **_pair("tube_flexure_arcsec", night.pointing.flexure),
+            "tube_flexure_unknown": None if night.pointing.flexure else night.pointing.flexure_words,
             "sightings": sighting_rows(night.pointing.useful_sightings),
             "earlier": [
                 {
