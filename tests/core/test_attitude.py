@@ -7,7 +7,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kochab.core.attitude import Attitude, apart_deg, attitude_from, east_north, radec_deg, unit, unit_vectors
+from kochab.core.attitude import (
+    Attitude,
+    apart_deg,
+    attitude_from,
+    cross_product,
+    east_north,
+    radec_deg,
+    unit,
+    unit_vectors,
+)
 from kochab.core.camera import Camera
 from kochab.core.solution import Solution
 
@@ -137,3 +146,13 @@ def test_east_and_north_stand_on_a_direction_and_on_each_other(dec) -> None:
     nearer = unit(direction + 1e-3 * north)
     assert abs(dec) == 90.0 or nearer[2] > direction[2]
     assert np.linalg.norm(nearer) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [((3,), (3,)), ((7, 3), (3,)), ((3,), (7, 3)), ((5, 1, 3), (4, 3)), ((0, 3), (3,))]
+)
+def test_cross_products_are_those_of_numpy_to_the_last_bit(a, b):
+    rng = np.random.default_rng(4)
+    a, b = rng.normal(size=a), rng.normal(size=b)
+    assert np.array_equal(cross_product(a, b), np.cross(a, b))
+    assert cross_product(a.astype(np.float32), b.astype(np.float32)).dtype == np.float32

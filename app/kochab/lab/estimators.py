@@ -13,6 +13,7 @@ from kochab.attitude import directions, sigma_rad
 from kochab.core.arrays import Floats
 from kochab.core.attitude import (
     Attitude,
+    cross_product,
     east_north,
     radec_deg,
     rotation_vector,
@@ -47,10 +48,10 @@ class Triad:
         ValueError with fewer than two stars, or when the two are nearly parallel: the roll is free.
         """
         seen, icrs = directions(xy_px, vectors, camera, 2)
-        sines = np.linalg.norm(np.cross(icrs[0], icrs[1:]), axis=1)
+        sines = np.linalg.norm(cross_product(icrs[0], icrs[1:]), axis=1)
         second = 1 + (int(np.argmax(sines)) if self.partner == "farthest" else 0)
         b, v = seen[[0, second]], icrs[[0, second]]
-        apart = min(float(np.linalg.norm(np.cross(*pair))) for pair in (b, v))
+        apart = min(float(np.linalg.norm(cross_product(*pair))) for pair in (b, v))
         if apart < 1e-9:
             raise ValueError("The two stars lie in one direction and leave the roll free.")
         if apart < np.sin(np.radians(self.least_angle_deg)):
@@ -61,15 +62,15 @@ class Triad:
         matrix = _axes(*b).T @ _axes(*v)  # equation 5.17, with the axes as rows
         sigma = sigma_rad(seen, icrs, matrix, camera, self.sigma_px)
         # for directions with a sigma of 1 each (Shuster and Oh 1981, section IV)
-        cosine, sine2, both = float(b[0] @ b[1]), float(np.sum(np.cross(*b) ** 2)), np.outer(*b)
+        cosine, sine2, both = float(b[0] @ b[1]), float(np.sum(cross_product(*b) ** 2)), np.outer(*b)
         covariance = np.eye(3) + cosine / sine2 * (both + both.T)
         return Attitude(matrix, sigma**2 * covariance)
 
 
 def _axes(first: Floats, second: Floats) -> Floats:
     """Rows r1, r2, r3 (3, 3) of equations 5.8 to 5.16."""
-    across = unit(np.cross(first, second))
-    return np.stack([first, across, np.cross(first, across)])
+    across = unit(cross_product(first, second))
+    return np.stack([first, across, cross_product(first, across)])
 
 
 # -- Plate constants: a linear map from the frame to the sky's tangent plane --------------------
@@ -161,7 +162,7 @@ def _matrix(centre: Floats, roll: float, boresight: Floats) -> Floats:
     east, north = east_north(centre)
     x = np.cos(roll) * east + np.sin(roll) * north
     x = unit(x - (x @ boresight) * boresight)
-    return np.stack([x, np.cross(boresight, x), boresight])
+    return np.stack([x, cross_product(boresight, x), boresight])
 
 
 def _plate_covariance(design: Floats, residual: Floats, roll: float, turn: Floats) -> Floats | None:

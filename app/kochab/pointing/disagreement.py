@@ -17,7 +17,7 @@ from math import cos, exp, log, pi, radians, sin
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, cross_product, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
 from kochab.core.values import frozen
@@ -299,9 +299,9 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways
     slopes = np.zeros((len(there), 2, 5))
     slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, ways, side * level / narrow
     east = np.stack([-np.sin(lon), np.cos(lon), 0.0 * lon], axis=1)
-    north = np.cross(there, east)
+    north = cross_product(there, east)
     for k, tilt_axis in enumerate(np.eye(3)[:2], start=2):
-        moved = np.cross(there, tilt_axis)
+        moved = cross_product(there, tilt_axis)
         slopes[:, 0, k], slopes[:, 1, k] = (moved * east).sum(axis=1) * level / narrow, (moved * north).sum(axis=1)
     return off, slopes
 
@@ -309,7 +309,7 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways
 def turned(there: Floats, terms: Floats) -> Floats:
     """Directions (..., 3) as seen from a first axis tilted by two of the terms."""
     turn = np.radians([*terms[2:4], 0.0])
-    return np.asarray(there - np.cross(turn, there) + 0.5 * np.cross(turn, np.cross(turn, there)))
+    return np.asarray(there - cross_product(turn, there) + 0.5 * cross_product(turn, cross_product(turn, there)))
 
 
 def _unknown(offset_deg: float) -> float:

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import rotation_vectors, separation_deg, small_rotation, unit, wrapped
+from kochab.core.attitude import cross_product, rotation_vectors, separation_deg, small_rotation, unit, wrapped
 from kochab.core.values import frozen
 
 Counts = tuple[float, float]
@@ -240,4 +240,4 @@ def earth_fixed(observed: Floats) -> Floats:
     """
     toward_x = observed[1] - observed[0]
     x = unit(toward_x - (toward_x @ observed[0]) * observed[0])
-    return np.stack([x, np.cross(observed[0], x), observed[0]])
+    return np.stack([x, cross_product(observed[0], x), observed[0]])

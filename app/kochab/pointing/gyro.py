@@ -18,7 +18,7 @@ import numpy as np
 
 from kochab.attitude import wahba
 from kochab.core.arrays import Floats
-from kochab.core.attitude import rotation_vector, separation_deg, small_rotation, unit
+from kochab.core.attitude import cross_product, rotation_vector, separation_deg, small_rotation, unit
 from kochab.core.values import frozen
 from kochab.pointing.encoders import CREEP_DEG_S, POINTING_DEG, SLIP_SIGMAS
 
@@ -202,7 +202,7 @@ class GyroModel:
             model = ((1.0 + scale) * felt) @ mounting.T
             left = (camera - model) * weight[:, None]
             # a small turn k of the mounting moves the model by k x model; a scale along its own axis
-            by_turn = np.cross(np.eye(3)[None], model[:, None]).transpose(0, 2, 1)
+            by_turn = cross_product(np.eye(3)[None], model[:, None]).transpose(0, 2, 1)
             by_scale = mounting[None] * felt[:, None, :]
             slope = np.concatenate([by_turn, by_scale], axis=2) * weight[:, None, None]
             slope, rest = slope.reshape(-1, 6), left.reshape(-1)
@@ -236,7 +236,7 @@ class GyroModel:
         if felt.moved_s <= last.felt.moved_s:
             return creep
         turned = rotation_vector(felt.turned @ last.felt.turned.T)
-        by_turn = np.cross(np.eye(3), self._mounting @ turned).T
+        by_turn = cross_product(np.eye(3), self._mounting @ turned).T
         slope = np.concatenate([by_turn, self._mounting * turned], axis=1)[:2]
         mounting = math.degrees(math.sqrt(max(float(np.trace(slope @ self._covariance @ slope.T)), 0.0)))
         moved = math.degrees(self._turn_sigma(last.felt, felt))
@@ -252,10 +252,10 @@ def _between(one: _Sighting, other: _Sighting) -> tuple[Floats, Floats]:
 def _shortest(start: Floats, end: Floats) -> Floats:
     """The rotation (3, 3) that takes the direction of one vector to that of another by the shortest way."""
     a, b = unit(start), unit(end)
-    axis = np.cross(a, b)
+    axis = cross_product(a, b)
     sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
     if sine < 1e-9:
-        axis, sine = np.cross(a, np.eye(3)[np.abs(a).argmin()]), 1.0
+        axis, sine = cross_product(a, np.eye(3)[np.abs(a).argmin()]), 1.0
         axis /= np.linalg.norm(axis)
         return np.asarray(small_rotation(axis * (0.0 if cosine > 0.0 else math.pi)))
     return np.asarray(small_rotation(axis / sine * math.atan2(sine, cosine)))

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, rotation_vector, rotation_vectors, small_rotation
+from kochab.core.attitude import ARCSEC, cross_product, rotation_vector, rotation_vectors, small_rotation
 from kochab.core.values import frozen
 from kochab.polar.rotations import about, about_each, tangents
 from kochab.polar.seen_axis import CONE_RAD, UNKNOWNS, Cause, MovementFit, fit_with_movement
@@ -278,7 +278,7 @@ def _camera_slopes(axis: Floats, reference: Floats, count: int) -> Floats:
     # R_0^T a moves with the axis, and against the reference's own rotation.
     seen = np.zeros((3, count))
     seen[:, :2] = reference.T @ np.stack(tangents(axis), axis=1)
-    seen[:, 2:5] = reference.T @ np.cross(axis, np.eye(3)).T
+    seen[:, 2:5] = reference.T @ cross_product(axis, np.eye(3)).T
     return seen
 
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, angle_between, rotation_vectors
+from kochab.core.attitude import ARCSEC, angle_between, cross_product, rotation_vectors
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.values import frozen
 from kochab.polar.error import CHI2_95, Knob, PolarError, angle_in_words, offset_in_words, total_in_words
@@ -416,9 +416,9 @@ class _Rows:
 
 def upright(boresights: Floats, axis: Floats) -> Floats:
     """Camera axes (N, 3, 3) in E, N, U about directions (N, 3), an axis (3,) up as an equatorial mount holds them."""
-    across = np.cross(boresights, axis)
+    across = cross_product(boresights, axis)
     across /= np.linalg.norm(across, axis=-1, keepdims=True)
-    return np.stack([across, np.cross(boresights, across), boresights], axis=-1)
+    return np.stack([across, cross_product(boresights, across), boresights], axis=-1)
 
 
 def _matrices(stretch: Stretch, axis: Floats) -> Floats:
@@ -440,9 +440,9 @@ def _rows(stretch: Stretch, pole: Floats, spread: Floats) -> _Rows:
     measured = _matrices(stretch, pole)
     in_camera = (pole @ measured).mean(axis=0)  # where the camera sees the pole, R^T p, in the mean
     in_camera /= np.linalg.norm(in_camera)
-    n = np.cross(in_camera, [0.0, 0.0, 1.0])
+    n = cross_product(in_camera, [0.0, 0.0, 1.0])
     n = n / np.linalg.norm(n) if np.linalg.norm(n) > 1e-6 else np.array([1.0, 0.0, 0.0])
-    w = np.cross(in_camera, n)
+    w = cross_product(in_camera, n)
     seen = np.stack([w, n])
     upward, clockwise = tangents(pole)
     aim, high, around = (np.einsum("ij,kj->ki", seen, v @ measured) for v in (pole, upward, clockwise))

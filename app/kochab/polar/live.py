@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, rotation_vector, small_rotation
+from kochab.core.attitude import ARCSEC, cross_product, rotation_vector, small_rotation
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.values import frozen
 from kochab.polar.camera_axis import CameraAxis, camera_axis_of
@@ -75,7 +75,7 @@ def _bolts_did_it(before: Moment, now: Moment, turn_rad: float) -> bool:
 
 def _axis_stood(before: Moment, now: Moment) -> bool:
     """Whether the polar axis is where it was, as when only RA turned, however far."""
-    shift = np.cross(before.axis, now.axis)
+    shift = cross_product(before.axis, now.axis)
     return bool(shift @ np.linalg.solve(before.covariance + now.covariance, shift) <= REFUTED)
 
 
@@ -83,7 +83,7 @@ def _declination(before: Moment, now: Moment, turn_rad: float) -> float | None:
     """The turn about the declination axis alone that makes the one frame of the other."""
     turned = about(before.axis, turn_rad) @ before.attitude.matrix
     moved = rotation_vector(now.attitude.matrix @ turned.T)
-    across = np.cross(turned[:, 2], before.axis)
+    across = cross_product(turned[:, 2], before.axis)
     length = float(np.linalg.norm(across))
     if length < 0.05:  # the camera looks along the polar axis
         return None

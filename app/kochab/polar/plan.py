@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC
+from kochab.core.attitude import ARCSEC, cross_product
 from kochab.core.mount import Direction
 from kochab.core.values import frozen
 from kochab.polar.axis_fit import foreseen_covariance
@@ -113,7 +113,7 @@ def _uncertainty_arcsec(optics: Optics, rho_deg: float, turns_rad: Floats) -> fl
     axis = direction(0.7, 0.0)  # any will do: only the angles between axis, boresight and turns count
     sideways = np.array([1.0, 0.0, 0.0])
     boresight = about(sideways, np.radians(rho_deg)) @ axis
-    first = np.stack([sideways, np.cross(boresight, sideways), boresight], axis=1)
+    first = np.stack([sideways, cross_product(boresight, sideways), boresight], axis=1)
     covariance = foreseen_covariance(axis, turns_rad - turns_rad[0], first, optics.covariance)
     return float(np.sqrt(np.trace(covariance))) / ARCSEC
 
@@ -285,6 +285,6 @@ def _foreseen(
 def away_from_axis(attitude: LocalAttitude, axis: Floats, degrees: float) -> Floats:
     """Where the boresight (3,) comes to when the declination axis turns it so far from the axis."""
     boresight = attitude.boresight
-    across = np.cross(axis, boresight)
+    across = cross_product(axis, boresight)
     across = across / np.linalg.norm(across)
     return np.asarray(about(across, np.radians(degrees)) @ boresight)

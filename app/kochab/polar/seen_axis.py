@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import angle_between, rotation_vectors
+from kochab.core.attitude import angle_between, cross_product, rotation_vectors
 from kochab.core.values import frozen, mutable
 from kochab.polar.rotations import about, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude
@@ -268,6 +268,6 @@ def _undone(cause: Cause, state: _State, places: Floats) -> Floats:
 
 def _between(one: Floats, other: Floats) -> Floats:
     """The shortest rotation (3, 3) that takes a unit vector to another."""
-    across = np.cross(one, other)
+    across = cross_product(one, other)
     length = float(np.linalg.norm(across))
     return about(across / length, angle_between(one, other)) if length > 1e-12 else np.eye(3)

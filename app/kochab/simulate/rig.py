@@ -10,7 +10,16 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Attitude, attitude_from, radec_deg, separation_deg, unit, unit_vectors, wrapped
+from kochab.core.attitude import (
+    Attitude,
+    attitude_from,
+    cross_product,
+    radec_deg,
+    separation_deg,
+    unit,
+    unit_vectors,
+    wrapped,
+)
 from kochab.core.frame import Detections, Frame, Hint, Site
 from kochab.core.values import frozen
 from kochab.simulate import night_sky
@@ -177,8 +186,8 @@ class PracticeRig:
         offsets = sky.from_enu(camera_axes[2] + 1e-3 * camera_axes[:2]) - boresight
         offsets -= (offsets @ boresight)[:, None] * boresight
         right, down = unit(offsets)
-        x = unit(right + np.cross(down, boresight))
-        attitude = Attitude(np.stack([x, np.cross(boresight, x), boresight]))
+        x = unit(right + cross_product(down, boresight))
+        attitude = Attitude(np.stack([x, cross_product(boresight, x), boresight]))
         return MountTruth(t, attitude, sky.of_date(boresight), camera_axes, self.mount.wedge.axis_enu(), sky)
 
     def happen(self) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import cross_product
 from kochab.core.frame import Detections
 from kochab.sky import open_catalogue
 
@@ -38,12 +39,12 @@ def whole_sky(projection: str, field_deg: float, rng: np.random.Generator) -> tu
     """
     axis, up = rng.normal(size=(2, 3))
     z = axis / np.linalg.norm(axis)
-    x = np.cross(up, z)
+    x = cross_product(up, z)
     x /= np.linalg.norm(x)
     catalogue = open_catalogue()
     half = np.radians(field_deg) / 2.0
     rows = catalogue.brightest(z, min(half * 1.5, np.pi / 2.0), STARS, YEAR)
-    seen = catalogue.vectors(rows, YEAR) @ np.stack([x, np.cross(z, x), z]).T
+    seen = catalogue.vectors(rows, YEAR) @ np.stack([x, cross_product(z, x), z]).T
     theta, way = np.arccos(np.clip(seen[:, 2], -1.0, 1.0)), np.arctan2(seen[:, 1], seen[:, 0])
     radius = SIDE_PX / 2.0 * RADII[projection](theta) / RADII[projection](half)
     xy = (SIDE_PX - 1) / 2.0 + radius[:, None] * np.stack([np.cos(way), np.sin(way)], axis=-1)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, cross_product, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Frame, Site
 from kochab.core.values import frozen
 from kochab.sky.apparent import JD_UNIX, apparent, julian_date_tt
@@ -210,7 +210,7 @@ def horizon_frame(site: Site, sidereal: float) -> Floats:
     """Rotation (3, 3) to vectors of date from (south, east, up); ``sidereal`` in degrees."""
     up = unit_vectors(sidereal, site.latitude_deg)
     east = unit_vectors(sidereal + 90.0, 0.0)
-    return np.stack([np.cross(east, up), east, up], axis=1)
+    return np.stack([cross_product(east, up), east, up], axis=1)
 
 
 def sun_vector(time_utc: datetime) -> Floats:

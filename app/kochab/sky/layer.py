@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats, Ints
-from kochab.core.attitude import unit
+from kochab.core.attitude import cross_product, unit
 from kochab.core.solution import Solution
 from kochab.core.values import frozen, mutable
 from kochab.sky.object_index import MOST, holding, inside
@@ -239,7 +239,7 @@ def ellipses(tables: SkyTables, rows: Ints) -> Floats:
     x, y = objects.vector[:, 0], objects.vector[:, 1]
     flat = np.maximum(np.hypot(x, y), 1e-12)
     east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)[:, None]
-    north = np.cross(objects.vector[:, None], east)
+    north = cross_product(objects.vector[:, None], east)
     major = np.nan_to_num(objects.major)
     minor = np.where(np.isfinite(objects.minor), objects.minor, major)
     known = np.isfinite(objects.pa_deg)
@@ -275,9 +275,9 @@ def _lines(solution: Solution, chains: tuple[Floats, ...], centre: Floats, reach
     """
     first = np.concatenate([chain[:-1] for chain in chains])
     last = np.concatenate([chain[1:] for chain in chains])
-    pole = np.cross(first, last)
+    pole = cross_product(first, last)
     length = np.arctan2(np.linalg.norm(pole, axis=1), np.sum(first * last, axis=1))
-    side = np.cross(unit(pole + 1e-30), first)
+    side = cross_product(unit(pole + 1e-30), first)
     x, y = first @ centre, side @ centre
     flat = np.maximum(np.hypot(x, y), 1e-12)
     radius = min(1.05 * reach, np.pi - 1e-3)

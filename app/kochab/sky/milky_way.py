@@ -7,7 +7,7 @@ its poles. Their density by galactic longitude and latitude, smoothed, has the s
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import cross_product, unit_vectors
 from kochab.core.progress import Progress, Task
 from kochab.core.values import frozen
 from kochab.sky.catalogue import Catalogue
@@ -47,7 +47,7 @@ def to_galactic() -> Floats:
     centre = unit_vectors(*CENTRE_DEG)
     x = centre - (centre @ z) * z
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+    return np.stack([x, cross_product(z, x), z])
 
 
 def milky_way(catalogue: Catalogue) -> Task[MilkyWay]:

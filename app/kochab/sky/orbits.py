@@ -3,7 +3,7 @@
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit
+from kochab.core.attitude import cross_product, unit
 from kochab.core.progress import Progress, Task
 from kochab.sky.ephemeris import GM, Ephemeris
 
@@ -92,8 +92,8 @@ def days_since_perihelion(state: Floats) -> Floats:
     Barker's equation; of an ellipse far from its perihelion it is a few per cent off.
     """
     places, speeds = state[:, :3], state[:, 3:]
-    p = np.sum(np.cross(places, speeds) ** 2, axis=1) / GM["sun"]
-    towards = np.cross(speeds, np.cross(places, speeds)) / GM["sun"] - unit(places)
+    p = np.sum(cross_product(places, speeds) ** 2, axis=1) / GM["sun"]
+    towards = cross_product(speeds, cross_product(places, speeds)) / GM["sun"] - unit(places)
     q = p / (1.0 + np.linalg.norm(towards, axis=1))
     half = np.sqrt(np.maximum(np.linalg.norm(places, axis=1) / q - 1.0, 0.0))  # tan(v / 2) of a parabola
     days = np.sqrt(2.0 * q**3 / GM["sun"]) * (half + half**3 / 3.0)

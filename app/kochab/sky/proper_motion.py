@@ -3,7 +3,7 @@
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, unit
+from kochab.core.attitude import ARCSEC, cross_product, unit
 
 
 def tangent(vector: Floats) -> tuple[Floats, Floats]:
@@ -12,7 +12,7 @@ def tangent(vector: Floats) -> tuple[Floats, Floats]:
     # at a pole itself east is undefined; any direction will do, but not NaN
     flat = np.maximum(np.hypot(x, y), 1e-15)
     east = np.stack([-y / flat, x / flat, np.zeros_like(x)], axis=1)
-    return east, np.asarray(np.cross(vector, east), dtype=np.float64)
+    return east, np.asarray(cross_product(vector, east), dtype=np.float64)
 
 
 def moved(vector: Floats, pm_mas: Floats, years: Floats | float) -> Floats:

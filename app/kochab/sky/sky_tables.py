@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from kochab.core.arrays import Floats, Table
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import cross_product, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.values import frozen
 from kochab.sky.landmarks import constellation_names
@@ -83,7 +83,7 @@ def _named_stars(names: StarNames) -> NamedStars:
     east = np.stack([-np.sin(ra), np.cos(ra), np.zeros_like(ra)], axis=1)
     vector = unit_vectors(np.degrees(ra), np.degrees(dec))
     motion = [column(name)[rows, None] * (1e-2 * MAS) for name in ("pm_ra", "pm_dec")]
-    step = motion[0] * east + motion[1] * np.cross(vector, east)
+    step = motion[0] * east + motion[1] * cross_product(vector, east)
     named = np.flatnonzero(np.isin(hips, np.fromiter(names.table, dtype=np.int64)))
     given = np.array([names.label(row)[1] for row in rows[named].tolist()])
     labels = np.zeros(len(hips), dtype=given.dtype)
@@ -139,10 +139,10 @@ def _constellations(path: Path, figures: tuple[Floats, ...]) -> tuple[tuple[str,
 
 def _circle(pole: Floats) -> Floats:
     """The great circle (73, 3) about a pole."""
-    first = np.cross(pole, [0.0, 0.0, 1.0])
+    first = cross_product(pole, [0.0, 0.0, 1.0])
     first /= np.linalg.norm(first)
     angle = np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
-    return np.asarray(np.cos(angle) * first + np.sin(angle) * np.cross(pole, first))
+    return np.asarray(np.cos(angle) * first + np.sin(angle) * cross_product(pole, first))
 
 
 def ranks_of(objects: SkyObjects) -> Floats:

@@ -11,7 +11,7 @@ from kochab.attitude import wahba
 from kochab.attitude.fit import Fit, FocalPrior, refine
 from kochab.attitude.least_squares import off_axis, undistorted
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude, radec_deg
+from kochab.core.attitude import Attitude, cross_product, radec_deg
 from kochab.core.camera import Camera, FisheyeCamera
 from kochab.core.frame import Detections
 from kochab.core.pairing import close_pairs, mutual_nearest
@@ -228,7 +228,7 @@ def with_unknown_date(attitude: Attitude, matches: Matches, later: Floats) -> At
         return attitude
     before, moved = matches.vectors @ attitude.matrix.T, (later - matches.vectors) @ attitude.matrix.T
     # the one small turn that follows the motions best: normal equations of turn x before = moved
-    turn = np.linalg.solve(len(before) * np.eye(3) - before.T @ before, np.cross(before, moved).sum(axis=0))
+    turn = np.linalg.solve(len(before) * np.eye(3) - before.T @ before, cross_product(before, moved).sum(axis=0))
     return replace(attitude, covariance=attitude.covariance + np.outer(turn, turn))
 
 

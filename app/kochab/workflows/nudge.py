@@ -6,6 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from kochab.core.arrays import Floats
+from kochab.core.attitude import cross_product
 from kochab.core.errors import NoAnswerError, RefusedError
 from kochab.core.mount import SIDEREAL_DEG_S, Ability, Direction
 from kochab.core.progress import Progress, Task
@@ -265,6 +266,6 @@ def bring_here(
 
 def _turned(of_date_to_camera: Floats, turns: Floats) -> Floats:
     """The camera after the telescope turned by (east, north) radians; rotations only."""
-    level = np.cross(of_date_to_camera[2], POLE)
-    north = about(level / max(np.linalg.norm(level), 1e-12), float(turns[1]))
+    level = cross_product(of_date_to_camera[2], POLE)
+    north = about(level / max(float(np.linalg.norm(level)), 1e-12), float(turns[1]))
     return np.asarray(of_date_to_camera @ (about(POLE, float(turns[0])) @ north).T)

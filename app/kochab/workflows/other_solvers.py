@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kochab.core.attitude import east_north
+from kochab.core.attitude import cross_product, east_north
 from kochab.core.errors import UsageError
 from kochab.core.solution import NoSolution, Reason, Solution
 
@@ -20,7 +20,7 @@ def cd_at_centre(solution: Solution) -> Cd:
     # Differences over two pixels: the lens' distortion at the centre is in them, which a formula for TAN leaves out.
     steps = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
     rays = camera.unproject(middle + steps) @ solution.attitude.matrix
-    ahead = rays @ np.cross(east, north)
+    ahead = rays @ cross_product(east, north)
     plane = np.degrees(np.stack([rays @ east, rays @ north]) / ahead)
     x, y = (plane[:, 1] - plane[:, 0]) / 2.0, (plane[:, 3] - plane[:, 2]) / 2.0
     return (float(x[0]), float(y[0])), (float(x[1]), float(y[1]))

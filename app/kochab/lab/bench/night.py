@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kochab.core.attitude import unit, unit_vectors
+from kochab.core.attitude import cross_product, unit, unit_vectors
 from kochab.core.progress import run as finish
 from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, Row
 from kochab.lab.bench.night_long import long_night
@@ -185,7 +185,7 @@ def _beside(one: Crossing, place: dict[str, Any]) -> Measure | None:
     """How far the middle of a streak lies beside the great circle that was drawn, arcsec."""
     if "ends" not in place:
         return Measure(one.off_arcsec, 0.0)
-    pole = np.cross(*place["ends"])
+    pole = cross_product(*place["ends"])
     vectors = np.array([unit_vectors(*end) for end in one.ends_deg])
     off = np.degrees(np.arcsin(unit(vectors.sum(axis=0)) @ (pole / np.linalg.norm(pole)))) * 3600.0
     return Measure(abs(float(off)), one.sigma_arcsec)

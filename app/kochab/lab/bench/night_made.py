@@ -14,7 +14,7 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit, unit_vectors, wrapped
+from kochab.core.attitude import cross_product, unit, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.progress import run
 from kochab.core.values import frozen
@@ -249,10 +249,10 @@ def passing_satellite(rig: PracticeRig, exposure_from: float, site: Site) -> Sat
     there = unit(ground + (np.sqrt(along**2 - ground @ ground + radius**2) - along) * sight)
     motion = float(np.sqrt(GM_KM3_S2 / radius**3))
     for number in range(200):
-        way = unit(np.cross(there, unit(rng.normal(size=3))))
-        pole = np.cross(there, way)
-        node = unit(np.cross([0.0, 0.0, 1.0], pole))
-        before = float(np.arctan2(np.cross(node, there) @ pole, node @ there)) - motion * OLD_S
+        way = unit(cross_product(there, unit(rng.normal(size=3))))
+        pole = cross_product(there, way)
+        node = unit(cross_product([0.0, 0.0, 1.0], pole))
+        before = float(np.arctan2(cross_product(node, there) @ pole, node @ there)) - motion * OLD_S
         orbit = Satrec()
         epoch = (middle - OLD_S) / 86400.0 + JD_UNIX - JD_1949_12_31
         planes = float(np.arccos(pole[2])), float(np.arctan2(node[1], node[0])) % (2.0 * np.pi)

@@ -18,7 +18,7 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, small_rotation, unit
+from kochab.core.attitude import ARCSEC, cross_product, small_rotation, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Frame, Hint, Site
 from kochab.core.progress import run as drive
@@ -83,14 +83,14 @@ def night(rng: np.random.Generator, field_deg: float) -> Night:
         site = Site(float(rng.uniform(-60.0, 70.0)), float(rng.uniform(-180.0, 180.0)), float(rng.uniform(0.0, 2000.0)))
         pole = np.array([0.0, np.cos(tilt := np.radians(site.latitude_deg)), np.sin(tilt)]) * (1 - 2 * (tilt < 0))
         off = np.exp(rng.uniform(np.log(1.0), np.log(300.0))) / 60.0
-        axis = small_rotation(np.radians(off) * unit(np.cross(pole, rng.normal(size=3)))) @ pole
+        axis = small_rotation(np.radians(off) * unit(cross_product(pole, rng.normal(size=3)))) @ pole
         boresight, turn = unit(rng.normal(size=3)), np.radians(rng.uniform(30.0, 90.0))
         spread = np.concatenate([[0.0], np.sort(rng.uniform(0.0, 1.0, frames - 2)), [1.0]])
         turns = np.stack([small_rotation(axis * angle) for angle in turn * spread])
         if abs(np.degrees(np.arcsin((turns @ boresight)[:, 2].min())) - lowest) < 1.0:
             break
-    across = unit(np.cross(boresight, rng.normal(size=3)))
-    first = np.stack([across, np.cross(boresight, across), boresight])
+    across = unit(cross_product(boresight, rng.normal(size=3)))
+    first = np.stack([across, cross_product(boresight, across), boresight])
     usual_hpa = 1013.25 * float(np.exp(-site.height_m / 8434.0))
     air = Refraction(usual_hpa + float(rng.normal(0.0, 8.0)), float(rng.normal(10.0, 8.0)))
     start = 1.7e9 + float(rng.uniform(0.0, 1e8))

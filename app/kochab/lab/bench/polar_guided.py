@@ -8,14 +8,14 @@ calibration 30 % wrong, a second place, clouds, a guiding assistant, or pulses t
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, small_rotation, unit
+from kochab.core.attitude import ARCSEC, cross_product, small_rotation, unit
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.values import frozen, mutable
@@ -136,12 +136,17 @@ def _west(evening: Evening) -> float:
 
 def off_arcsec(evening: Evening, seconds: float) -> tuple[float, float]:
     """How far west of the camera's middle and how far south the star is, after so long without a pulse, arcsec."""
-    first = evening.star
-    north = unit(evening.axis * -_west(evening) - first * (evening.axis @ first) * -_west(evening))
-    camera = np.stack([np.cross(north, first), north, first], axis=1)  # east, north, straight ahead
-    turned = small_rotation(evening.axis * _west(evening) * SIDEREAL_RAD_S * seconds) @ camera
+    turned = small_rotation(evening.axis * _west(evening) * SIDEREAL_RAD_S * seconds) @ _first_camera(evening)
     east, up, ahead = turned.T @ later(evening, seconds)
     return float(-east / ahead / ARCSEC), float(-up / ahead / ARCSEC)
+
+
+@lru_cache(maxsize=1)
+def _first_camera(evening: Evening) -> Floats:
+    """East, north and straight ahead of the camera when the log begins, as columns (3, 3) in E, N, U."""
+    first = evening.star
+    north = unit(evening.axis * -_west(evening) - first * (evening.axis @ first) * -_west(evening))
+    return np.stack([cross_product(north, first), north, first], axis=1)
 
 
 @mutable
@@ -269,8 +274,8 @@ def drift_shows(evening: Evening) -> Floats:
 def _offset_arcsec(axis: Floats, evening: Evening) -> Floats:
     """(Altitude, azimuth on the sky) of an axis from the pole, arcsec."""
     pole = evening.pole
-    clockwise = unit(np.cross(pole, UP))
-    return np.array([np.cross(clockwise, pole), clockwise]) @ axis / ARCSEC
+    clockwise = unit(cross_product(pole, UP))
+    return np.array([cross_product(clockwise, pole), clockwise]) @ axis / ARCSEC
 
 
 def guided_rows(quick: bool, report: Report, only: Only = ALL_ROWS) -> tuple[list[Row], list[Goal]]:

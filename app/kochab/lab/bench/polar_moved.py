@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, small_rotation, unit
+from kochab.core.attitude import ARCSEC, cross_product, small_rotation, unit
 from kochab.core.frame import Site
 from kochab.core.values import frozen
 from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary
@@ -50,7 +50,7 @@ def turn(rng: np.random.Generator) -> Turn:
         pole = np.array([0.0, np.cos(tilt), np.sin(tilt)]) * np.copysign(1.0, tilt)
         # Evenly in the logarithm from 1 arcmin to 5 deg.
         off = np.exp(rng.uniform(np.log(1.0), np.log(300.0))) / 60.0
-        axis = small_rotation(np.radians(off) * unit(np.cross(pole, rng.normal(size=3)))) @ pole
+        axis = small_rotation(np.radians(off) * unit(cross_product(pole, rng.normal(size=3)))) @ pole
         steps = np.linspace(0.0, 1.0, frames)
         share, spread = steps, steps
         if rng.integers(2):
@@ -58,8 +58,8 @@ def turn(rng: np.random.Generator) -> Turn:
             share, spread = (np.concatenate([[0.0], each, [1.0]]) for each in between)
         turns = np.radians(rng.uniform(30.0, 90.0)) * spread * rng.choice([-1.0, 1.0])
         boresight, sideways = unit(rng.normal(size=3)), rng.normal(size=3)
-        across = unit(np.cross(boresight, sideways))
-        first = np.stack([across, np.cross(boresight, across), boresight], axis=1)
+        across = unit(cross_product(boresight, sideways))
+        first = np.stack([across, cross_product(boresight, across), boresight], axis=1)
         matrices = np.stack([small_rotation(axis * angle) for angle in turns]) @ first
         if matrices[:, 2, 2].min() > np.sin(np.radians(15.0)):
             return Turn(latitude, axis, turns, share, matrices)
@@ -77,7 +77,7 @@ def nothing(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def droop(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """The tube sinks by 120 arcsec between zenith and horizon."""
-    sinks = np.cross(UP, t.matrices[:, :, 2]) * 120.0 * ARCSEC
+    sinks = cross_product(UP, t.matrices[:, :, 2]) * 120.0 * ARCSEC
     return np.stack([small_rotation(v) for v in sinks]) @ t.matrices, t.axis
 
 
@@ -95,14 +95,14 @@ def creep(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
 def wobble(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """The axis runs around a cone of 40 arcsec, one to four times a turn."""
     phase = rng.uniform(1.0, 4.0) * t.turns_rad + rng.uniform(0.0, 2.0 * np.pi)
-    across = unit(np.cross(t.axis, UP))
-    tilts = np.cos(phase)[:, None] * across + np.sin(phase)[:, None] * np.cross(t.axis, across)
+    across = unit(cross_product(t.axis, UP))
+    tilts = np.cos(phase)[:, None] * across + np.sin(phase)[:, None] * cross_product(t.axis, across)
     return np.stack([small_rotation(v * 40.0 * ARCSEC) for v in tilts]) @ t.matrices, t.axis
 
 
 def dec_play(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Declination falls by 60 arcsec once, between any two frames."""
-    across = unit(np.cross(UP, t.matrices[0].T @ t.axis) * [1.0, 1.0, 0.0])
+    across = unit(cross_product(UP, t.matrices[0].T @ t.axis) * [1.0, 1.0, 0.0])
     fall_arcsec = float(rng.choice([-60.0, 60.0]))
     falls = np.where(np.arange(len(t.share)) >= rng.integers(1, len(t.share)), fall_arcsec, 0.0)
     return t.matrices @ small_towards(across, falls), t.axis

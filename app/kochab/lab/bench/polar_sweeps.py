@@ -15,7 +15,7 @@ import erfa
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC
+from kochab.core.attitude import ARCSEC, cross_product
 
 Random = np.random.Generator
 
@@ -166,9 +166,9 @@ def mount_at(place: Place, away: float, towards: float, camera: Floats) -> Mount
     east = np.array((1.0, 0.0, 0.0))
     aside = turned(pole, towards) @ east
     axis = turned(aside, away) @ pole
-    x = np.cross(np.array((0.0, 0.0, 1.0)), axis)  # level, so that a turn of 0 has the tube at the meridian's side
+    x = cross_product(np.array((0.0, 0.0, 1.0)), axis)  # level, so that a turn of 0 has the tube at the meridian's side
     x /= np.linalg.norm(x)
-    return Mount(np.column_stack((x, np.cross(axis, x), axis)), camera)
+    return Mount(np.column_stack((x, cross_product(axis, x), axis)), camera)
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class Sweep:
 
     def away_arcsec(self, axis: Floats) -> float:
         """How far a found axis (east, north, up) lies from the true one."""
-        return float(np.arctan2(np.linalg.norm(np.cross(axis, self.axis)), axis @ self.axis)) / ARCSEC
+        return float(np.arctan2(np.linalg.norm(cross_product(axis, self.axis)), axis @ self.axis)) / ARCSEC
 
     def is_dark(self) -> bool:
         """Whether the Sun is below the horizon by what an evening needs, from the first exposure to the last."""
@@ -331,7 +331,7 @@ def with_bolt(sweep: Sweep, rng: Random, arcmin: float | None = None, first: int
     """
     first = first or int(rng.integers(1, len(sweep.exposures)))
     up = np.array((0.0, 0.0, 1.0))
-    across = np.cross(up, sweep.axis)
+    across = cross_product(up, sweep.axis)
     turn_axis = up if rng.random() < 0.5 else across / np.linalg.norm(across)
     angle = (arcmin or rng.uniform(5, 60)) * ARCMIN * rng.choice((-1, 1))
     return _from(sweep, first, lambda shot: replace(shot, mount=shot.mount.kicked(turn_axis, angle)))

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from kochab.attitude import wahba
 from kochab.core.arrays import Bools, Floats, Ints
+from kochab.core.attitude import cross_product
 from kochab.core.camera import Camera
 from kochab.core.errors import UsageError
 from kochab.core.frame import Detections, Hint
@@ -138,7 +139,7 @@ def angle_at(middle: Floats, first: Floats, second: Floats) -> Floats:
     """The angle (T,), degrees, at ``middle`` between great circles to the others, all (T, 3)."""
     a = first - (first * middle).sum(axis=1, keepdims=True) * middle
     b = second - (second * middle).sum(axis=1, keepdims=True) * middle
-    sine = np.linalg.norm(np.cross(a, b), axis=1)
+    sine = np.linalg.norm(cross_product(a, b), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, (a * b).sum(axis=1))))
 
 

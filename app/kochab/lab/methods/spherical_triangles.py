@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import unit
+from kochab.core.attitude import cross_product, unit
 from kochab.core.errors import UsageError
 from kochab.core.registry import integer
 from kochab.core.values import frozen
@@ -95,7 +95,7 @@ def polar_moment(corners: Floats) -> Floats:
     #
     # n . corner
     #  is twice the flat area times the plane's distance h, whichever corner is taken.
-    normal = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    normal = cross_product(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
     volume = np.abs((normal * corners[..., 0, :]).sum(axis=-1)) / 2.0  # flat area times h
     point = POINTS @ corners
     r = np.linalg.norm(point, axis=-1)

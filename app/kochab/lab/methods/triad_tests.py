@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kochab.core.arrays import Array, Floats, Ints
+from kochab.core.attitude import cross_product
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import Progress, Task
@@ -299,8 +300,8 @@ def rotations(sight: TriadDetections, seen: Ints, sky: Floats, planar: bool) -> 
 
 def _bearing(start: Floats, end: Floats, pole: Floats) -> Floats:
     """Position angle of ``end`` at ``start`` (..., 3), radians, from the pole by the left."""
-    left = np.cross(pole, start)
-    up = np.cross(start, left)
+    left = cross_product(pole, start)
+    up = cross_product(start, left)
     return np.asarray(np.arctan2((end * left).sum(-1), (end * up).sum(-1)))
 
 
@@ -313,7 +314,7 @@ def rolls(body: Floats, sky: Floats) -> Floats:
     matrix = u @ vt
     z, up = matrix[:, 2], -matrix[:, 1]
     east = np.stack([-z[:, 1], z[:, 0], np.zeros(len(z))], axis=1)
-    return np.asarray(np.arctan2((up * east).sum(-1), (up * np.cross(z, east)).sum(-1)))
+    return np.asarray(np.arctan2((up * east).sum(-1), (up * cross_product(z, east)).sum(-1)))
 
 
 def image_sides(separation: Array, seen: Ints) -> Array:

@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import radec_deg, unit_vectors
+from kochab.core.attitude import cross_product, radec_deg, unit_vectors
 from kochab.core.frame import Detections, Frame, Site
 from kochab.core.mount import SIDEREAL_DEG_S, SIDEREAL_RAD_S
 from kochab.core.progress import Task
@@ -287,11 +287,11 @@ def _on_one_line(ends: Floats, beside_rad: Floats) -> Bools:
     ``ends`` (N, 2, 3) are unit vectors; NaN lies on nothing.
     """
     begin, end = ends[:, 0], ends[:, 1]
-    pole = np.cross(begin, end)
+    pole = cross_product(begin, end)
     with np.errstate(invalid="ignore", divide="ignore"):
         pole = pole / np.linalg.norm(pole, axis=1, keepdims=True)
     off = np.maximum(np.abs(pole @ begin.T), np.abs(pole @ end.T))  # row: whose circle; column: whose ends
-    along = np.cross(pole, begin)
+    along = cross_product(pole, begin)
     length = np.arctan2((along * end).sum(axis=1), (begin * end).sum(axis=1))
     places = [np.arctan2(along @ other.T, begin @ other.T) for other in (begin, end)]
     low, high = np.minimum(*places), np.maximum(*places)

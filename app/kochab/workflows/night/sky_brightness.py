@@ -18,7 +18,7 @@ from datetime import datetime
 import numpy as np
 
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import separation_deg, unit_vectors
+from kochab.core.attitude import cross_product, separation_deg, unit_vectors
 from kochab.core.frame import Detections, Frame
 from kochab.core.robust import median
 from kochab.core.solution import NamedStar, Solution
@@ -293,7 +293,7 @@ def colours_of(stars: Sequence[NamedStar], solution: Solution) -> Floats:
 def _areas(solution: Solution, xy: Floats) -> Floats:
     """Areas (N,) of pixels on the sky, arcsec², at places (N, 2) px."""
     right, down = (solution.sky_at(xy + step) - solution.sky_at(xy - step) for step in ((0.5, 0.0), (0.0, 0.5)))
-    return np.asarray(np.linalg.norm(np.cross(right, down), axis=1) * math.degrees(3600.0) ** 2)
+    return np.asarray(np.linalg.norm(cross_product(right, down), axis=1) * math.degrees(3600.0) ** 2)
 
 
 def brightness_of(

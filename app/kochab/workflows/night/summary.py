@@ -7,7 +7,7 @@ from datetime import datetime
 
 import numpy as np
 
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import cross_product, unit_vectors
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.values import frozen
@@ -217,7 +217,7 @@ def _hour_rad(ra_deg: float, dec_deg: float, site: Site, time_utc: datetime) -> 
     pole = pole_direction(site)
     north = 1.0 if site.latitude_deg >= 0.0 else -1.0
     west = np.array([-1.0, 0.0, 0.0])
-    meridian = north * np.cross(pole, west)
+    meridian = north * cross_product(pole, west)
     return math.atan2(float(seen @ west), float(seen @ meridian))
 
 

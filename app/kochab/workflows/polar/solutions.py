@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kochab.attitude.fit import refine
-from kochab.core.attitude import ARCSEC, Attitude, unit_vectors
+from kochab.core.attitude import ARCSEC, Attitude, cross_product, unit_vectors
 from kochab.core.camera import PROJECTIONS, Camera
 from kochab.core.errors import FrameError, KochabError, UsageError
 from kochab.core.frame import Hint, Site
@@ -135,10 +135,10 @@ def _of_map(sky_deg: Any, width: int, height: int) -> Solution:
     sky = unit_vectors(*sky_deg(*pixels.T))
     middle = np.array([width, height])[:, None] / 2.0 + [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     here, right, below = unit_vectors(*sky_deg(*middle))
-    scale = float(np.sqrt(np.linalg.norm(np.cross(right - here, below - here))))
+    scale = float(np.sqrt(np.linalg.norm(cross_product(right - here, below - here))))
     if not (np.isfinite(sky).all() and FINEST_RAD_PX < scale < 1.0):
         raise ValueError("no map of the sky")
-    mirrored, number = bool(np.cross(right - here, below - here) @ here < 0.0), np.arange(len(pixels))
+    mirrored, number = bool(cross_product(right - here, below - here) @ here < 0.0), np.arange(len(pixels))
     for lens in PROJECTIONS.values():
         camera = lens.centred(width, height, 1.0 / scale, mirrored)
         start = Attitude(best_rotation(sky, camera.unproject(pixels)))

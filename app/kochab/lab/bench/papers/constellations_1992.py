@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Bools, Floats
-from kochab.core.attitude import ARCSEC, Attitude, small_rotation, unit
+from kochab.core.attitude import ARCSEC, Attitude, cross_product, small_rotation, unit
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections
 from kochab.core.progress import run
@@ -124,8 +124,8 @@ def picture(
         turn, far = rng.uniform(0, 2 * np.pi), worst * rng.uniform(1.0, 2.0)
         off[k] = far * np.array([np.cos(turn), np.sin(turn)])
     # moved across themselves by small angles
-    east = unit(np.cross([0.0, 1.0, 0.0], body[inside]))
-    xy = lens.project(body[inside] + off[:, :1] * east + off[:, 1:] * np.cross(body[inside], east))
+    east = unit(cross_product([0.0, 1.0, 0.0], body[inside]))
+    xy = lens.project(body[inside] + off[:, :1] * east + off[:, 1:] * cross_product(body[inside], east))
     false = _disc(rng, situation.false) * PIXELS / 2.0 + (PIXELS - 1) / 2.0
     xy = np.concatenate([xy, false])
     mag = np.concatenate([seen_mag[inside], rng.choice(bright.mag, len(false))])

@@ -15,7 +15,7 @@ import numpy as np
 
 from kochab.attitude import ESTIMATORS
 from kochab.core.arrays import Floats, Ints
-from kochab.core.attitude import Attitude, east_north, unit, wrapped
+from kochab.core.attitude import Attitude, cross_product, east_north, unit, wrapped
 from kochab.core.frame import Detections
 from kochab.core.progress import run
 from kochab.core.solution import Solution
@@ -84,7 +84,7 @@ def by_default(field: RandomField) -> Outcome:
     # the attitude at the frame's middle, whatever principal point was fitted
     z = answer.centre_vector
     y = unit(answer.attitude.matrix[1] - z * float(answer.attitude.matrix[1] @ z))
-    return replace(_judged(field, seen, answer.star_vectors), attitude=Attitude(np.stack([np.cross(y, z), y, z])))
+    return replace(_judged(field, seen, answer.star_vectors), attitude=Attitude(np.stack([cross_product(y, z), y, z])))
 
 
 def _judged(field: RandomField, seen: Ints, vectors: Floats) -> Outcome:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from kochab.core.arrays import Bools, Floats, Ints
-from kochab.core.attitude import unit
+from kochab.core.attitude import cross_product, unit
 from kochab.core.values import frozen
 from kochab.lab.bench import timed
 from kochab.lab.bench.papers import Published, fastest
@@ -172,7 +172,7 @@ class QuadTree:
     def node_of(self, stars: Floats) -> Ints:
         """The leaf (N,) that each star (N, 3) lies in."""
         a, b, c = np.moveaxis(self.corners, 1, 0)
-        walls = np.stack([np.cross(a, b), np.cross(b, c), np.cross(c, a)], axis=1)
+        walls = np.stack([cross_product(a, b), cross_product(b, c), cross_product(c, a)], axis=1)
         walls *= np.sign((walls * np.stack([c, a, b], axis=1)).sum(-1))[..., None]
         depth = (walls.reshape(-1, 3) @ stars.T).reshape(len(a), 3, -1).min(axis=1)
         return np.asarray(depth.argmax(axis=0), dtype=np.int64)
@@ -188,7 +188,7 @@ class QuadTree:
         heights = []
         for k in range(3):
             a, b, c = (self.corners[:, (k + i) % 3] for i in range(3))
-            heights.append(np.degrees(np.arcsin(np.abs((unit(np.cross(a, b)) * c).sum(-1)))))
+            heights.append(np.degrees(np.arcsin(np.abs((unit(cross_product(a, b)) * c).sum(-1)))))
         return float(np.min(heights))
 
 
