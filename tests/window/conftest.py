@@ -13,7 +13,7 @@ from kochab.window.settings import WindowSettings
 from kochab.window.shell.welcome import Sample
 from kochab.window.themes import apply_theme
 from kochab.window.widgets import use_plain_numerals
-from tests.window.fakes import FakeEngine, assert_no_threads_left
+from tests.window.fakes import FakeEngine, close_windows
 
 PATIENCE_MS = 60_000
 
@@ -99,10 +99,7 @@ def make_window(qtbot, settings, tmp_path):
         return window, commands
 
     yield make
-    for commands in made:
-        commands.window.close()
-        assert commands.session.jobs.join(60.0)
-    assert_no_threads_left()
+    close_windows(*made)
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from kochab.core.frame import Detections, Frame
 from kochab.core.progress import Progress, Task
 from kochab.core.solution import NamedStar, NoSolution, Reason, Solution
 from kochab.solver import SolveOptions
+from kochab.window.shell.commands import Parts
 
 NAMES = ("Betelgeuse", "Rigel", "Bellatrix", "Mintaka", "Alnilam", "Alnitak", "Saiph", "Meissa")
 
@@ -124,10 +125,16 @@ def brightness(picture, stretch, shift=0.0):
     return stretch.table(levels, picture.low + shift, picture.high + shift)
 
 
-def assert_no_threads_left(*prefixes: str) -> None:
-    """No thread of a closed window runs on; the one that loads the plotting library does it for the process."""
+def close_windows(*made: Parts) -> None:
+    """Close windows, by their parts, and wait for their jobs.
+
+    No thread of theirs runs on; the one that loads the plotting library does it for the process.
+    """
+    for parts in made:
+        parts.window.close()
+        assert parts.session.jobs.join(60.0)
     for thread in threading.enumerate():
         if thread.name == "kochab-plots":
             thread.join(30.0)
-    left = [t.name for t in threading.enumerate() if t.name.startswith(prefixes or ("kochab-",))]
+    left = [t.name for t in threading.enumerate() if t.name.startswith(("kochab-", "polar-"))]
     assert not left, f"threads left behind: {left}"

@@ -67,7 +67,7 @@ from tests.gear.mounts.bench import LIMITS, SITE, simulated
 from tests.house import sources, tree
 from tests.polar.test_drawings import entry
 from tests.translations import collect, markers, release
-from tests.window.fakes import FakeEngine, assert_no_threads_left, fake_solution
+from tests.window.fakes import FakeEngine, close_windows, fake_solution
 from tests.window.mount_bench import connected
 from tests.window.polar.test_view import Nights, drive
 from tests.window.test_narrow import SCREENS, no_larger_than, resize, whole
@@ -653,9 +653,7 @@ def aligning(qtbot, abroad, settings):
     window.show()
     commands.views.show("polar")
     yield window, commands
-    window.close()
-    assert commands.session.jobs.join(60.0)
-    assert_no_threads_left("kochab-", "polar-")
+    close_windows(commands)
 
 
 def test_every_text_of_an_alignment_from_start_to_end_is_translated(qtbot, aligning):

@@ -8,7 +8,7 @@ from kochab.sky.layer import AMOUNTS
 from kochab.window.application import build
 from kochab.window.themes import HUES
 from kochab.workflows.annotated_image import INKS
-from tests.window.fakes import FakeEngine, no_solution
+from tests.window.fakes import FakeEngine, close_windows, no_solution
 
 
 @pytest.fixture
@@ -18,8 +18,7 @@ def commands(qtbot, settings, engine, a_file):
     with qtbot.waitSignal(commands.session.idle, timeout=60_000):
         commands.files.open(a_file)
     yield commands
-    window.close()
-    assert commands.session.jobs.join(60.0)
+    close_windows(commands)
 
 
 def write(qtbot, commands, name, path):

@@ -6,7 +6,7 @@ from kochab.window.application import build
 from kochab.window.frame.picture_age import OLD_S, PictureAge, picture_words
 from kochab.window.frame.session import WorkflowEngine
 from kochab.workflows.session.wiring import Wiring
-from tests.window.fakes import star_field
+from tests.window.fakes import close_windows, star_field
 
 
 @pytest.fixture
@@ -15,8 +15,7 @@ def commands(qtbot, settings):
     qtbot.addWidget(window)
     window.show()
     yield made
-    window.close()
-    assert made.session.jobs.join(60.0)
+    close_windows(made)
 
 
 def test_a_camera_frame_says_how_old_it_is_and_a_file_that_it_is_none(qtbot, commands, tmp_path):

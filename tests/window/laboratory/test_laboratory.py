@@ -23,7 +23,7 @@ from kochab.window.frame.session import WorkflowEngine
 from kochab.window.laboratory.setup import Hints, StarSource
 from kochab.window.laboratory.view import TimeLeft
 from kochab.window.shell.welcome import samples
-from tests.window.fakes import assert_no_threads_left
+from tests.window.fakes import close_windows
 from tests.window.test_night import assert_red
 
 LIMIT_MS = 30_000
@@ -40,15 +40,13 @@ def lab(qtbot, settings):
         window.resize(1360, 860)
         window.show()
         commands.views.show("laboratory")
-        made.append((window, commands))
+        made.append(commands)
         return commands, commands.views.docks["laboratory"].view
 
     yield make
-    for window, commands in made:
-        window.close()
+    for commands in made:
         commands.appearance.use_theme("dark", "normal")
-        assert commands.session.jobs.join(60.0)
-    assert_no_threads_left()
+    close_windows(*made)
 
 
 def wait_for(qtbot, view):

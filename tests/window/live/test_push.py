@@ -29,6 +29,7 @@ from tests.gear.dsc_box import DscBox
 from tests.gear.phyphox_phone import PhyphoxPhone
 from tests.server.telescope.conftest import Program
 from tests.server.telescope.test_stellarium_remote import Stellarium
+from tests.window.fakes import close_windows
 from tests.window.polar.test_phone import ask, switch_on
 from tests.window.test_night import assert_red
 from tests.workflows.live_sources import solution
@@ -53,8 +54,7 @@ def view(qtbot, settings):
     view.phone._host = "127.0.0.1"
     view.commands = commands
     yield view
-    window.close()
-    assert commands.session.jobs.join(60.0)
+    close_windows(commands)
 
 
 def seen(view, number, *place):

@@ -6,7 +6,7 @@ from kochab.server.phone_page import PhonePage
 from kochab.window.application import build
 from kochab.window.frame.session import WorkflowEngine
 from kochab.workflows.session.wiring import Wiring
-from tests.window.fakes import assert_no_threads_left
+from tests.window.fakes import close_windows
 
 
 @pytest.fixture
@@ -20,12 +20,10 @@ def polar(qtbot, settings):
         window.resize(1360, 860)
         window.show()
         commands.views.show("polar")
-        made.append((window, commands))
+        made.append(commands)
         return commands, commands.views.docks["polar"].view
 
     yield make
-    for window, commands in made:
-        window.close()
+    for commands in made:
         commands.appearance.use_theme("dark", "normal")
-        assert commands.session.jobs.join(60.0)
-    assert_no_threads_left("kochab-", "polar-")
+    close_windows(*made)

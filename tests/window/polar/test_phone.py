@@ -13,6 +13,7 @@ from kochab.window.frame.session import WorkflowEngine
 from kochab.window.phone import QrCode, serving
 from kochab.window.themes import THEMES
 from kochab.workflows.session.wiring import Wiring
+from tests.window.fakes import close_windows
 from tests.window.polar_cases import adjusting
 from tests.window.test_night import assert_red
 
@@ -28,8 +29,7 @@ def view(qtbot, settings):
     view = commands.views.docks["polar"].view
     view.phone._host = "127.0.0.1"
     yield view
-    window.close()
-    assert commands.session.jobs.join(60.0)
+    close_windows(commands)
     assert not view.phone.page.url
 
 
