@@ -108,7 +108,7 @@ def _hash(self: Any) -> int:
 
 
 def _refuse(self: Any, name: str, value: object = None) -> NoReturn:
-    raise FrozenInstanceError(f"cannot assign to field {name!r}")
+    raise FrozenInstanceError(name)
 
 
 def _state(self: Any) -> list[Any]:
