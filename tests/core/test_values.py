@@ -23,6 +23,7 @@ def star(decorate):
         name: str = "Kochab"
         lines: list[str] = field(default_factory=list)
         weight: float = field(default=1.0, compare=False, repr=False)
+        options: dict[str, int] = field(default_factory=dict, hash=False, kw_only=True)
         order: int = field(default=7, kw_only=True)
         seen: int = field(default=3, init=False)
         parts: dict[str, int] = field(default_factory=dict, init=False)

@@ -5,7 +5,7 @@ and has six fields, where this takes 0.15 ms. A command that solves a frame make
 does with a dataclass (`fields`, `replace`, `asdict`, `copy`, `pickle`, `match`) it does with these, which are such.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import MISSING, Field, FrozenInstanceError, dataclass, field, fields
 from operator import attrgetter
 from reprlib import recursive_repr
@@ -40,7 +40,8 @@ def _made(plain: type[T], eq: bool, is_frozen: bool) -> type[T]:
     methods: dict[str, Any] = {"__repr__": _repr}
     if eq:
         methods |= {"__eq__": _eq, "__hash__": _hash if is_frozen else None}
-        made._compared = attrgetter(*([one.name for one in fields(made) if one.compare] or ["__class__"]))
+        made._compared = _getter(one.name for one in fields(made) if one.compare)
+        made._hashed = _getter(one.name for one in fields(made) if (one.compare if one.hash is None else one.hash))
     if is_frozen:
         methods |= {"__setattr__": _refuse, "__delattr__": _refuse, "__getstate__": _state, "__setstate__": _restore}
     for name, method in methods.items():
@@ -99,12 +100,16 @@ def _repr(self: Any) -> str:
     return f"{type(self).__qualname__}({', '.join(shown)})"
 
 
+def _getter(names: Iterable[str]) -> "attrgetter[Any]":
+    return attrgetter(*(list(names) or ["__class__"]))
+
+
 def _eq(self: Any, other: Any) -> bool:
     return bool(self._compared(self) == other._compared(other)) if type(other) is type(self) else NotImplemented
 
 
 def _hash(self: Any) -> int:
-    return hash(self._compared(self))
+    return hash(self._hashed(self))
 
 
 def _refuse(self: Any, name: str, value: object = None) -> NoReturn:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import unit_vectors
+from kochab.core.attitude import cross_product, unit_vectors
 from kochab.pointing.disagreement import MountSighting, Seen, residuals
 from kochab.pointing.pointing_model import PointingModel, free_causes
 from kochab.sky.horizon import NO_AIR, Horizon
@@ -47,7 +47,7 @@ def tube_droop(sightings: Sequence[MountSighting], model: PointingModel) -> tupl
     left[:, 1] -= np.degrees(0.5 * cone_rad**2) * there[:, 2] / np.hypot(there[:, 0], there[:, 1])
     east = np.stack([-there[:, 1], there[:, 0], 0.0 * there[:, 0]], axis=1)
     east /= np.linalg.norm(east, axis=1, keepdims=True)
-    across = np.stack([east, np.cross(there, east)], axis=1)  # (N, 2, 3)
+    across = np.stack([east, cross_product(there, east)], axis=1)  # (N, 2, 3)
     zenith = unit_vectors(0.0, model.site.latitude_deg)
     droop = across @ zenith  # cos(altitude) upwards, by which the axes stand above what is seen
     leans = np.stack([side * there[:, 2], 0.0 * side], axis=1)

@@ -284,7 +284,7 @@ def test_escape_stops_a_slew_from_a_file_dialog_too(qtbot, opened):
         assert isinstance(dialogs[0], QFileDialog)
         qtbot.waitUntil(lambda: at_rest(mount), timeout=10_000)
         assert "stop" in [e[0] for e in mount.telescope.log]
-    assert not QApplication.testAttribute(native)
+    qtbot.waitUntil(lambda: not QApplication.testAttribute(native), timeout=60_000)
 
 
 def test_a_key_that_goes_with_its_window_leaves_the_systems_dialogs(qtbot):
