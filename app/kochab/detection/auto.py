@@ -78,6 +78,9 @@ MIN_COARSE = 128  # px; smaller frames are not made smaller still
 COARSE = 4
 MOST_LOOKED_AT = 1_500_000  # pixels of stamps in all
 BATCH = 500  # stars whose stamps are held at once
+MOST_SATURATED = 400  # their stamps are large: the number bounds the time
+# px: what four sigma of a star fit into is as exact as seven times as many pixels, which the few others need.
+SATURATED_HALVES = (9, 24)
 LOOKS = 4  # at a large star, each about where the last one put it: a ring's peaks lie on its rim
 
 
@@ -191,17 +194,20 @@ def _wide_enough(stars: MeasuredStars, covariance: Floats) -> Bools:
 
 def _measure_saturated(stars: MeasuredStars, view: PreparedFrame) -> None:
     """Saturated stars anew, in place, with a weight as large as their flat tops."""
-    wide = np.flatnonzero(stars.saturated)[:400]  # stamps of 49 px: the number bounds the time
-    if not len(wide):
-        return
-    stamps, _, _ = view.stamps(stars.xy[wide], 24)
-    shapes = adaptive_moments(stamps, 2.5, 9)
-    good = shapes.good & (shapes.flux > stars.flux[wide])
-    wide = wide[good]
-    stars.xy[wide] = np.stack([stamps.x + shapes.dx, stamps.y + shapes.dy], axis=1)[good]
-    stars.snr[wide] *= shapes.flux[good] / stars.flux[wide]
-    stars.flux[wide] = shapes.flux[good]
-    stars.moments[wide] = np.stack([shapes.xx, shapes.yy, shapes.xy], axis=1)[good]
+    left = np.flatnonzero(stars.saturated)[:MOST_SATURATED]
+    for half in SATURATED_HALVES:
+        if not len(left):
+            return
+        stamps, _, _ = view.stamps(stars.xy[left], half)
+        shapes = adaptive_moments(stamps, 2.5, 9)
+        held = shapes.good & (shapes.axes()[0] < half / 4.0) if half < SATURATED_HALVES[-1] else shapes.good
+        good = held & (shapes.flux > stars.flux[left])
+        wide = left[good]
+        stars.xy[wide] = np.stack([stamps.x + shapes.dx, stamps.y + shapes.dy], axis=1)[good]
+        stars.snr[wide] *= shapes.flux[good] / stars.flux[wide]
+        stars.flux[wide] = shapes.flux[good]
+        stars.moments[wide] = np.stack([shapes.xx, shapes.yy, shapes.xy], axis=1)[good]
+        left = left[~held]
 
 
 def without_duplicates(pixels: Array, stars: MeasuredStars, covariance: Floats) -> MeasuredStars:
