@@ -200,7 +200,11 @@ def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Float
     far = np.sqrt(dy[:, :, None] ** 2 + dx[:, None, :] ** 2) / cell
     wide = fwhm / cell
     ring = (far > INNER * wide) & (far < OUTER * wide)
-    level, noise = _sky(np.where(ring, values, np.nan).reshape(len(xy), -1))
+    around = np.flatnonzero(ring.any(axis=0))  # about half of a patch: the rest would be sorted for nothing
+    rings, patches = ring.reshape(len(xy), -1)[:, around], values.reshape(len(xy), -1)[:, around]
+    level, noise = _sky(np.where(rings, patches, np.nan))
+    near = np.abs(middle - middle.mean()) < cell * (INNER * wide + 2.0)
+    far, values = (part[:, near][:, :, near] for part in (far, values))
     above = cell**2 * (values - level[:, None, None])
     shares = (np.clip(radius * wide + 0.5 - far, 0.0, 1.0) for radius in (APERTURE, INNER))
     light, whole = ((share * above).sum(axis=(1, 2)) for share in shares)
@@ -243,7 +247,9 @@ def _sky(ring: Floats) -> tuple[Floats, Floats]:
     first, last = np.zeros(len(ring), dtype=np.int64), np.isfinite(ring).sum(axis=1)
     middle = _middles(ordered, first, last)
     off = np.nan_to_num(ordered - middle[:, None])  # small numbers, whose squares keep their digits
-    sums, squares = (np.pad(np.cumsum(off**power, axis=1), ((0, 0), (1, 0))) for power in (1, 2))
+    sums, squares = np.zeros((2, len(off), off.shape[1] + 1))
+    np.cumsum(off, axis=1, out=sums[:, 1:])
+    np.cumsum(off * off, axis=1, out=squares[:, 1:])
     mean, scatter = _moments(sums, squares, first, last)
     for _ in range(4):
         reach = 3.0 * scatter[:, None]
