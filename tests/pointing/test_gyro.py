@@ -8,6 +8,11 @@ from kochab.core.attitude import separation_deg
 from kochab.pointing.gyro import GyroModel
 
 RATE_HZ = 50.0
+NOISE_DEG_S_RT_HZ, WALK_DEG_S_RT_S = 0.007, 0.0003
+"""Of the chips in phones, as :mod:`tests.gear.phyphox_phone` has them from their data sheets."""
+UNEVEN = 0.01
+"""1 sigma of an axis's scale, and of what it feels of each other axis: BMI160, MPU-6500."""
+EARTH_DEG_S = Rotation.from_euler("Y", 42.0, degrees=True).apply((0.0, 0.0, 15.041 / 3600.0))
 
 
 class Tube:
@@ -16,7 +21,7 @@ class Tube:
     def __init__(self, seed: int) -> None:
         self.random = np.random.default_rng(seed)
         self.mounting = Rotation.random(random_state=seed)
-        self.scale = 1.0 + self.random.normal(0.0, 0.01, 3)
+        self.chip = np.eye(3) + self.random.normal(0.0, UNEVEN, (3, 3))
         self.rest_deg_s = self.random.normal(0.0, 0.3, 3)
         self.model = GyroModel()
         self.now_s, self.az, self.alt = 10.0, 0.0, 45.0
@@ -37,8 +42,10 @@ class Tube:
             self.az, self.alt = start[0] + eased * az, start[1] + eased * alt
             turn = -Rotation.from_matrix(self.attitude @ before.T).as_rotvec()
             before = self.attitude
-            noise = self.random.normal(0.0, 0.007 * np.sqrt(RATE_HZ), 3)
-            felt = self.mounting.inv().apply(np.degrees(turn) * RATE_HZ) * self.scale + self.rest_deg_s + noise
+            noise = self.random.normal(0.0, NOISE_DEG_S_RT_HZ * np.sqrt(RATE_HZ / 2.0), 3)
+            self.rest_deg_s = self.rest_deg_s + self.random.normal(0.0, WALK_DEG_S_RT_S / np.sqrt(RATE_HZ), 3)
+            rate = np.degrees(turn) * RATE_HZ + before @ EARTH_DEG_S
+            felt = self.chip @ self.mounting.inv().apply(rate) + self.rest_deg_s + noise
             self.now_s += 1.0 / RATE_HZ
             moments.append(self.now_s)
             rates.append(np.radians(felt))
@@ -76,6 +83,40 @@ def test_after_four_solves_it_leads_and_its_sigma_holds(seed) -> None:
         tube.rest(20.0)
         assert tube.off_deg() < 3.0 * sigma  # at rest nothing is added up
         assert tube.solve() is None
+
+
+def _alone(move) -> tuple[np.ndarray, np.ndarray]:
+    """How far off tubes are that ``move`` pushed after four solves, with no solve since, and the sigmas; arcminutes."""
+    off, sigma = [], []
+    for seed in range(24):
+        tube = Tube(seed)
+        tube.learn()
+        move(tube, *tube.random.uniform((-16.0, -10.0), (16.0, 10.0)))
+        tube.rest(1.5)
+        off.append(60.0 * tube.off_deg())
+        sigma.append(60.0 * tube.model.sigma_deg())
+    return np.array(off), np.array(sigma)
+
+
+def test_under_a_cap_a_usual_push_is_followed_within_five_minutes_of_arc() -> None:
+    off, sigma = _alone(lambda tube, az, alt: tube.push(az, alt))
+    assert np.mean(off < 5.0) >= 0.95
+    assert np.mean(off < 2.0 * sigma) >= 0.95
+    assert np.median(sigma) < 5.0  # so well that "there" can be said
+
+
+def test_under_a_cap_a_minute_of_pushes_and_rests_grows_no_more_than_its_sigma() -> None:
+    """No such chip does better over a long way; that each push begins within a rest must not add up."""
+
+    def nudge(tube: Tube, az: float, alt: float) -> None:
+        for _ in range(8):
+            tube.push(az / 8.0, alt / 8.0, 2.0)
+            tube.rest(5.5)
+
+    off, sigma = _alone(nudge)
+    assert np.median(off) < 6.5
+    assert np.mean(off < 2.0 * sigma) >= 0.95
+    assert np.median(sigma) > 5.0  # and "there" is not
 
 
 def test_one_turn_does_not_tell_how_it_sits() -> None:

@@ -1,14 +1,16 @@
 """A gyroscope on a telescope that is pushed, aligned by solved frames: where it points by the turns felt since.
 
 The gyroscope's rates, less what it shows at rest, add up to a rotation ``P`` in its own axes. It is fixed to the camera
-somehow, ``A = K P``, and its axes are a little too long or short: between two solves the camera turned by the vector
-``c`` about its axes and the gyroscope felt ``p``, and::
+somehow, ``A = K P``, and its axes are a little too long or short and not quite square: between two solves the camera
+turned by the vector ``c`` about its axes and the gyroscope felt ``p``, and::
 
-    c = K (1 + s) p
+    c = K (1 + S) p
 
-gives the mounting ``K`` (a rotation) and the scales ``s`` (3), as soon as two such turns were about different axes.
-They are fitted by least squares, the scales with the chips' tolerance as prior. The newest solve is met exactly.
-While it rests nothing is added up, so the error grows with the time in motion alone (zero velocity update).
+gives the mounting ``K`` (a rotation) and the symmetric ``S`` (6 numbers: what is left of axes that are not square is a
+rotation), as soon as two such turns were about different axes. They are fitted by least squares, ``S`` with the chips'
+tolerance as prior. The newest solve is met exactly. While it rests nothing is added up, so the error grows with the
+time in motion alone (zero velocity update). A push that begins within the window that shows the rest is added up
+from the window's beginning: it would lose a minute of arc each time.
 """
 
 import math
@@ -23,11 +25,15 @@ from kochab.core.values import frozen
 from kochab.pointing.encoders import CREEP_DEG_S, POINTING_DEG, SLIP_SIGMAS
 
 SCALE = 0.01
-"""1 sigma of an axis's scale: chips are given to 1 % (BMI160, LSM6DSO)."""
+"""1 sigma of an axis's scale, and of how much of another axis it feels: chips are given to 1 % (BMI160, LSM6DSO)."""
+SHAPES = np.zeros((6, 3, 3))
+"""What each of the six numbers of ``S`` does: three scales, three pairs of axes that are not square."""
+for _n, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+    SHAPES[_n, _i, _j] = SHAPES[_n, _j, _i] = 1.0
 NOISE_DEG_RT_S = 0.01
 """1 sigma of a turn after one second by the rates' noise: 0.004 to 0.007 deg/s/sqrt(Hz) in the same chips."""
-REST_DEG_S = 0.005
-"""1 sigma of what is taken for the rate at rest: hands on the tube, the chip's own wandering."""
+REST_DEG_S = 0.002
+"""1 sigma of the rate at rest after a push: half of the Earth's turning, of which it now feels another part."""
 LAG_S = 0.05
 """How late a rate is known: over the network, and until the next one."""
 STEADY_S, STEADY_DEG_S, RESTING_DEG_S = 0.8, 0.15, 0.03
@@ -76,7 +82,8 @@ class GyroModel:
     def __init__(self) -> None:
         self._rest = np.zeros(3)
         self._rest_variance = math.inf
-        self._window: deque[tuple[float, Floats]] = deque()
+        self._window: deque[tuple[float, Floats, float]] = deque()
+        self._rests = False
         self._past: deque[_Felt] = deque()
         self._anchor: _Sighting | None = None
         self._place: _Sighting | None = None
@@ -86,8 +93,8 @@ class GyroModel:
 
     def _forget_mounting(self) -> None:
         self._turns: deque[_Turn] = deque(maxlen=MOST_TURNS)
-        self._mounting, self._scale = np.eye(3), np.zeros(3)
-        self._covariance = np.diag([UNKNOWN_RAD**2] * 3 + [SCALE**2] * 3)
+        self._mounting, self._axes = np.eye(3), np.eye(3)  # K, and 1 + S
+        self._covariance = np.diag([UNKNOWN_RAD**2] * 3 + [SCALE**2] * 6)
 
     # -- What is felt ------------------------------------------------------------------------------
 
@@ -103,14 +110,17 @@ class GyroModel:
                 self._past.append(_Felt(moment, np.eye(3), 0.0, False))
                 continue
             assert before is not None
-            self._window.append((moment, rate))
+            self._window.append((moment, rate, step_s))
             while moment - self._window[0][0] > STEADY_S:
                 self._window.popleft()
             steady, resting = self._look_at_window(step_s)
             turned, moved_s = before.turned, before.moved_s
             if not resting:
-                turned = small_rotation(-(1.0 + self._scale) * (rate - self._rest) * step_s) @ turned
-                moved_s += step_s
+                # what began before it was noticed counts, too
+                for _, felt, seconds in self._window if self._rests else ((moment, rate, step_s),):
+                    turned = small_rotation(-self._axes @ (felt - self._rest) * seconds) @ turned
+                    moved_s += seconds
+            self._rests = resting
             self.rate_deg_s = 0.0 if resting else math.degrees(float(np.linalg.norm(rate - self._rest)))
             self._past.append(_Felt(moment, turned, moved_s, steady))
         while self._past and self._past[-1].at_s - self._past[0].at_s > KEPT_S:
@@ -120,13 +130,14 @@ class GyroModel:
         """Rates are missing: where it points, only the next solve tells."""
         self._past.clear()
         self._window.clear()
+        self._rests = False
         self._anchor = self._place = None
 
     def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
         """Whether the rates are steady, and whether the gyroscope is at rest; if it is, its bias is updated."""
         if self._window[-1][0] - self._window[0][0] < 0.9 * STEADY_S:
             return False, False
-        seen = np.array([rate for _, rate in self._window])
+        seen = np.array([rate for _, rate, _ in self._window])
         mean = seen.mean(axis=0)
         if np.degrees(seen.std(axis=0).max()) > STEADY_DEG_S:
             return False, False
@@ -134,7 +145,11 @@ class GyroModel:
             self._rest_variance += math.radians(WANDER_DEG_S) ** 2 * step_s
             if math.degrees(float(np.abs(mean - self._rest).max())) > RESTING_DEG_S:
                 return True, False
-        self._measure_rest(mean, math.radians(REST_SEEN_DEG_S) ** 2 * STEADY_S / step_s)
+        variance = math.radians(REST_SEEN_DEG_S) ** 2
+        if math.isinf(self._rest_variance):
+            self._measure_rest(mean, variance)
+        else:  # by the oldest alone: a push may be beginning in the newest
+            self._measure_rest(seen[0], variance * STEADY_S / step_s)
         return True, True
 
     def _measure_rest(self, mean: Floats, variance: float) -> None:
@@ -178,38 +193,41 @@ class GyroModel:
             return None  # short ways add up to one that tells something
         self._place = new
         if off is None and turn_deg < LARGEST_TURN_DEG:
-            self._turns.append(_Turn(camera, turned / (1.0 + self._scale), self._turn_sigma(place.felt, felt)))
+            self._turns.append(
+                _Turn(camera, np.asarray(np.linalg.solve(self._axes, turned)), self._turn_sigma(place.felt, felt))
+            )
             self._fit()
         return off
 
     def _turn_sigma(self, last: _Felt, felt: _Felt) -> float:
         moved_s = felt.moved_s - last.moved_s
         rest = math.hypot(math.radians(REST_DEG_S), math.sqrt(min(self._rest_variance, 1.0)))
-        return math.hypot(math.radians(POINTING_DEG), rest * moved_s, math.radians(NOISE_DEG_RT_S) * math.sqrt(moved_s))
+        noise = math.radians(NOISE_DEG_RT_S) * math.sqrt(moved_s)
+        wander = math.radians(WANDER_DEG_S) * math.sqrt(moved_s**3 / 3.0)  # of the rate at rest, added up
+        return math.hypot(math.radians(POINTING_DEG), rest * moved_s, noise, wander)
 
     def _fit(self) -> None:
         camera = np.array([turn.camera for turn in self._turns])
         felt = np.array([turn.felt for turn in self._turns])
         weight = 1.0 / np.array([turn.sigma for turn in self._turns])
         lengths = np.linalg.norm(camera, axis=1)
-        mounting, scale = self._mounting, self._scale
+        mounting, axes = self._mounting, self._axes
         if len(self._turns) > 1:
             ways = unit(camera), unit(felt)
             mounting = wahba(*ways, 1.0 / (weight * lengths)).matrix
         elif len(self._turns) == 1:
             mounting = _shortest(felt[0], camera[0])
+        prior = np.array([UNKNOWN_RAD**-2] * 3 + [SCALE**-2] * 6)
         for _ in range(5):
-            model = ((1.0 + scale) * felt) @ mounting.T
-            left = (camera - model) * weight[:, None]
-            # a small turn k of the mounting moves the model by k x model; a scale along its own axis
-            by_turn = cross_product(np.eye(3)[None], model[:, None]).transpose(0, 2, 1)
-            by_scale = mounting[None] * felt[:, None, :]
-            slope = np.concatenate([by_turn, by_scale], axis=2) * weight[:, None, None]
-            slope, rest = slope.reshape(-1, 6), left.reshape(-1)
-            information = slope.T @ slope + np.diag([UNKNOWN_RAD**-2] * 3 + [SCALE**-2] * 3)
-            step = np.linalg.solve(information, slope.T @ rest - np.concatenate([np.zeros(3), scale / SCALE**2]))
-            mounting, scale = small_rotation(step[:3]) @ mounting, scale + step[3:]
-        self._mounting, self._scale, self._covariance = mounting, scale, np.linalg.inv(information)
+            left = (camera - felt @ axes @ mounting.T) * weight[:, None]
+            slope = np.stack([_slope(mounting, axes, one) for one in felt]) * weight[:, None, None]
+            slope, rest = slope.reshape(-1, 9), left.reshape(-1)
+            information = slope.T @ slope + np.diag(prior)
+            shape = (axes - np.eye(3))[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+            known = prior * np.concatenate([np.zeros(3), shape])
+            step = np.linalg.solve(information, slope.T @ rest - known)
+            mounting, axes = small_rotation(step[:3]) @ mounting, axes + np.tensordot(step[3:], SHAPES, 1)
+        self._mounting, self._axes, self._covariance = mounting, axes, np.linalg.inv(information)
 
     # -- What is asked -----------------------------------------------------------------------------
 
@@ -236,11 +254,16 @@ class GyroModel:
         if felt.moved_s <= last.felt.moved_s:
             return creep
         turned = rotation_vector(felt.turned @ last.felt.turned.T)
-        by_turn = cross_product(np.eye(3), self._mounting @ turned).T
-        slope = np.concatenate([by_turn, self._mounting * turned], axis=1)[:2]
+        slope = _slope(self._mounting, np.eye(3), turned)[:2]
         mounting = math.degrees(math.sqrt(max(float(np.trace(slope @ self._covariance @ slope.T)), 0.0)))
         moved = math.degrees(self._turn_sigma(last.felt, felt))
         return math.hypot(mounting, math.sqrt(2.0) * moved, LAG_S * self.rate_deg_s, creep)
+
+
+def _slope(mounting: Floats, axes: Floats, felt: Floats) -> Floats:
+    """How a felt turn (3,), seen by the camera, changes with small turns of the mounting and with ``S``: (3, 9)."""
+    by_turn = cross_product(np.eye(3), mounting @ axes @ felt).T
+    return np.concatenate([by_turn, mounting @ (SHAPES @ felt).T], axis=1)
 
 
 def _between(one: _Sighting, other: _Sighting) -> tuple[Floats, Floats]:
