@@ -52,6 +52,17 @@ def test_a_tube_that_droops_below_its_axes_is_found() -> None:
     assert np.abs(pulls).max() < 3.0
 
 
+def test_without_noise_the_droop_is_right_to_two_arcsec() -> None:
+    """Which way the tube hangs at each hour angle, and how a cone lowers it: scatter would hide both."""
+    for seed in range(4):
+        mount, rng = bad_mount(seed)
+        mount.noise = 0.0
+        seen = [raised(one, 50.0) for one in sightings(mount, 24, rng, sides=True)]
+        value, sigma = tube_droop(seen, fit_model(seen))
+        assert value == pytest.approx(50.0, abs=2.0)
+        assert sigma < 2.0
+
+
 def test_four_places_have_no_droop() -> None:
     mount, rng = bad_mount(1)
     seen = sightings(mount, 5, rng, sides=True)
