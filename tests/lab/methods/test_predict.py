@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,17 @@ def test_a_place_and_a_scale_are_enough(fov, radius) -> None:
         assert found.attitude.boresight @ field.attitude.boresight > np.cos(np.radians(fov / 200))
         assert found.camera.mirrored == field.camera.mirrored
         assert found.log10_false_alarm < -5
+
+
+@pytest.mark.parametrize("scales", [(0.82, 0.99), (1.01, 1.19)])
+def test_a_scale_just_outside_its_range_is_found(scales) -> None:
+    field = random_field(open_catalogue(), np.random.default_rng(5), FieldPlan(25.0))
+    hint = hint_near(field, 1.8, 3.0, np.random.default_rng(6))
+    scale = field.camera.scale_arcsec_px
+    asked = replace(hint, scale_arcsec_px=(scales[0] * scale, scales[1] * scale))
+    found = run(Predict().identify(field.detections, asked))
+    assert isinstance(found, Identification)
+    assert found.camera.focal_px == pytest.approx(field.camera.focal_px, rel=0.01)
 
 
 def test_points_and_other_places_are_refused() -> None:
