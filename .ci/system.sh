@@ -29,8 +29,7 @@ driven="/usr/bin/Xvfb=xvfb /usr/share/fonts/truetype/dejavu/DejaVuSans.ttf=fonts
   /usr/bin/indiserver=indi-bin /usr/bin/indi_eqmod_telescope=indi-eqmod /usr/bin/indi_starbook_telescope=indi-starbook
   /usr/bin/indi_gphoto_ccd=indi-gphoto /usr/bin/indi_lx200stargo=indi-avalon /usr/bin/indi_bresserexos2=indi-bresserexos2
   /usr/bin/faketime=faketime /usr/bin/localedef=locales /usr/share/i18n/locales/de_DE=locales /usr/bin/unshare=util-linux /usr/bin/pdftotext=poppler-utils
-  /usr/bin/dbus-daemon=dbus-daemon /usr/libexec/at-spi-bus-launcher=at-spi2-core
-  /usr/bin/kstars=kstars /usr/bin/gdbus=libglib2.0-bin"
+  /usr/bin/dbus-daemon=dbus-daemon /usr/libexec/at-spi-bus-launcher=at-spi2-core"
 
 absent_libraries() {
   local known pair

@@ -82,8 +82,8 @@ def practice():
         mount = ["--port", json.loads(night.readline())["port"], "--driver", "lx200", "--site", SITE]
         mount += ["--trust-mount", "--yes"]  # its night is not this computer's
         with running(*us, "telescope", *mount, "--offer", "indi=0", "--json") as offered:
-            said = (json.loads(line) for line in offered)
-            yield next(event["ports"]["indi"] for event in said if event["event"] == "ready")
+            events = (json.loads(line) for line in offered)
+            yield next(event["ports"]["indi"] for event in events if event["event"] == "ready")
 
 
 @pytest.fixture
