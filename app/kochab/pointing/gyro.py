@@ -26,10 +26,9 @@ from kochab.pointing.encoders import CREEP_DEG_S, POINTING_DEG, SLIP_SIGMAS
 
 SCALE = 0.01
 """1 sigma of an axis's scale, and of how much of another axis it feels: chips are given to 1 % (BMI160, LSM6DSO)."""
-SHAPES = np.zeros((6, 3, 3))
-"""What each of the six numbers of ``S`` does: three scales, three pairs of axes that are not square."""
-for _n, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-    SHAPES[_n, _i, _j] = SHAPES[_n, _j, _i] = 1.0
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+SHAPES = np.array([np.maximum(np.outer(a, b), np.outer(b, a)) for a, b in (np.eye(3)[list(pair)] for pair in PAIRS)])
+"""What each of the six numbers of ``S`` does (6, 3, 3): three scales, three pairs of axes that are not square."""
 NOISE_DEG_RT_S = 0.01
 """1 sigma of a turn after one second by the rates' noise: 0.004 to 0.007 deg/s/sqrt(Hz) in the same chips."""
 REST_DEG_S = 0.002
@@ -223,7 +222,7 @@ class GyroModel:
             slope = np.stack([_slope(mounting, axes, one) for one in felt]) * weight[:, None, None]
             slope, rest = slope.reshape(-1, 9), left.reshape(-1)
             information = slope.T @ slope + np.diag(prior)
-            shape = (axes - np.eye(3))[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+            shape = np.array([axes[i, j] - (i == j) for i, j in PAIRS])
             known = prior * np.concatenate([np.zeros(3), shape])
             step = np.linalg.solve(information, slope.T @ rest - known)
             mounting, axes = small_rotation(step[:3]) @ mounting, axes + np.tensordot(step[3:], SHAPES, 1)
