@@ -3,6 +3,7 @@
 import random
 import time
 from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
 
 import astropy.units as u
 import pytest
@@ -20,7 +21,7 @@ from kochab.solver import SolveOptions
 from kochab.workflows.goto_target import target_at
 from kochab.workflows.solve_frame import solve_open_frame
 from kochab.workflows.telescope.offered import OfferedTelescope
-from kochab.workflows.telescope.push_to import OLD_S, THERE_DEG, push_to
+from kochab.workflows.telescope.push_to import OLD_S, THERE_DEG, phone_json, push_to
 
 SITE = Site(48.14, 11.58, 520.0)
 PLACE = EarthLocation(lat=SITE.latitude_deg * u.deg, lon=SITE.longitude_deg * u.deg, height=SITE.height_m * u.m)
@@ -127,6 +128,19 @@ def test_an_old_solve_is_told_and_is_never_there() -> None:
     way = push_to(telescope, time.monotonic() + OLD_S + 5.0)
     assert not way.there
     assert way.age_words.startswith("Last solved 1")
+
+
+def test_what_is_felt_since_the_last_solve_is_told_with_its_sigma() -> None:
+    telescope, now_s = OfferedTelescope(print), time.monotonic()
+    telescope.target = target_at(10.0, 40.0)
+    felt = SimpleNamespace(icrs_deg=(10.0, 41.0), at_s=now_s, sigma_deg=4.0 / 60.0)
+    telescope.aid = SimpleNamespace(see=lambda solution, at_s: None, pointing=lambda eyepiece: felt)
+    telescope.see_solution(SimpleNamespace(), now_s - 5.0)
+    assert push_to(telescope, now_s).age_words == ""
+    telescope.see_solution(SimpleNamespace(), now_s - 45.0)
+    way = push_to(telescope, now_s)
+    assert way.age_words == "Last solved 45 s ago, since then by encoders or gyroscope (± 4.0′)."
+    assert "50 s ago" in str(phone_json(way, now_s + 5.0)["age"])
 
 
 def test_a_target_below_the_horizon_is_told() -> None:
