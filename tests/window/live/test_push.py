@@ -215,6 +215,20 @@ def test_encoders_move_the_arrow_between_two_frames(qtbot, view) -> None:
         assert push.aid_address.isEnabled()
 
 
+def test_what_encoders_or_a_gyroscope_alone_tell_is_said_and_is_no_alarm(view) -> None:
+    push = view.push
+    push._aim(target_at(83.0, -4.0))
+    seen(view, 1, 83.0, 6.0)
+    assert push.age.text() == ""
+    push.telescope.aid = SimpleNamespace(see=lambda *_: None, pointing=lambda _: felt)
+    felt = SimpleNamespace(icrs_deg=(83.0, 5.0), at_s=time.monotonic(), sigma_deg=0.07)
+    push.telescope.see_solution(None, time.monotonic() - 45.0)
+    push.write()
+    assert push.age.text() == "Last solved 45 s ago, since then by encoders or gyroscope (± 4.2′)."
+    assert push.age.property("role") == "muted"
+    push.telescope.aid = None
+
+
 def on_sky(west, north):
     """ICRS degrees of an equatorial mount without a drive that was turned so far."""
     turned = 15.041 * (time.monotonic() - BEGAN_S) / 3600.0

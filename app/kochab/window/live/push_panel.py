@@ -220,7 +220,7 @@ class PushPanel(Page):
         self.distance.setText("" if way is None else way.distance_text)
         waiting = NO_TARGET if self.telescope.target is None else NO_POINTING
         show_text(self.words, tr(waiting) if way is None else way.words, "muted" if way is None else "")
-        show_text(self.age, "" if way is None else way.age_words)
+        show_text(self.age, "" if way is None else way.age_words, "wrong" if way is None or way.old else "muted")
         show_text(self.programs, self.telescope.connected_text if self._ports is not None else "")
         self.way.emit(way)
 
