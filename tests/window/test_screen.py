@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.virtual_screen import virtual_screen
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 SAMPLES = REPOSITORY / "resources" / "samples"
 
@@ -20,27 +21,8 @@ SAMPLES = REPOSITORY / "resources" / "samples"
 @pytest.fixture(scope="module")
 def screen():
     """The name of a virtual X screen made for these tests."""
-    if shutil.which("Xvfb") is None:
-        pytest.skip("Xvfb is not installed, so there is no virtual screen to draw on")
-    reading, writing = os.pipe()
-    # A number of its own: a server that ends takes away the socket of one that begins with the same number.
-    display = f":{1000 + os.getpid() % 50_000}"
-    # And no reset: without it the server begins anew when its last client has left, and one that comes then is refused.
-    server = subprocess.Popen(
-        ["Xvfb", display, "-displayfd", str(writing), "-screen", "0", "1600x1000x24", "-nolisten", "tcp", "-noreset"],
-        pass_fds=[writing],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    os.close(writing)
-    with os.fdopen(reading) as told:
-        started = told.readline().strip()
-    if not started:
-        server.wait(10)
-        pytest.skip("Xvfb did not start")
-    yield display
-    server.terminate()
-    server.wait(10)
+    with virtual_screen() as display:
+        yield display
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ import pytest
 
 from kochab.core.attitude import apart_deg
 from tests.server.telescope.conftest import wait_for
+from tests.virtual_screen import virtual_screen
 
 PROGRAMS = {"kstars": "kstars", "Xvfb": "xvfb", "dbus-run-session": "dbus-daemon", "gdbus": "libglib2.0-bin"}
 INDI = "org.kde.kstars.INDI"
@@ -26,17 +27,17 @@ NO_WIZARD = "[StartupWizard]\nRunStartupWizard=false\n"
 SESSION = 'echo "$DBUS_SESSION_BUS_ADDRESS"; exec kstars >/dev/null 2>&1'
 BUS = """<busconfig><type>session</type><listen>unix:tmpdir=/tmp</listen><auth>EXTERNAL</auth>
 <policy context="default"><allow send_destination="*" eavesdrop="true"/><allow eavesdrop="true"/><allow own="*"/></policy></busconfig>"""
-"""A bus that starts no services: KStars waits for a keyring that asks nobody."""
+"""A bus that starts no services: KStars would wait for a keyring that nobody unlocks."""
 
 
 class KStars:
-    """Its INDI client, over the D-Bus that it answers."""
+    """Its INDI client, called over D-Bus."""
 
     def __init__(self, bus):
         self._env = {**os.environ, "DBUS_SESSION_BUS_ADDRESS": bus}
 
     def __call__(self, method, *arguments):
-        """What it answers, as GVariant text; nothing while it does not answer."""
+        """Its answer as GVariant text, empty while there is none."""
         call = ["gdbus", "call", "--session", "--timeout", "20", "-d", "org.kde.kstars", "-o", "/KStars/INDI"]
         call += ["-m", f"{INDI}.{method}", "--", *map(str, arguments)]
         return subprocess.run(call, env=self._env, capture_output=True, text=True, timeout=60).stdout.strip()
@@ -45,7 +46,7 @@ class KStars:
         return float(re.sub(r"[(),]", "", self("getNumber", "Kochab", "EQUATORIAL_EOD_COORD", name)))
 
     def place(self):
-        """Where it shows the telescope, degrees of date."""
+        """RA and Dec of date at which it shows the telescope, degrees."""
         return self.number("RA") * 15.0, self.number("DEC")
 
     def state(self):
@@ -59,7 +60,7 @@ class KStars:
 
 @contextmanager
 def running(*command, **how):
-    """A program and its output's lines; it and what it began are ended."""
+    """The output of a program, which is ended afterwards with all that it has started."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True, **how) as process:
         try:
             yield process.stdout
@@ -68,15 +69,9 @@ def running(*command, **how):
                 os.killpg(process.pid, signal.SIGTERM)
 
 
-def _on(screen, *command, **how):
-    """A program once the screen is there."""
-    assert screen.readline().strip(), "Xvfb did not start"
-    return running(*command, **how)
-
-
 @pytest.fixture
 def practice():
-    """The port of the INDI device of a practice mount that programs may move."""
+    """The port of an INDI device: a practice mount that other programs may move."""
     us = [sys.executable, "-m", "app"]
     with running(*us, "practice", "--socket", "--json", "--lost", "0", "--site", SITE, stdin=subprocess.PIPE) as night:
         mount = ["--port", json.loads(night.readline())["port"], "--driver", "lx200", "--site", SITE]
@@ -90,20 +85,17 @@ def practice():
 def kstars():
     missing = [package for program, package in PROGRAMS.items() if shutil.which(program) is None]
     if missing:
-        pytest.skip(f"KStars cannot be driven here: apt-get install {' '.join(missing)}")
+        pytest.skip(f"KStars or what drives it is not installed: apt-get install {' '.join(missing)}")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as home:
         (Path(home) / ".config").mkdir()
         (Path(home) / ".config" / "kstarsrc").write_text(NO_WIZARD)
         (bus := Path(home) / "bus.conf").write_text(BUS)
         env = {**os.environ, "HOME": home, "XDG_RUNTIME_DIR": home, "LIBGL_ALWAYS_SOFTWARE": "1"}
         env |= {"XDG_CONFIG_HOME": f"{home}/.config", "QT_QPA_PLATFORM": "xcb"}
-        # A number of its own, not xvfb-run's, which two that begin together may both take.
-        env["DISPLAY"] = display = f":{1000 + os.getpid() % 50_000}"
-        quiet = {"env": env, "stderr": subprocess.DEVNULL}
         session = ("dbus-run-session", f"--config-file={bus}", "--", "bash", "-c", SESSION)
         with (
-            running("Xvfb", display, "-displayfd", "1", "-nolisten", "tcp", "-noreset", **quiet) as screen,
-            _on(screen, *session, **quiet) as lines,
+            virtual_screen() as display,
+            running(*session, env=env | {"DISPLAY": display}, stderr=subprocess.DEVNULL) as lines,
         ):
             program = KStars(lines.readline().strip())
             assert wait_for(lambda: program("getDevices") != "", PATIENCE_S)
