@@ -79,8 +79,8 @@ COARSE = 4
 MOST_LOOKED_AT = 1_500_000  # pixels of stamps in all
 BATCH = 500  # stars whose stamps are held at once
 MOST_SATURATED = 400  # their stamps are large: the number bounds the time
-# px: what four sigma of a star fit into is as exact as seven times as many pixels, which the few others need.
-SATURATED_HALVES = (9, 24)
+# Half sizes, px, and the sigma, px, that each is large enough for: nearly all fit into the first, a seventh the work.
+SATURATED_STAMPS = ((9, 9 / 4.0), (24, np.inf))
 LOOKS = 4  # at a large star, each about where the last one put it: a ring's peaks lie on its rim
 
 
@@ -195,12 +195,12 @@ def _wide_enough(stars: MeasuredStars, covariance: Floats) -> Bools:
 def _measure_saturated(stars: MeasuredStars, view: PreparedFrame) -> None:
     """Saturated stars anew, in place, with a weight as large as their flat tops."""
     left = np.flatnonzero(stars.saturated)[:MOST_SATURATED]
-    for half in SATURATED_HALVES:
+    for half, widest in SATURATED_STAMPS:
         if not len(left):
             return
         stamps, _, _ = view.stamps(stars.xy[left], half)
         shapes = adaptive_moments(stamps, 2.5, 9)
-        held = shapes.good & (shapes.axes()[0] < half / 4.0) if half < SATURATED_HALVES[-1] else shapes.good
+        held = shapes.good & (shapes.axes()[0] < widest)
         good = held & (shapes.flux > stars.flux[left])
         wide = left[good]
         stars.xy[wide] = np.stack([stamps.x + shapes.dx, stamps.y + shapes.dy], axis=1)[good]

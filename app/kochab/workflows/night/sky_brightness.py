@@ -200,9 +200,8 @@ def _photometry(frame: Frame, xy: Floats, fwhm: float, half: int) -> tuple[Float
     far = np.sqrt(dy[:, :, None] ** 2 + dx[:, None, :] ** 2) / cell
     wide = fwhm / cell
     ring = (far > INNER * wide) & (far < OUTER * wide)
-    around = np.flatnonzero(ring.any(axis=0))  # about half of a patch: the rest would be sorted for nothing
-    rings, patches = ring.reshape(len(xy), -1)[:, around], values.reshape(len(xy), -1)[:, around]
-    level, noise = _sky(np.where(rings, patches, np.nan))
+    around = ring.any(axis=0)  # about half of a patch: the rest would be sorted for nothing
+    level, noise = _sky(np.where(ring[:, around], values[:, around], np.nan))
     near = np.abs(middle - middle.mean()) < cell * (INNER * wide + 2.0)
     far, values = (part[:, near][:, :, near] for part in (far, values))
     above = cell**2 * (values - level[:, None, None])
