@@ -53,7 +53,7 @@ def test_a_tube_that_droops_below_its_axes_is_found() -> None:
 
 
 def test_without_noise_the_droop_is_right_to_two_arcsec() -> None:
-    """Which way the tube hangs at each hour angle, and how a cone lowers it: scatter would hide both."""
+    """The direction of the droop at each hour angle, and cone error's part in it, which noise would hide."""
     for seed in range(4):
         mount, rng = bad_mount(seed)
         mount.noise = 0.0

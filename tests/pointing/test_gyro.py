@@ -9,9 +9,9 @@ from kochab.pointing.gyro import GyroModel
 
 RATE_HZ = 50.0
 NOISE_DEG_S_RT_HZ, WALK_DEG_S_RT_S = 0.007, 0.0003
-"""Of the chips in phones, as :mod:`tests.gear.phyphox_phone` has them from their data sheets."""
+"""Rate noise and bias drift of phone gyroscopes, from the data sheets named in :mod:`tests.gear.phyphox_phone`."""
 UNEVEN = 0.01
-"""1 sigma of an axis's scale, and of what it feels of each other axis: BMI160, MPU-6500."""
+"""1 sigma of scale errors and of cross-axis sensitivity: BMI160, MPU-6500."""
 EARTH_DEG_S = Rotation.from_euler("Y", 42.0, degrees=True).apply((0.0, 0.0, 15.041 / 3600.0))
 
 
@@ -86,7 +86,7 @@ def test_after_four_solves_it_leads_and_its_sigma_holds(seed) -> None:
 
 
 def _alone(move, tubes=24) -> tuple[np.ndarray, np.ndarray]:
-    """How far off tubes are that ``move`` pushed after four solves, with no solve since, and the sigmas; arcminutes."""
+    """Errors and sigmas, arcminutes, of tubes that ``move`` has pushed after four solves and without another."""
     off, sigma = [], []
     for seed in range(tubes):
         tube = Tube(seed)
@@ -106,7 +106,7 @@ def test_under_a_cap_a_usual_push_is_followed_within_five_minutes_of_arc() -> No
 
 
 def test_under_a_cap_a_minute_of_pushes_and_rests_grows_no_more_than_its_sigma() -> None:
-    """No such chip does better over a long way; that each push begins within a rest must not add up."""
+    """Bias drift limits every such chip; the start of a push, which looks like rest, must not add to it."""
 
     def nudge(tube: Tube, az: float, alt: float) -> None:
         for _ in range(8):

@@ -139,7 +139,7 @@ def test_what_is_felt_since_the_last_solve_is_told_with_its_sigma() -> None:
     assert push_to(telescope, now_s).age_words == ""
     telescope.see_solution(SimpleNamespace(), now_s - 45.0)
     way = push_to(telescope, now_s)
-    assert way.age_words == "Last solved 45 s ago, since then by encoders or gyroscope (± 4.0′)."
+    assert way.age_words == "Last solved 45 s ago; position since then from encoders or gyroscope (± 4.0′)."
     assert "50 s ago" in str(phone_json(way, now_s + 5.0)["age"])
 
 

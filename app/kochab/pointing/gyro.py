@@ -1,16 +1,16 @@
 """A gyroscope on a telescope that is pushed, aligned by solved frames: where it points by the turns felt since.
 
 The gyroscope's rates, less what it shows at rest, add up to a rotation ``P`` in its own axes. It is fixed to the camera
-somehow, ``A = K P``, and its axes are a little too long or short and not quite square: between two solves the camera
-turned by the vector ``c`` about its axes and the gyroscope felt ``p``, and::
+somehow, ``A = K P``, and its axes have scale errors and are not quite orthogonal: between two solves the camera turned
+by the vector ``c`` about its axes and the gyroscope felt ``p``, and::
 
     c = K (1 + S) p
 
-gives the mounting ``K`` (a rotation) and the symmetric ``S`` (6 numbers: what is left of axes that are not square is a
-rotation), as soon as two such turns were about different axes. They are fitted by least squares, ``S`` with the chips'
+gives the mounting ``K`` (a rotation) and the symmetric ``S`` (6 numbers: whatever else such axes do is a rotation), as
+soon as two such turns were about different axes. They are fitted by least squares, ``S`` with the chips'
 tolerance as prior. The newest solve is met exactly. While it rests nothing is added up, so the error grows with the
-time in motion alone (zero velocity update). A push that begins within the window that shows the rest is added up
-from the window's beginning: it would lose a minute of arc each time.
+time in motion alone (zero velocity update). The start of a push, which still looks like rest, is added up once the push
+is noticed: else each would lose a minute of arc.
 """
 
 import math
@@ -28,11 +28,11 @@ SCALE = 0.01
 """1 sigma of an axis's scale, and of how much of another axis it feels: chips are given to 1 % (BMI160, LSM6DSO)."""
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 SHAPES = np.array([np.maximum(np.outer(a, b), np.outer(b, a)) for a, b in (np.eye(3)[list(pair)] for pair in PAIRS)])
-"""What each of the six numbers of ``S`` does (6, 3, 3): three scales, three pairs of axes that are not square."""
+"""The six terms of ``S`` (6, 3, 3): three scale errors, three pairs of axes that are not orthogonal."""
 NOISE_DEG_RT_S = 0.01
 """1 sigma of a turn after one second by the rates' noise: 0.004 to 0.007 deg/s/sqrt(Hz) in the same chips."""
 REST_DEG_S = 0.002
-"""1 sigma of the rate at rest after a push: half of the Earth's turning, of which it now feels another part."""
+"""1 sigma of the rate at rest after a push: half of the Earth's rotation, which its axes now share differently."""
 LAG_S = 0.05
 """How late a rate is known: over the network, and until the next one."""
 STEADY_S, STEADY_DEG_S, RESTING_DEG_S = 0.8, 0.15, 0.03
@@ -81,8 +81,8 @@ class GyroModel:
     def __init__(self) -> None:
         self._rest = np.zeros(3)
         self._rest_variance = math.inf
-        self._window: deque[tuple[float, Floats, float]] = deque()
-        self._rests = False
+        self._window: deque[tuple[float, Floats]] = deque()
+        self._skipped: deque[tuple[Floats, float]] = deque()
         self._past: deque[_Felt] = deque()
         self._anchor: _Sighting | None = None
         self._place: _Sighting | None = None
@@ -109,17 +109,18 @@ class GyroModel:
                 self._past.append(_Felt(moment, np.eye(3), 0.0, False))
                 continue
             assert before is not None
-            self._window.append((moment, rate, step_s))
+            self._window.append((moment, rate))
+            self._skipped.append((rate, step_s))
             while moment - self._window[0][0] > STEADY_S:
                 self._window.popleft()
+            while len(self._skipped) > len(self._window):
+                self._skipped.popleft()
             steady, resting = self._look_at_window(step_s)
             turned, moved_s = before.turned, before.moved_s
-            if not resting:
-                # what began before it was noticed counts, too
-                for _, felt, seconds in self._window if self._rests else ((moment, rate, step_s),):
-                    turned = small_rotation(-self._axes @ (felt - self._rest) * seconds) @ turned
-                    moved_s += seconds
-            self._rests = resting
+            while self._skipped and not resting:  # what began before it was noticed counts, too
+                felt, seconds = self._skipped.popleft()
+                turned = small_rotation(-self._axes @ (felt - self._rest) * seconds) @ turned
+                moved_s += seconds
             self.rate_deg_s = 0.0 if resting else math.degrees(float(np.linalg.norm(rate - self._rest)))
             self._past.append(_Felt(moment, turned, moved_s, steady))
         while self._past and self._past[-1].at_s - self._past[0].at_s > KEPT_S:
@@ -129,14 +130,14 @@ class GyroModel:
         """Rates are missing: where it points, only the next solve tells."""
         self._past.clear()
         self._window.clear()
-        self._rests = False
+        self._skipped.clear()
         self._anchor = self._place = None
 
     def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
         """Whether the rates are steady, and whether the gyroscope is at rest; if it is, its bias is updated."""
         if self._window[-1][0] - self._window[0][0] < 0.9 * STEADY_S:
             return False, False
-        seen = np.array([rate for _, rate, _ in self._window])
+        seen = np.array([rate for _, rate in self._window])
         mean = seen.mean(axis=0)
         if np.degrees(seen.std(axis=0).max()) > STEADY_DEG_S:
             return False, False
@@ -260,7 +261,7 @@ class GyroModel:
 
 
 def _slope(mounting: Floats, axes: Floats, felt: Floats) -> Floats:
-    """How a felt turn (3,), seen by the camera, changes with small turns of the mounting and with ``S``: (3, 9)."""
+    """Derivatives (3, 9) of a felt turn (3,), in camera axes, by small turns of the mounting and the terms of ``S``."""
     by_turn = cross_product(np.eye(3), mounting @ axes @ felt).T
     return np.concatenate([by_turn, mounting @ (SHAPES @ felt).T], axis=1)
 

@@ -224,7 +224,7 @@ def test_what_encoders_or_a_gyroscope_alone_tell_is_said_and_is_no_alarm(view) -
     felt = SimpleNamespace(icrs_deg=(83.0, 5.0), at_s=time.monotonic(), sigma_deg=0.07)
     push.telescope.see_solution(None, time.monotonic() - 45.0)
     push.write()
-    assert push.age.text() == "Last solved 45 s ago, since then by encoders or gyroscope (± 4.2′)."
+    assert push.age.text() == "Last solved 45 s ago; position since then from encoders or gyroscope (± 4.2′)."
     assert push.age.property("role") == "muted"
     push.telescope.aid = None
 

@@ -69,8 +69,8 @@ class Seen:
     slewing: bool = False
     sigma_deg: float = 0.0
     """1 sigma by encoders or a gyroscope; 0 of a solve or a mount, whose own error is no matter to who pushes."""
-    solved_s: float | None = None
-    """When the frame was taken that encoders or a gyroscope go on from; None without them."""
+    felt_s: float = 0.0
+    """How much later than the last solved frame encoders or a gyroscope told it; 0 without them."""
 
     @property
     def past(self) -> bool:
@@ -139,7 +139,7 @@ class OfferedTelescope:
             solution, at_s = solved
             by = None if self.aid is None else self.aid.pointing(self._eyepiece)
             if by is not None:
-                return Seen(by.icrs_deg, by.at_s, slewing, by.sigma_deg, at_s)
+                return Seen(by.icrs_deg, by.at_s, slewing, by.sigma_deg, max(0.0, by.at_s - at_s))
             return Seen(radec_deg(self._eyepiece @ solution.centre_attitude.matrix), at_s, slewing)
         return mount and replace(mount, slewing=slewing)
 

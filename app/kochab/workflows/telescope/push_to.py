@@ -28,7 +28,7 @@ class PushTo:
     """From where it points to the target, degrees.
 
     ``right_deg`` is to turn it clockwise seen from above, or west without a site; ``up_deg`` higher, or north.
-    ``age_s`` is how old the solve is. Both angles are of the axes: azimuth is not multiplied by cos(altitude).
+    ``age_s`` is how old the pointing is. Both angles are of the axes: azimuth is not multiplied by cos(altitude).
     """
 
     target: Target
@@ -44,8 +44,8 @@ class PushTo:
     """When this was so, on :func:`time.monotonic`."""
     sigma_deg: float = 0.0
     """1 sigma of where it points, by encoders or a gyroscope; 0 of a solve."""
-    unsolved_s: float = 0.0
-    """How long encoders or a gyroscope alone have told it; 0 without them."""
+    felt_s: float = 0.0
+    """How much later than the last solved frame encoders or a gyroscope told it; 0 without them."""
 
     @property
     def there(self) -> bool:
@@ -89,19 +89,20 @@ class PushTo:
     @property
     def age_words(self) -> str:
         """How old the pointing is, where that matters; empty otherwise."""
-        if self.old:
-            return tr("Last solved {age} ago.", age=age_text(self.age_s))
-        if self.unsolved_s <= OLD_S:
+        solved_s = self.age_s + self.felt_s
+        if solved_s <= OLD_S:
             return ""
-        since, sigma = age_text(self.unsolved_s), angle_text(self.sigma_deg)
-        return tr("Last solved {age} ago, since then by encoders or gyroscope (± {sigma}).", age=since, sigma=sigma)
+        age, sigma = age_text(solved_s), angle_text(self.sigma_deg)
+        if self.old:
+            return tr("Last solved {age} ago.", age=age)
+        return tr(
+            "Last solved {age} ago; position since then from encoders or gyroscope (± {sigma}).", age=age, sigma=sigma
+        )
 
 
 def phone_json(way: PushTo, now_s: float) -> dict[str, object]:
     """The same for the page on a phone, as old as it is when asked, ``now_s`` of :func:`time.monotonic`."""
-    later_s = max(0.0, now_s - way.made_s)
-    unsolved_s = way.unsolved_s and way.unsolved_s + later_s
-    way = replace(way, age_s=way.age_s + later_s, unsolved_s=unsolved_s)
+    way = replace(way, age_s=way.age_s + max(0.0, now_s - way.made_s))
     right, up = way.on_sky_deg
     marks = ("←", "→", "↓", "↑") if way.with_site else ("E", "W", "S", "N")
     return {
@@ -125,21 +126,17 @@ def push_to(telescope: OfferedTelescope, now_s: float) -> PushTo | None:
         return None
     there = (target.ra_deg, target.dec_deg)
     distance, age_s = apart_deg(seen.icrs_deg, there), max(0.0, now_s - seen.at_s)
-    unsolved_s = 0.0 if seen.solved_s is None else max(0.0, now_s - seen.solved_s)
+    below = False
     if telescope.site is None:
-        west = wrapped(seen.icrs_deg[0] - there[0])
-        north = there[1] - seen.icrs_deg[1]
-        sky = west * cos(radians(there[1])), north
-        arrow = _scaled(sky, distance)
-        return PushTo(target, distance, west, north, arrow, False, False, age_s, now_s, seen.sigma_deg, unsolved_s)
-    horizon = Horizon(telescope.site, telescope.now())
-    (altitude, azimuth), (wanted, towards) = (horizon.altaz_deg(unit_vectors(*p)) for p in (seen.icrs_deg, there))
-    right, up = wrapped(towards - azimuth), wanted - altitude
-    sky = right * cos(radians(wanted)), up
-    below = wanted < 0.0
-    return PushTo(
-        target, distance, right, up, _scaled(sky, distance), True, below, age_s, now_s, seen.sigma_deg, unsolved_s
-    )
+        right, up = wrapped(seen.icrs_deg[0] - there[0]), there[1] - seen.icrs_deg[1]
+        sky = right * cos(radians(there[1])), up
+    else:
+        horizon = Horizon(telescope.site, telescope.now())
+        (altitude, azimuth), (wanted, towards) = (horizon.altaz_deg(unit_vectors(*p)) for p in (seen.icrs_deg, there))
+        right, up = wrapped(towards - azimuth), wanted - altitude
+        sky, below = (right * cos(radians(wanted)), up), wanted < 0.0
+    how = telescope.site is not None, below, age_s, now_s, seen.sigma_deg, seen.felt_s
+    return PushTo(target, distance, right, up, _scaled(sky, distance), *how)
 
 
 def _scaled(sky_deg: Degrees, distance_deg: float) -> Degrees:
