@@ -42,10 +42,11 @@ class PoleChart(StarChart):
         """Turn to the pole of a site as it stands there now; None: its hemisphere is not known."""
         if (site or UNKNOWN) != self.site:
             self.site = site or UNKNOWN
-            self._turn()
+            self.turn(datetime.now(UTC))
 
-    def _turn(self) -> None:
-        horizon = Horizon(self.site, datetime.now(UTC))
+    def turn(self, at: datetime) -> None:
+        """Turn to the pole as it stands at a time."""
+        horizon = Horizon(self.site, at)
         pole = pole_direction(self.site)
         altitude, azimuth = alt_az(pole)
         self.pole, above = horizon.catalogue(np.stack([pole, direction(altitude + ABOVE_RAD, azimuth)]))
@@ -56,7 +57,7 @@ class PoleChart(StarChart):
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
-        self._turn()
+        self.turn(datetime.now(UTC))
         if not self._is_read:
             self._is_read = True
             job = self._services.jobs.run(read_sky(), "pole-sky")
