@@ -54,10 +54,12 @@ def test_goals_are_measured_or_said_not_to_be() -> None:
         {"frame": "b", "command": "--workers 2", "busy": 0, "wall_s": 1.25, "frames_cpu_s": 8.0},
         {"frame": "b, busy", "command": "--workers 1", "busy": 4, "wall_s": 6.0, "frames_cpu_s": 7.0},
         {"frame": "b, busy", "command": "--workers 2", "busy": 4, "wall_s": 5.0, "frames_cpu_s": 7.0},
+        {"frame": "b", "command": serve.APART, "busy": 0, "wall_s": 1.0, "frames_cpu_s": 8.0},
     ]
-    expected = [(0.25, True), (0.075, True), (0.15, True), (0.4, False), (9.0, True), (1.6, False), (1.2, True)]
-    assert [(goal.value, goal.met) for goal in goals(rows)] == expected
-    assert [goal.met for goal in goals(rows[:1])] == [None] * 7
+    expected = [0.25, 0.075, 0.15, 0.4, 9.0, 1.6, 2.0, 1.2]
+    assert [goal.value for goal in goals(rows)] == expected
+    assert [goal.value for goal in goals(rows) if not goal.met] == [0.4, 1.6]
+    assert [goal.met for goal in goals(rows[:1])] == [None] * len(expected)
 
 
 def test_rows_are_measured_alone_and_with_everybodys_variables(monkeypatch) -> None:
@@ -75,12 +77,17 @@ def test_rows_are_measured_alone_and_with_everybodys_variables(monkeypatch) -> N
 
 def test_a_batch_has_its_turns_and_leaves_no_loop_behind(tmp_path, monkeypatch) -> None:
     asked, loops = [], []
-    monkeypatch.setattr(serve, "spent", lambda command: asked.append(command[-1]) or Spent(len(asked), 1.0, True))
+
+    def spent(command: list[str]) -> Spent:
+        asked.append((command[-1], sum(word.endswith(".fits") for word in command)))
+        return Spent(len(asked), 1.0, True)
+
+    monkeypatch.setattr(serve, "spent", spent)
     popen = serve.subprocess.Popen
     monkeypatch.setattr(serve.subprocess, "Popen", lambda command: loops.append(popen(command)) or loops[-1])
-    one, two = serve.batch([tmp_path / "a.fits"] * 4, 1)
-    assert asked == ["1", "2"] * serve.BATCH_TURNS
-    assert (one["wall_s"], two["wall_s"], one["frames_s"]) == (3, 4, 4 / 3)
+    one, two, apart = serve.batch([tmp_path / "a.fits"] * 4, 1)
+    assert asked == [("1", 4), ("2", 4), ("1", 2), ("1", 2)] * serve.BATCH_TURNS
+    assert (one["wall_s"], two["wall_s"], apart["wall_s"], one["frames_s"]) == (9, 10, 12, 4 / 9)
     assert [loop.returncode is not None for loop in loops] == [True]
 
 
