@@ -19,6 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from astropy.io import fits
+from fsspec.implementations.local import LocalFileSystem
 from fsspec.implementations.memory import MemoryFileSystem
 
 from kochab.cli import archive as command
@@ -416,6 +417,31 @@ def test_rows_twice_after_a_run_that_ended_while_joining_count_once(frames, done
     archive(capsys, frames, "--out", done, "--workers", "1", "--where", "solved=false", code=1)
     assert len(rows_of(done)) == FRAMES + 1
     assert not list((done / "_kochab").glob("*.draft"))
+
+
+def test_a_part_that_is_in_use_waits_for_the_next_run(frames, done, capsys, monkeypatch) -> None:
+    """As on Windows, where nobody removes what another has open."""
+    (part,) = done.glob("part-*")
+    remove, asked = LocalFileSystem.rm_file, []
+
+    def refuse(fs, path):
+        asked.append(path)
+        if path.endswith(part.name):
+            raise PermissionError(13, "Sharing violation")
+        remove(fs, path)
+
+    monkeypatch.setattr(LocalFileSystem, "rm_file", refuse)
+    monkeypatch.setattr("kochab.workflows.archive.dataset.PAUSE_S", 0.0)
+    again = (frames, "--out", done, "--workers", "1", "--where", "solved=true")
+    assert archive(capsys, *again)["done"] == FRAMES
+    assert sum(path.endswith(part.name) for path in asked) > 1
+    assert part.exists()
+    assert main(["archive", "status", str(done)]) == 0
+    assert f"{FRAMES + 1} rows" in capsys.readouterr().out
+    monkeypatch.undo()
+    archive(capsys, *again)
+    assert not part.exists()
+    assert len(rows_of(done)) == FRAMES + 1
 
 
 def test_a_damaged_part_is_told(frames, done, capsys) -> None:

@@ -18,6 +18,7 @@ from kochab.cli.output import card, with_progress
 from kochab.cli.process import POLITE, fault, journal_path, say, signals_handled
 from kochab.core.errors import KochabError, printable
 from kochab.core.progress import Task, run
+from kochab.core.threads import keep_to_one
 from kochab.workflows.solution_json import Json, to_line
 
 if TYPE_CHECKING:  # they load numpy, which --help has no need of
@@ -178,6 +179,7 @@ def _begin(journal: tuple[int, str | None] | None) -> None:
 
     ``journal`` is the level and the file of the parent's log, None when it keeps none.
     """
+    keep_to_one()
     for name in POLITE:  # our parent's, where we were forked
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_DFL)

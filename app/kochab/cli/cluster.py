@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from kochab.cli.process import signals_kept
 from kochab.core import __version__
 from kochab.core.errors import UsageError
+from kochab.core.threads import keep_to_one
 from kochab.core.values import mutable
 from kochab.workflows.archive.run import Chunk, Outcome
 
@@ -141,6 +142,7 @@ def _out_of_reach() -> Iterator[None]:
 def dask_setup(worker: object) -> None:
     """What Dask calls in a worker that starts here. Ctrl-C is the business of whoever asked for the work."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_to_one()
     gc.freeze()  # what Dask has loaded is no rubbish, and was looked through again and again: a tenth of the time
 
 

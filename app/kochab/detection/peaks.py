@@ -1,6 +1,7 @@
 """Peaks of the smoothed frame, one for each star, and the stamps cut around them."""
 
 from dataclasses import field
+from functools import partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -8,10 +9,12 @@ from numpy.typing import NDArray
 
 from kochab.core import pairing
 from kochab.core.arrays import Array, Bools, Floats, Floats32, Indices, Ints, Table
+from kochab.core.threads import in_threads
 from kochab.core.values import frozen
 from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
 
 STRIP = 160  # rows of the frame; what a strip needs fits the cache
+LARGE_PX = 4_000_000  # a frame of more is done in threads
 
 
 def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: int) -> Floats:
@@ -39,7 +42,8 @@ def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: in
     lines = _lines(mesh, tops, columns, sigmas * how.noise_gain / how.gain)
     lines *= how.gain
     lines = _as_thresholds(lines, smoother.dtype(pixels))
-    found = [_strip_peaks(pixels, smoother, line, int(top)) for top, line in zip(tops, lines, strict=True)]
+    in_turn = in_threads if pixels.size > LARGE_PX else map
+    found = list(in_turn(partial(_strip_peaks, pixels, smoother), lines, tops.tolist()))
     counts = [len(hit) for hit, _ in found]
     hit, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
     row, column = np.divmod(hit, len(columns))

@@ -23,6 +23,7 @@ import numpy as np
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
+from kochab.core.threads import behind
 from kochab.core.values import mutable
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import MAX_BYTES, check_size, native
@@ -164,6 +165,7 @@ _MOST_BYTES = 1 << 60  # of one part: beyond, no file can be positioned
 _MAX_FIELDS = 999  # FITS standard 4.0, section 7.3.1
 _MAX_TILE_PX = 1 << 24  # of a tile that spans several planes
 _CHUNK_BYTES = 1 << 19
+_LARGE_BYTES = 8 << 20  # of more, what is read is made native by a second thread
 
 
 @mutable
@@ -314,16 +316,21 @@ def _read_plain(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Ar
     out = np.empty(count, stored.newbyteorder("=") if offset_type is None else offset_type)
     half = np.array(1 << (8 * stored.itemsize - 1)).astype(out.dtype)
     step = _CHUNK_BYTES // stored.itemsize
-    for start in range(0, count, step):
-        part = out[start : start + step]
-        filled = file.readinto(part.view(np.uint8).data)  # type: ignore[attr-defined]
-        if filled != part.nbytes:
-            share = 100 * (start * stored.itemsize + filled) // out.nbytes
-            raise FrameError("is cut short: {share} % of its image is there.", share=share)
+
+    def made_native(part: Array) -> None:
         _swap(part)
         if offset_type is not None:
             # Adding 2^15 to a signed 16-bit number flips its top bit: no wider type is needed.
             part ^= half
+
+    with behind(made_native, out.nbytes > _LARGE_BYTES) as follow:
+        for start in range(0, count, step):
+            part = out[start : start + step]
+            filled = file.readinto(part.view(np.uint8).data)  # type: ignore[attr-defined]
+            if filled != part.nbytes:
+                share = 100 * (start * stored.itemsize + filled) // out.nbytes
+                raise FrameError("is cut short: {share} % of its image is there.", share=share)
+            follow(part)
     if offset_type is None and (zero != 0.0 or scale != 1.0):
         return _scaled(out, image.header, zero, scale)
     return out

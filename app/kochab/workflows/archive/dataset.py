@@ -8,7 +8,9 @@ Readers of Parquet datasets (pyarrow, DuckDB, Spark, Dask) pass over names that 
 """
 
 import json
+import logging
 import re
+import time
 import uuid
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
@@ -34,6 +36,9 @@ OWN = "_kochab"
 PAGE = f"{OWN}/status.html"
 SMALL_ROWS, FEW, TOGETHER = 20_000, 8, 64
 """Parts with fewer rows are joined, so many at a time, once there are more than so many."""
+TRIES, PAUSE_S = 5, 0.1
+"""To remove a part that is in use."""
+log = logging.getLogger(__name__)
 _PART = re.compile(r"part-.*\.parquet$")
 _CONDITION = re.compile(r"\s*(\w+)\s*(<=|>=|!=|=|<|>)\s*(.*?)\s*$")
 _SIGNS: dict[str, Callable[[Any, Any], Any]] = {"=": eq, "!=": ne, "<": lt, "<=": le, ">": gt, ">=": ge}
@@ -166,7 +171,17 @@ class Dataset:
         if len(once):
             self._put(whole.take(once).select(SCHEMA.names))
         for part in parts:
-            self.fs.rm_file(part)
+            self._drop(part)
+
+    def _drop(self, part: str) -> None:
+        """Remove a part whose rows stand elsewhere; on Windows one that a program holds open waits for the next run."""
+        for left in reversed(range(TRIES)):
+            try:
+                return self.fs.rm_file(part)
+            except PermissionError:
+                if not left:
+                    return log.info("%s is in use: the next run removes it.", part)
+                time.sleep(PAUSE_S)
 
     # -- What is left to do --------------------------------------------------------------------
 

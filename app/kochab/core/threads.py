@@ -1,0 +1,59 @@
+"""Work on parts of one large array in threads, one for each processor that this process may use.
+
+NumPy lets other threads run while it works on large parts. Small frames are done sooner without, and so is a process
+that has the processors' number of others beside it.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+Part = TypeVar("Part")
+Outcome = TypeVar("Outcome")
+
+MOST = 4  # the work is bounded by memory: more gain nothing
+_most = MOST
+
+
+def keep_to_one() -> None:
+    """Use no threads in this process from now on: it is one of several that share the processors."""
+    global _most
+    _most = 1
+
+
+def thread_count() -> int:
+    """How many threads are of use here."""
+    try:
+        here = len(os.sched_getaffinity(0))
+    except AttributeError:  # neither on Windows nor on macOS
+        here = os.cpu_count() or 1
+    return min(_most, here)
+
+
+def in_threads(work: Callable[..., Outcome], *parts: Iterable[Any]) -> list[Outcome]:
+    """What ``work`` gives for every part, in their order, as ``map`` does."""
+    if thread_count() == 1:
+        return list(map(work, *parts))
+    from concurrent.futures import ThreadPoolExecutor  # 3 ms, for large frames alone
+
+    with ThreadPoolExecutor(thread_count()) as pool:
+        return list(pool.map(work, *parts))
+
+
+@contextmanager
+def behind(work: Callable[[Part], None], useful: bool) -> Iterator[Callable[[Part], None]]:
+    """A call that leaves ``work`` on a part to a second thread, if ``useful``; all is done when the block ends."""
+    if not useful or thread_count() == 1:
+        yield work
+        return
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        given: list[Future[None]] = []
+        yield lambda part: given.append(pool.submit(work, part))
+        for future in given:
+            future.result()
