@@ -444,6 +444,33 @@ def test_a_part_that_is_in_use_waits_for_the_next_run(frames, done, capsys, monk
     assert len(rows_of(done)) == FRAMES + 1
 
 
+SMALL_PARTS = (
+    "import sys, kochab.workflows.archive.run as run; run.PART_ROWS = 2\n"
+    "from kochab.__main__ import main; sys.exit(main())"
+)
+
+
+def test_a_run_that_is_killed_is_taken_up_by_the_next_and_each_list_is_done_once(tmp_path, capsys) -> None:
+    lists, out, count = tmp_path / "lists.parquet", tmp_path / "out", 60 * len(CENTRES)
+    write_lists(lists, CENTRES * 60)
+    command = [sys.executable, "-c", SMALL_PARTS, "archive", lists, "--out", out, "--workers", "1"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until = time.monotonic() + 100
+        while not len(list(out.glob("part-*"))) > 2 and process.poll() is None and time.monotonic() < until:
+            time.sleep(0.01)
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.wait()
+    done = len(rows_of(out))
+    assert 0 < done < count
+    went_on = archive(capsys, lists, "--out", out, "--workers", "1")
+    assert (went_on["before"], went_on["done"]) == (done, count - done)
+    assert len(rows_of(out)) == count
+    assert not list((out / "_kochab").glob("*.draft"))
+
+
 def test_a_damaged_part_is_told(frames, done, capsys) -> None:
     (done / "part-all-x.parquet").write_bytes(b"PAR1")
     assert main(["archive", str(frames), "--out", str(done), "--workers", "1"]) == 2
