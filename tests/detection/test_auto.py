@@ -44,7 +44,7 @@ def test_trails_are_measured_not_split(length, angle_deg):
     complete, pure, _ = compare(found, xy, 3.0)
     assert complete >= 0.97
     assert pure >= 0.97
-    turned = np.angle(np.exp(2j * (found.angle_rad - angle))) / 2
+    turned = (found.angle_rad - angle + np.pi / 2) % np.pi - np.pi / 2
     assert np.abs(np.median(turned)) < np.radians(2)
     # second moments: sigma^2 along the trail gains length^2 / 12
     expected = np.sqrt(1 + (length**2 / 12) / (3.0 / 2.3548) ** 2)

@@ -1,5 +1,7 @@
 """The bench of nights: planted faults are found with their sizes, healthy nights stay healthy."""
 
+import os
+
 import pytest
 
 from kochab.lab.bench import Only, night
@@ -28,7 +30,7 @@ def test_a_night_of_large_frames_is_timed_from_the_command_s_start_to_its_end(mo
     assert row["all solved"]
     assert row["frames"] == 3
     assert goal.value == pytest.approx(row["wall, s"] * 100 / 60)
-    assert processor.value == pytest.approx(row["processor, s"] * 100 / 60)
-    assert processor.value > 0.0
+    assert processor.value == pytest.approx(row["processor, s"] * 100 / 60, nan_ok=True)
+    assert processor.met is None if os.name == "nt" else processor.value > 0.0
     monkeypatch.setattr(night, "long_night", lambda *_: {**row, "all solved": False})
     assert [goal.met for goal in night.run(True, lambda line: None, Only((night.LONG,))).goals] == [None, None]

@@ -1,5 +1,6 @@
 """The bench of whole commands: what it counts and what it makes of it."""
 
+import math
 import os
 import sys
 
@@ -14,8 +15,11 @@ from kochab.lab.bench.serve import Spent, compared, goals, rendered, spent
 def test_a_command_is_timed_from_outside(tmp_path) -> None:
     busy = "import time; start = time.process_time()\nwhile time.process_time() - start < 0.3: pass"
     done = spent([sys.executable, "-c", busy])
-    assert done.wall_s >= done.cpu_s * 0.5
-    assert 0.3 <= done.cpu_s < 5
+    if os.name == "nt":
+        assert math.isnan(done.cpu_s)  # Windows keeps no account of children
+    else:
+        assert 0.3 <= done.cpu_s < 5
+        assert done.wall_s >= done.cpu_s * 0.5
     assert done.solved
     assert not spent([sys.executable, "-c", "raise SystemExit(1)"]).solved
     mark = tmp_path / "mark"

@@ -92,7 +92,7 @@ def both_float(detections: Detections, field: float):
 
 @given(st.lists(st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1)), min_size=1, max_size=10))
 def test_directions_are_right_to_a_bit_or_two(steps) -> None:
-    step = np.array([s for s in steps if max(map(abs, s)) > 500_000] or [(900_000, 0)])
+    step = np.array([s for s in steps if max(map(abs, s)) > 500_000] or [(900_000, 0)], np.int64)
     got = triads_fixed_point.TURN.floats(triads_fixed_point.direction(step))
     true = np.degrees(np.arctan2(step[:, 1], step[:, 0]))
     # near the axis x the arc cosine of a 1.15 number has steps of 0.45 and 0.19 deg

@@ -43,7 +43,7 @@ class Goal:
     @classmethod
     def at_most(cls, name: str, value: float | None, limit: float) -> "Goal":
         """A goal met when ``value <= limit``."""
-        return cls(name, value, f"<= {limit:g}", None if value is None else value <= limit)
+        return cls(name, value, f"<= {limit:g}", None if value is None or math.isnan(value) else value <= limit)
 
     @classmethod
     def between(cls, name: str, value: float, low: float, high: float) -> "Goal":
@@ -63,7 +63,13 @@ class Goal:
     @classmethod
     def at_least(cls, name: str, value: float | None, limit: float) -> "Goal":
         """A goal met when ``value >= limit``."""
-        return cls(name, value, f">= {limit:g}", None if value is None else value >= limit)
+        return cls(name, value, f">= {limit:g}", None if value is None or math.isnan(value) else value >= limit)
+
+
+def children_s() -> float:
+    """Processor seconds of this process's children that have ended; NaN on Windows, which keeps no account of them."""
+    spent = os.times()
+    return math.nan if os.name == "nt" else spent.children_user + spent.children_system
 
 
 @frozen

@@ -31,7 +31,7 @@ from kochab.core.attitude import attitude_from
 from kochab.core.camera import Camera
 from kochab.core.errors import UsageError
 from kochab.core.values import frozen
-from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, Row
+from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, Row, children_s
 from kochab.lab.bench.serve import KOCHAB, SMALL, rendered
 from kochab.sky import open_catalogue
 
@@ -212,6 +212,7 @@ def _watched(
     import pyarrow.parquet as pq
 
     started, before, others = time.perf_counter(), os.times(), _used_s(psutil.cpu_times())
+    children = children_s()
     peak, kills, due = 0.0, 0, 0.0
     spent: list[tuple[float, float, float]] = []
     shares = [["1", "--shard", f"{k}/2"] for k in (1, 2)] if workers == APART else [[str(workers)]]
@@ -233,7 +234,7 @@ def _watched(
                 pass
             time.sleep(0.1)
     wall, after = time.perf_counter() - started, os.times()
-    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    cpu = children_s() - children
     own = after.user + after.system - before.user - before.system
     others = _used_s(psutil.cpu_times()) - others - cpu - own
     table = pq.read_table(str(out).removeprefix("s3://"), filesystem=storage.get("filesystem"))

@@ -32,7 +32,7 @@ from kochab.core.frame import Frame
 from kochab.core.values import frozen
 from kochab.frames import read_frame
 from kochab.frames.fits_write import write_fits
-from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report
+from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, children_s
 from kochab.simulate.star_images import RenderedStar, render
 from kochab.sky import open_catalogue
 
@@ -188,14 +188,13 @@ def spent(command: Sequence[str], mark: Path | None = None, environment: Mapping
     """Run a command; ``mark`` is the file that tells that it solved, None when its exit code does."""
     if mark is not None:
         mark.unlink(missing_ok=True)
-    started, before, none = time.perf_counter(), os.times(), subprocess.DEVNULL
+    started, before, none = time.perf_counter(), children_s(), subprocess.DEVNULL
     with subprocess.Popen(command, stdout=none, stderr=none, env=environment) as process:
         limit = threading.Timer(LIMIT_S, process.kill)  # to wait with a limit looks every 50 ms, and is as late
         limit.start()
         code = process.wait()
         limit.cancel()
-    wall, after = time.perf_counter() - started, os.times()
-    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    wall, cpu = time.perf_counter() - started, children_s() - before
     return Spent(wall, cpu, code == 0 if mark is None else mark.exists())
 
 

@@ -175,13 +175,13 @@ class Dataset:
 
     def _drop(self, part: str) -> None:
         """Remove a part whose rows stand elsewhere; on Windows one that a program holds open waits for the next run."""
-        for left in reversed(range(TRIES)):
+        for _ in range(TRIES):
             try:
-                return self.fs.rm_file(part)
+                self.fs.rm_file(part)
+                return
             except PermissionError:
-                if not left:
-                    return log.info("%s is in use: the next run removes it.", part)
                 time.sleep(PAUSE_S)
+        log.info("%s is in use: the next run removes it.", part)
 
     # -- What is left to do --------------------------------------------------------------------
 
