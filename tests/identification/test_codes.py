@@ -20,7 +20,7 @@ def usable(z):
 def test_shape_does_not_depend_on_order_place_turn_scale_or_mirror(z, order, turn, scale, mirror):
     if not usable(z):
         return
-    other = z[list(order)] * scale * np.exp(1j * turn) + (3 - 2j)
+    other = z[list(order)] * scale * complex(np.cos(turn), np.sin(turn)) + (3 - 2j)
     if mirror:
         other = other.conj()
     tolerance = np.array([1e-9])

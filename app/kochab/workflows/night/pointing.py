@@ -95,7 +95,8 @@ def pointing_of(frames: Sequence[NightFrame]) -> NightPointing:
     places = _places(known)
     if len(places) < FEWEST_PLACES:
         return _unknown(tr_noop("at least six places far from each other are needed"))
-    if abs(np.mean(np.exp(2j * np.radians([f.roll_deg for f in places])))) < EQUATORIAL:
+    twice = 2.0 * np.radians([f.roll_deg for f in places])
+    if np.hypot(np.cos(twice).mean(), np.sin(twice).mean()) < EQUATORIAL:
         return _unknown(tr_noop("the camera turned between places, as on a mount that is not equatorial"))
     sightings = {epoch: [_sighting(f, epoch) for f in places] for epoch in Epoch}
     try:
