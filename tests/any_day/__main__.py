@@ -55,6 +55,7 @@ MORE = [
     "tests/window/mount/test_parts.py",
     "tests/window/test_numerals.py",
     "tests/window/polar/test_night.py",
+    "tests/window/polar/test_room.py",
     "tests/window/polar/test_state.py",
     "tests/window/frame/test_readout.py",
     "tests/window/shell/test_welcome.py",
