@@ -13,7 +13,7 @@ from kochab.gear.mounts import open_mount
 from kochab.gear.mounts.emergency_stop import CANNOT_STOP
 from kochab.gear.mounts.guard import Guard
 from kochab.simulate.responders import RESPONDERS
-from kochab.simulate.serial_line import Fault
+from kochab.simulate.serial_line import Fault, socket_line
 from tests.gear.mounts.bench import COUNTERS, LIMITS, SITE, moved, opened, simulated, still, where
 from tests.gear.mounts.test_conformance import CLOSE_DEG, own, place, wait_for
 
@@ -145,7 +145,15 @@ def test_a_move_whose_line_broke_is_stopped_on_reconnect(bench) -> None:
     wait_for(lambda: still(bench.telescope))
 
 
-def test_unplugging_during_a_move_leaves_one_sentence(bench) -> None:
+@pytest.fixture(params=["serial", "network"])
+def each_line(request, monkeypatch):
+    """Asked for before the bench: which kind of line it has."""
+    if request.param == "network":
+        monkeypatch.setattr("tests.gear.mounts.bench.own_line", socket_line)
+
+
+def test_unplugging_during_a_move_leaves_one_sentence(each_line, bench) -> None:
+    """A network takes one more write without a word: the end of the move went nowhere, and nobody was told."""
     bench.guard.move(Direction.NORTH, 0.5, 1.0)
     bench.mount.position()
     bench.line.unplug()
@@ -154,7 +162,7 @@ def test_unplugging_during_a_move_leaves_one_sentence(bench) -> None:
         bench.guard.position()
     one_sentence(caught)
     assert bench.guard.emergency.unfinished
-    bench.line.plug()
+    reconnect(bench)
     bench.telescope.halt()
     bench.telescope.turn_axis(1, 0.0)
 

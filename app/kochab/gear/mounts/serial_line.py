@@ -152,6 +152,7 @@ class SerialLink:
             settings["exclusive"] = True
         try:
             url = port.replace("tcp://", "socket://", 1)
+            self._is_socket = port.startswith(TCP)
             self._serial: Any = UdpPort(port) if self.lossy else serial.serial_for_url(url, baudrate=baud, **settings)
         except (OSError, ValueError) as error:
             raise not_opened(port, error) from error
@@ -173,6 +174,10 @@ class SerialLink:
         except SerialTimeoutException:
             if monotonic() - begun < 2.0 * WRITE_S:
                 raise
+        if self._is_socket:
+            with suppress(BlockingIOError):  # nothing has come, and nobody has hung up
+                if not self._serial._socket.recv(1, socket.MSG_PEEK):
+                    raise ConnectionError("The far end has hung up.")  # which takes one more write without a word
 
     def read_exact(self, count: int, timeout_s: float) -> bytes:
         """``count`` bytes within ``timeout_s``, or `NoAnswerError`."""
@@ -201,8 +206,11 @@ class SerialLink:
     def close(self) -> None:
         """Give the port back; never raises."""
         self._lost = True
+        own = self._serial._socket if self._is_socket else None
         with suppress(OSError, ValueError, TypeError):
             self._serial.close()
+        if own is not None:
+            own.close()  # which pyserial leaves open where the far end has hung up
 
     def _read(self, timeout_s: float, complete: Callable[[bytearray], bool]) -> bytes:
         got = bytearray()
