@@ -84,7 +84,7 @@ def test_the_command_line_keeps_versions_and_bytes_both_ways(tmp_path, repositor
         ran = subprocess.run(
             [*command, "--port", bench.port],
             cwd=repository,
-            env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
+            env={**os.environ, **dict.fromkeys(("XDG_STATE_HOME", "WIN_PD_OVERRIDE_LOCAL_APPDATA"), str(tmp_path))},
             capture_output=True,
             text=True,
             timeout=100,
@@ -106,14 +106,14 @@ def test_a_command_does_not_ask_for_the_versions_of_packages(tmp_path, repositor
     )
     for terminal in ("yes", ""):
         ran = subprocess.run(
-            [sys.executable, "-c", code, tmp_path / f"of {terminal}", terminal],
+            [sys.executable, "-c", code, tmp_path / f"of{terminal}", terminal],
             cwd=repository,
             capture_output=True,
             text=True,
             timeout=60,
         )
         assert (ran.stdout.strip() == "set()") is bool(terminal), ran.stderr
-        text = (tmp_path / f"of {terminal}" / FILE).read_text("utf-8")
+        text = (tmp_path / f"of{terminal}" / FILE).read_text("utf-8")
         assert f"started: Kochab {versions()['Kochab']}, Python {platform.python_version()}, system" in text
         assert ("numpy" in text) is not bool(terminal)
 

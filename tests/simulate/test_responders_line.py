@@ -23,7 +23,8 @@ FIRST = {
     "skywatcher": (b":e1\r", b"=020300\r"),
 }
 WAIT_S = 20.0  # far more than is needed: a busy machine must not fail a test
-KINDS = [pytest.param("pty", marks=pytest.mark.skipif(sys.platform == "win32", reason="no ptys there")), "socket"]
+WITH_PTYS = pytest.mark.skipif(sys.platform == "win32", reason="no ptys there")
+KINDS = [pytest.param("pty", marks=WITH_PTYS), "socket"]
 
 
 def nexstar(telescope=None):
@@ -51,7 +52,7 @@ def line(request):
 
 
 @pytest.mark.parametrize("name", RESPONDERS)
-@pytest.mark.parametrize("serve", [serve_pty, serve_socket])
+@pytest.mark.parametrize("serve", [pytest.param(serve_pty, marks=WITH_PTYS), serve_socket])
 def test_every_responder_answers_on_both_kinds_of_line(name, serve):
     command, answer = FIRST[name]
     with serve(open_responder(name, BenchTelescope())) as port, serial.serial_for_url(port, timeout=WAIT_S) as opened:
@@ -66,6 +67,7 @@ def test_programs_come_and_go_and_the_mount_remembers(line):
             assert ask(port, b"t", 2) == b"\x00#"
 
 
+@WITH_PTYS
 def test_every_byte_value_passes_a_pty_untouched():
     class Echo:
         refusal = None

@@ -275,7 +275,7 @@ def slewing_to(target, *reports, start=(-40.0, 40.0), **limits):
 
 def test_the_way_left_is_told_as_a_share_of_the_first_report(monkeypatch) -> None:
     """A detour is no less than nothing done."""
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     target = (-40.0, 50.0)
     decs = (42.0, 46.0, 41.5, 49.0, 50.0)
     _, _, slew, _ = slewing_to(target, *((True, -40.0, dec) for dec in decs), (False, *target))
@@ -285,7 +285,7 @@ def test_the_way_left_is_told_as_a_share_of_the_first_report(monkeypatch) -> Non
 
 
 def test_a_mount_that_stands_elsewhere_has_not_arrived(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     _, mount, slew, _ = slewing_to((-45.0, 42.0), (False, -42.0, 41.0))
     with pytest.raises(RefusedError, match=r"stopped \d\.\d deg from its target"):
         run(slew)
@@ -294,7 +294,7 @@ def test_a_mount_that_stands_elsewhere_has_not_arrived(monkeypatch) -> None:
 
 def test_a_mount_that_stops_at_its_home_on_the_way_needs_a_sync(monkeypatch) -> None:
     """A short cut behind a slow server: no answer was missed, and its motors could have gone there by themselves."""
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     reports = (True, -42.0, 41.0), (True, 0.0, 89.5), (False, 0.0, 89.5)
     guard, _, slew, _ = slewing_to((-45.0, 42.0), *reports, allow_flip=True)
     with pytest.raises(RefusedError, match=r"at its home or park position instead .* Sync first"):
@@ -304,7 +304,7 @@ def test_a_mount_that_stops_at_its_home_on_the_way_needs_a_sync(monkeypatch) -> 
 
 
 def test_a_mount_that_never_left_its_home_is_not_called_restarted(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     guard, _, slew, _ = slewing_to((-45.0, 42.0), (False, 0.0, 89.5), start=(0.0, 89.5), allow_flip=True)
     with pytest.raises(RefusedError, match="from its target"):
         run(slew)
@@ -313,7 +313,7 @@ def test_a_mount_that_never_left_its_home_is_not_called_restarted(monkeypatch) -
 
 def test_a_slew_that_begins_late_is_waited_for(monkeypatch) -> None:
     """A mount may take a second before it says that it slews."""
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     start = (False, -40.0, 40.0)
     reports = [start] * 6  # 1.2 s
     reports += [(True, -42.0, 41.0), (False, -45.0, 42.0)]
@@ -338,7 +338,7 @@ def test_a_mount_that_is_parked_on_its_way_is_not_taken_for_mute(order) -> None:
 
 
 def test_a_slew_that_begins_late_is_watched_on_its_way(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     _, mount, slew, _ = slewing_to((-45.0, 42.0), (False, -40.0, 40.0), (True, -40.0, 30.0))
     with pytest.raises(StrayedError, match="wrong way"):
         run(slew)
@@ -346,7 +346,7 @@ def test_a_slew_that_begins_late_is_watched_on_its_way(monkeypatch) -> None:
 
 
 def test_pauses_of_a_slew_do_not_add_up(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     pauses = []
     for k in range(3):
         pauses += [(False, -41.0 - k, 40.0)] * 6 + [(True, -41.5 - k, 40.0)]
@@ -356,7 +356,7 @@ def test_pauses_of_a_slew_do_not_add_up(monkeypatch) -> None:
 
 
 def test_a_mount_that_does_not_report_slewing_has_arrived_when_it_stands_there(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     passing = (None, -45.0, 42.0 - 0.4)
     guard, _, slew, left = slewing_to(
         (-45.0, 42.0), (None, -42.0, 41.0), passing, (None, -45.0, 42.0), (None, -45.0, 42.0)
@@ -367,7 +367,7 @@ def test_a_mount_that_does_not_report_slewing_has_arrived_when_it_stands_there(m
 
 
 def test_so_many_answers_may_be_missed_and_not_one_more(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     missed, seen, there = (SILENT,), (True, -42.0, 41.0), (False, -45.0, 42.0)
     some = [missed] * 2
     _, mount, slew, _ = slewing_to((-45.0, 42.0), *some, seen, *some, seen, there)
@@ -398,7 +398,7 @@ def test_a_slew_may_last_as_long_as_its_limits_say(limits, seconds) -> None:
 @pytest.mark.parametrize(("rates", "seen_deg"), [((1.0,), 2.5), ((), 10.0)])
 def test_a_move_may_overrun_by_what_its_rate_is_known(rates, seen_deg, monkeypatch) -> None:
     """Of 2 deg a quarter more, where the mount does not report its rates a quarter more than four times that."""
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     monkeypatch.setattr(slew_supervisor, "ASIDE_DEG", 0.6)  # the region is a grid
     for beyond, strays in ((-0.3, False), (0.9, True)):
         guard, mount = guarded()
@@ -413,7 +413,7 @@ def test_a_move_may_overrun_by_what_its_rate_is_known(rates, seen_deg, monkeypat
 
 
 def test_a_new_motion_forgets_how_the_last_one_strayed(monkeypatch) -> None:
-    monkeypatch.setattr(slew_supervisor, "FASTEST_DEG_S", 1e6)
+    monkeypatch.setattr(slew_supervisor, "reach_deg", lambda _: 360.0)
     guard, mount = guarded()
     guard.move(Direction.NORTH, 1.0, 2.0)
     mount.here = at(-40.0, 20.0)

@@ -253,7 +253,7 @@ def test_how_far_an_ra_axis_is_from_where_standing_or_tracking_left_it(before, n
 
 
 def test_what_is_half_a_day_old_or_damaged_tells_nothing(tmp_path) -> None:
-    place, file = Place(10.0, 40.0, NOON.timestamp(), False), tmp_path / "mounts" / "com3.json"
+    place, file = Place(10.0, 40.0, NOON.timestamp(), False), tmp_path / "mounts" / "com3-syncs.json"
     LastSeen(lambda: NOON, file).keep(place)
     assert LastSeen(lambda: NOON + timedelta(hours=11), file).read() == place
     assert LastSeen(lambda: NOON + timedelta(hours=13), file).read() is None
@@ -263,7 +263,7 @@ def test_what_is_half_a_day_old_or_damaged_tells_nothing(tmp_path) -> None:
 
 
 def test_a_place_that_hardly_changed_is_not_written_twice_a_second(tmp_path) -> None:
-    file = tmp_path / "com3.json"
+    file = tmp_path / "com3-syncs.json"
     seen_last = LastSeen(lambda: NOON, file)
     written = []
     for after_s, ra in ((0.0, 10.0), (0.5, 10.1), (1.0, 12.0), (2.0, 12.1), (700.0, 12.2)):

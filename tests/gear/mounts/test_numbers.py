@@ -1,6 +1,7 @@
 """The numbers of a mount's guard, its watch and its line, each from both sides."""
 
 import errno
+import sys
 from dataclasses import replace
 from datetime import timedelta
 from math import sqrt
@@ -294,6 +295,10 @@ def test_on_its_way_home_it_rests_when_it_has_moved_a_hundredth_of_a_degree(move
 # -- The line ------------------------------------------------------------------------------------------------
 
 
+# Windows refuses what is in use by this very error.
+NO_PERMISSION = "is in use" if sys.platform == "win32" else "No permission to open {}"
+
+
 @pytest.mark.parametrize(
     ("port", "error", "words"),
     [
@@ -303,8 +308,8 @@ def test_on_its_way_home_it_rests_when_it_has_moved_a_hundredth_of_a_degree(move
         ("socket://mount:99", OSError("Connection refused"), "No answer at socket://mount:99"),
         ("socket://mount:99", OSError("no route"), "cannot be reached"),
         ("loop://", ValueError(), "loop:// is not a port: give a device"),
-        ("/dev/ttyX", OSError(errno.EACCES, ""), "No permission to open /dev/ttyX: ask"),
-        ("/dev/null", OSError(errno.EPERM, ""), "No permission to open /dev/null"),
+        ("/dev/ttyX", OSError(errno.EACCES, ""), NO_PERMISSION.format("/dev/ttyX: ask")),
+        ("/dev/null", OSError(errno.EPERM, ""), NO_PERMISSION.format("/dev/null")),
         ("/dev/ttyX", OSError(errno.EBUSY, ""), "is in use"),
         ("/dev/ttyX", OSError(errno.EAGAIN, ""), "is in use"),
         ("COM3", OSError("PermissionError: Access is denied"), "is in use"),

@@ -12,7 +12,7 @@ NOON = datetime(2026, 11, 24, 12, tzinfo=UTC)
 
 
 def test_another_program_reads_it_until_a_sync_or_for_half_a_day(tmp_path) -> None:
-    file = tmp_path / "mounts" / "com3.json"
+    file = tmp_path / "mounts" / "com3-syncs.json"
     policy = MotionPolicy(None, Limits(), lambda: NOON, SyncNeeded(lambda: NOON, file))
     policy.slew_block_reason = "Mount was restarted."
     later = SyncNeeded(lambda: NOON + timedelta(hours=11), file)
@@ -25,6 +25,6 @@ def test_another_program_reads_it_until_a_sync_or_for_half_a_day(tmp_path) -> No
 
 @pytest.mark.parametrize("text", ["", "[]", '{"sentence": "x"}', '{"sentence": "x", "unix_s": "soon"}', "[" * 1000])
 def test_a_damaged_file_forbids_nothing(tmp_path, text) -> None:
-    file = tmp_path / "com3.json"
+    file = tmp_path / "com3-syncs.json"
     file.write_text(text)
     assert SyncNeeded(lambda: NOON, file).read() == ""
