@@ -161,9 +161,10 @@ def test_the_quick_look_finds_the_stars_around_each_place_in_one_zone_or_two(toy
 @pytest.mark.parametrize(("pointings", "detections"), [(0, 5), (3, 0), (0, 0)])
 def test_the_quick_look_at_nothing_finds_nothing(toy_volume, pointings, detections):
     """With many pointings, eight detections are looked at first; there may be no ninth."""
-    matrix, ones = Rotation.random(pointings, random_state=5).as_matrix(), np.ones(pointings, dtype=int)
+    matrix = Rotation.random(3, random_state=5).as_matrix()[:pointings]
+    ones = np.ones(pointings, dtype=int)
     proposers = np.tile(np.arange(4), (pointings, 1))
-    found = Hypotheses(matrix.reshape(-1, 3, 3), 900.0 * ones, ones < 0, ones, proposers, proposers)
+    found = Hypotheses(matrix, 900.0 * ones, ones < 0, ones, proposers, proposers)
     assert support(toy_volume, np.zeros((detections, 2)), found, 5.0, first=8).tolist() == [0] * pointings
 
 

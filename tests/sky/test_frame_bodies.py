@@ -93,8 +93,8 @@ def test_a_frame_without_a_date_is_looked_through_for_what_is_in_no_catalogue(fi
 def test_of_a_thousand_detections_without_a_star_the_brightest_are_looked_up(field, catalogue, monkeypatch):
     solution, detections, _ = field
     few = replace(solution, stars=solution.stars[:12])
-    asked, cone = [], catalogue.cone
-    monkeypatch.setattr(catalogue, "cone", lambda *given: asked.append(1) or cone(*given))
+    asked, cone = [], type(catalogue).cone
+    monkeypatch.setattr(type(catalogue), "cone", lambda *given: asked.append(1) or cone(*given))
     monkeypatch.setattr(frame_bodies, "BRIGHTEST", 3)
     assert {round(source.mag) for source in found((few, detections, None), catalogue, None).unknown} >= {-2}
     assert 1 <= len(asked) <= 3
