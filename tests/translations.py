@@ -6,6 +6,7 @@ makes ``resources/translations/kochab_de.qm``, which the window loads in a Germa
 
 import ast
 import json
+import locale
 import re
 import subprocess
 import sys
@@ -85,7 +86,7 @@ def collect(file: Path) -> None:
         data.write_text("".join(f"tr_noop({json.dumps(text, ensure_ascii=False)})\n" for text in texts), "utf-8")
         names = Path(folder) / "files.txt"
         sources = [*sorted(SOURCE.rglob("*.py")), data]
-        names.write_text("\n".join(map(str, sources)), encoding="utf-8")
+        names.write_text("\n".join(map(str, sources)), locale.getencoding())  # as lupdate reads it
         aliases = ("-tr-function-alias", ",".join(f"tr+={name}" for name in markers()))
         language = file.stem.partition("_")[2]
         qt_tool(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QEvent, QObject, QPoint, Qt, QTimer
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMessageBox, QPushButton, QToolTip
+from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QLineEdit, QMenu, QMessageBox, QPushButton, QToolTip
 
 from kochab.core.frame import Frame
 from kochab.window.dialogs import ask_frames, ask_save, tell
@@ -76,7 +76,7 @@ def test_the_welcome_page_and_a_failure_are_red(qtbot, make_window, a_file):
 
 def test_menus_lists_boxes_and_tips_are_red(qtbot, night):
     window, commands = night
-    for menu in (window.menus.recent, window.menus.export, *(a.menu() for a in window.bar.menus.actions())):
+    for menu in (window.menus.recent, window.menus.export, *window.bar.menus.findChildren(QMenu)):
         assert_red(menu)
     box = window.workspace.hints.method
     window.workspace.tabs.setCurrentIndex(2)
@@ -104,7 +104,7 @@ def test_the_menu_of_a_place_and_the_layers_in_the_preferences_are_red(qtbot, ni
     qtbot.waitUntil(lambda: commands.presenter.overlay.tables is not None)
     menu = commands.menu.show((300.0, 200.0, 5.0), QPoint(20, 20))
     assert_red(menu)
-    online = next(action.menu() for action in menu.actions() if action.menu() is not None)
+    online = menu.findChildren(QMenu)[0]
     online.popup(QPoint(30, 30))
     assert_red(online)
     menu.close()
