@@ -4,12 +4,12 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QByteArray, QPoint, QSize, Qt
+from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QPoint, QSize, Qt
 from PySide6.QtGui import QImage, QImageWriter, QResizeEvent
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
 from kochab.core.progress import Task
-from kochab.frames.atomic_file import atomic_file, write_atomically
+from kochab.frames.atomic_file import write_atomically
 from kochab.frames.export import csv_text
 from kochab.text.translation import tr
 from kochab.window.charts.plot_area import PlotArea
@@ -82,11 +82,12 @@ def write_image(picture: QImage, path: Path) -> Task[Path]:
     """Write a picture; KochabError when that cannot be done."""
 
     def write() -> None:
-        with atomic_file(path) as part:
-            # The format is told, since the part's name does not end in it.
-            writer = QImageWriter(str(part), QByteArray(b"PNG"))
-            if not writer.write(picture):
-                raise OSError(writer.errorString())
+        paper = QBuffer()  # a writer keeps its file open, and Windows renames no such file
+        paper.open(QIODevice.OpenModeFlag.WriteOnly)
+        writer = QImageWriter(paper, QByteArray(b"PNG"))
+        if not writer.write(picture):
+            raise OSError(writer.errorString())
+        write_atomically(path, bytes(paper.data().data()))
 
     return save_task(write, path)
 
