@@ -29,6 +29,7 @@ LACKING: dict[str, tuple[str, ...]] = {
         "tests/sky/test_satellites.py::test_the_earths_shadow_begins_and_ends_when_skyfields_does",
         "tests/sky/test_satellites.py::test_old_elements_are_told_and_too_old_ones_leave_no_place",
         "tests/sky/test_satellites.py::test_an_instant_has_a_place_and_no_trail",
+        "tests/window/frame/test_search.py::test_dropped_elements_are_kept_and_their_bodies_looked_for",
     ),
     "Wine 10's C runtime has no cexp, by which NumPy and SciPy take the exponential of a complex number": (
         "tests/solver/test_worse.py::test_nine_reasons_in_ten_are_what_was_done",

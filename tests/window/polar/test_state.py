@@ -1,6 +1,7 @@
 """What the screens know: every step of real measurements on the rig, and of a person's hand."""
 
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -244,6 +245,10 @@ def test_units_are_spoken():
     assert speech_text("12″ ± 3′") == "12 arc seconds plus or minus 3 arc minutes"
 
 
+WITH_PLAYERS = pytest.mark.skipif(sys.platform == "win32", reason="Windows plays them itself (winsound)")
+
+
+@WITH_PLAYERS
 def test_cues_are_played_by_what_is_there_or_the_bell(tmp_path):
     rung = []
     silent = Cues(lambda: rung.append(1), find=lambda name: None)
@@ -256,6 +261,7 @@ def test_cues_are_played_by_what_is_there_or_the_bell(tmp_path):
     silent.close()
 
 
+@WITH_PLAYERS
 def test_a_player_is_given_a_file_of_tones(tmp_path, qtbot):
     kept = tmp_path / "heard.wav"
     player = tmp_path / "aplay"
