@@ -239,8 +239,8 @@ def looks(guard, count):
 
 
 def test_what_a_driver_lacks_is_said_before_it_is_asked_for(kind, tmp_path):
-    clock = Night(datetime(2027, 1, 28, 21, tzinfo=UTC))
-    with at_the_telescope(kind, tmp_path, clock=clock) as (board, guard, _):
+    day = {"clock": Night(datetime(2027, 1, 28, 21, tzinfo=UTC))} if kind == "exos2" else {}
+    with at_the_telescope(kind, tmp_path, **day) as (board, guard, _):
         lacks = set(guard.lacks)
         assert Ability.HOME in lacks
         assert not {Ability.GOTO, Ability.SYNC, Ability.STOP, Ability.PARK, Ability.MOVE} & lacks
