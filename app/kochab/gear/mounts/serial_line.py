@@ -177,7 +177,7 @@ class SerialLink:
         if self._is_socket:
             with suppress(BlockingIOError):  # nothing has come, and nobody has hung up
                 if not self._serial._socket.recv(1, socket.MSG_PEEK):
-                    raise ConnectionError("The far end has hung up.")  # which takes one more write without a word
+                    raise ConnectionError  # the far end has hung up, and takes one more write without a word
 
     def read_exact(self, count: int, timeout_s: float) -> bytes:
         """``count`` bytes within ``timeout_s``, or `NoAnswerError`."""

@@ -98,13 +98,16 @@ def soak(count: int, report: Report, fps: float = 10.0) -> dict[str, Any]:
 def resident_mb(part: str = "VmRSS") -> float:
     """Memory of this process now, MB; where the system does not tell, the most there ever was.
 
-    ``part`` "RssAnon" leaves out the files it has mapped, where the system tells them apart.
+    ``part`` "RssAnon" leaves out the files it has mapped, where the system tells them apart. NaN on Windows without
+    psutil.
     """
     try:
         import resource
-    except ImportError:  # Windows
-        import psutil
-
+    except ImportError:
+        try:
+            import psutil
+        except ImportError:
+            return float("nan")
         return float(psutil.Process().memory_info().rss) / 1e6
     status = Path("/proc/self/status")
     lines = status.read_text("ascii", "replace").splitlines() if status.exists() else []
