@@ -1,7 +1,6 @@
 """``kochab archive INPUT... --out URL``: frames by the million as one Parquet table, a row a frame."""
 
 import argparse
-import os
 import signal
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
@@ -16,6 +15,7 @@ from kochab.cli.process import say, signals_handled, signals_kept
 from kochab.core.errors import UsageError, printable
 from kochab.core.progress import Progress
 from kochab.core.progress import run as finished
+from kochab.core.threads import processors
 from kochab.workflows.solution_json import Json
 
 if TYPE_CHECKING:  # they load pyarrow, which the base installation has not
@@ -139,7 +139,7 @@ def _workers(args: argparse.Namespace) -> int:
     if any(str(text).startswith(HERE_ALONE) for text in (args.out, *args.inputs)):
         return 1  # no other process has this one's memory
     if args.workers is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return processors()
     return int(args.workers)
 
 

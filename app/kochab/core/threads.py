@@ -25,13 +25,17 @@ def keep_to_one() -> None:
     _most = 1
 
 
+def processors() -> int:
+    """How many this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # neither on Windows nor on macOS
+        return os.cpu_count() or 1
+
+
 def thread_count() -> int:
     """How many threads are of use here."""
-    try:
-        here = len(os.sched_getaffinity(0))
-    except AttributeError:  # neither on Windows nor on macOS
-        here = os.cpu_count() or 1
-    return min(_most, here)
+    return min(_most, processors())
 
 
 def in_threads(work: Callable[..., Outcome], *parts: Iterable[Any]) -> list[Outcome]:

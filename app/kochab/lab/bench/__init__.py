@@ -15,6 +15,7 @@ import numpy as np
 
 from kochab.core.arrays import Floats
 from kochab.core.errors import UsageError
+from kochab.core.threads import processors
 from kochab.core.values import frozen
 
 T = TypeVar("T")
@@ -101,7 +102,7 @@ class BenchResult:
 def machine() -> dict[str, Any]:
     """What the bench ran on, without naming the host."""
     return {
-        "cpus": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cpus": processors(),
         "cpu": platform.processor() or platform.machine(),
         "system": platform.system(),
         "python": ".".join(map(str, sys.version_info[:3])),
