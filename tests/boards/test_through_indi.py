@@ -272,7 +272,7 @@ def test_a_move_goes_where_it_says_and_ends(kind, tmp_path):
             moves_when_it_tracks(guard, direction)
             wait_for(lambda: not guard.mount.watchdog.moving and not board.moving)
             moved = [(now - then + 180.0) % 360.0 - 180.0 for now, then in zip(board.radec_deg(), begun, strict=True)]
-            assert 0.01 < sense * moved[axis] < 8.0
+            assert 0.01 < sense * moved[axis] < 30.0  # the StarGo at 6 deg a second; a busy machine ends it late
             assert abs(moved[1 - axis]) < 0.05
 
 
