@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from kochab.core.arrays import Floats, Ints, Ints32
 from kochab.core.errors import CatalogueError
 from kochab.core.progress import Progress, Task
+from kochab.core.threads import processors
 from kochab.core.values import frozen
 from kochab.identification.index import (
     ARRAYS,
@@ -193,7 +194,7 @@ def level_quads(vectors: Floats, field_deg: float, neighbours: int, poorest: int
 
     n = len(vectors)
     tree = cKDTree(vectors)
-    threads = os.cpu_count() or 1  # scipy's own -1 fails where the system does not say
+    threads = processors()  # scipy's own -1 fails where the system does not say
     k = min(max(neighbours, AROUND), n - 1)
     most = min(max(k, poorest), n - 1)
     near = np.zeros((n, most + 1), dtype=np.int32)
