@@ -269,19 +269,22 @@ def test_a_move_goes_where_it_says_and_ends(kind, tmp_path):
         guard.position()
         for direction, axis, sense in ((Direction.NORTH, 1, 1.0), (Direction.EAST, 0, 1.0)):
             begun = board.radec_deg()
-            moves_when_it_tracks(guard, direction)
+            ordered_s = moves_when_it_tracks(guard, direction)
             wait_for(lambda: not guard.mount.watchdog.moving and not board.moving)
             moved = [(now - then + 180.0) % 360.0 - 180.0 for now, then in zip(board.radec_deg(), begun, strict=True)]
-            assert 0.01 < sense * moved[axis] < 30.0  # the StarGo at 6 deg a second; a busy machine ends it late
+            # A busy machine ends it late: a second of it is held to the same 8 degrees.
+            assert 0.01 < sense * moved[axis] < 8.0 * (time.monotonic() - ordered_s)
             assert abs(moved[1 - axis]) < 0.05
 
 
 def moves_when_it_tracks(guard, direction):
-    """INDI's EXOS-2 driver needs two reports to see that its mount tracks."""
+    """When the move was ordered (`time.monotonic`); INDI's EXOS-2 driver needs two reports to see that it tracks."""
     end = time.monotonic() + 90.0
     while True:
+        ordered_s = time.monotonic()
         try:
-            return guard.move(direction, 0.5, 1.0)
+            guard.move(direction, 0.5, 1.0)
+            return ordered_s
         except RefusedError:
             if time.monotonic() > end:
                 raise

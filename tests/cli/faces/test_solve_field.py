@@ -1,6 +1,7 @@
 """Kochab called as programs call astrometry.net's solve-field; Debian's own is the referee."""
 
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -186,7 +187,7 @@ def test_files_are_kept_unless_one_says_so(orion, tmp_path, capsys) -> None:
         (["--ra", "30h", "--dec", "2", "x.png"], "30h is not a right ascension"),
         (["--wcs", "one.wcs", "x.png", "y.png"], "--wcs one.wcs is one name for 2 files"),
         (["x.png"], "x.png does not exist."),
-        (["x.xyls"], "x.xyls cannot be read: "),  # and why, in the system's words
+        (["x.xyls"], f"x.xyls cannot be read: {'' if os.name == 'nt' else 'No such file or directory.'}"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_a_sentence(tmp_path, monkeypatch, capsys, asked, sentence) -> None:
