@@ -10,7 +10,7 @@ import pytest
 
 @contextmanager
 def virtual_screen():
-    """The name of a screen of 1600 x 1000; the test is skipped where there can be none."""
+    """The display name of a virtual screen of 1600 x 1000 pixels; skips the test where none can be started."""
     if shutil.which("Xvfb") is None:
         pytest.skip("Xvfb is not installed, so there is no virtual screen to draw on")
     reading, writing = os.pipe()

@@ -1,7 +1,7 @@
 """Work on parts of one large array in threads, one for each processor that this process may use.
 
-NumPy lets other threads run while it works on large parts. Small frames are done sooner without, and so is a process
-that has the processors' number of others beside it.
+NumPy lets other threads run while it works on large parts. Small frames are quicker without, and so is a process that
+shares the processors with as many others.
 """
 
 import os
@@ -20,13 +20,13 @@ _most = MOST
 
 
 def keep_to_one() -> None:
-    """Use no threads in this process from now on: it is one of several that share the processors."""
+    """Do everything in one thread of this process from now on: it is one of several that share the processors."""
     global _most
     _most = 1
 
 
 def processors() -> int:
-    """How many this process may use."""
+    """Number of processors that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # neither on Windows nor on macOS
@@ -34,12 +34,12 @@ def processors() -> int:
 
 
 def thread_count() -> int:
-    """How many threads are of use here."""
+    """Number of threads worth starting in this process."""
     return min(_most, processors())
 
 
 def in_threads(work: Callable[..., Outcome], *parts: Iterable[Any]) -> list[Outcome]:
-    """What ``work`` gives for every part, in their order, as ``map`` does."""
+    """Results of ``work`` for all parts, in their order, as ``map`` gives them."""
     if thread_count() == 1:
         return list(map(work, *parts))
     from concurrent.futures import ThreadPoolExecutor  # 3 ms, for large frames alone
@@ -50,7 +50,7 @@ def in_threads(work: Callable[..., Outcome], *parts: Iterable[Any]) -> list[Outc
 
 @contextmanager
 def behind(work: Callable[[Part], None], useful: bool) -> Iterator[Callable[[Part], None]]:
-    """A call that leaves ``work`` on a part to a second thread, if ``useful``; all is done when the block ends."""
+    """A function that hands a part to ``work`` in a second thread, if ``useful``; all are done when the block ends."""
     if not useful or thread_count() == 1:
         yield work
         return

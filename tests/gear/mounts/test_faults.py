@@ -147,13 +147,13 @@ def test_a_move_whose_line_broke_is_stopped_on_reconnect(bench) -> None:
 
 @pytest.fixture(params=["serial", "network"])
 def each_line(request, monkeypatch):
-    """Asked for before the bench: which kind of line it has."""
+    """The kind of line that the bench has; it comes before the bench among a test's arguments."""
     if request.param == "network":
         monkeypatch.setattr("tests.gear.mounts.bench.own_line", socket_line)
 
 
 def test_unplugging_during_a_move_leaves_one_sentence(each_line, bench) -> None:
-    """A network takes one more write without a word: the end of the move went nowhere, and nobody was told."""
+    """A closed TCP connection accepts one more write: the stop at the end of the move was lost, and nobody was told."""
     bench.guard.move(Direction.NORTH, 0.5, 1.0)
     bench.mount.position()
     bench.line.unplug()

@@ -85,7 +85,7 @@ def practice():
 def kstars():
     missing = [package for program, package in PROGRAMS.items() if shutil.which(program) is None]
     if missing:
-        pytest.skip(f"KStars or what drives it is not installed: apt-get install {' '.join(missing)}")
+        pytest.skip(f"KStars, or a program that drives it, is not installed: apt-get install {' '.join(missing)}")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as home:
         (Path(home) / ".config").mkdir()
         (Path(home) / ".config" / "kstarsrc").write_text(NO_WIZARD)

@@ -68,7 +68,7 @@ class Goal:
 
 
 def children_s() -> float:
-    """Processor seconds of this process's children that have ended; NaN on Windows, which keeps no account of them."""
+    """Processor time, s, of this process's children that have ended; NaN on Windows, which does not record it."""
     spent = os.times()
     return math.nan if os.name == "nt" else spent.children_user + spent.children_system
 

@@ -45,7 +45,7 @@ TURNS, QUICK_TURNS, LIMIT_S, BATCH, BATCH_TURNS, BUSY = 15, 5, 120.0, 96, 5, 4
 BATCHES = {"batch": 0, "batch beside busy loops": BUSY}
 COLD_RATIO, WARM_RATIO, WARM_LARGE_S, BATCH_FRAMES, BATCH_RATIO = 0.6, 0.2, 0.3, 8.0, 1.8
 APART = "two programs"
-"""Each with half of a batch: what this machine's two cores give at best."""
+"""Each solves half of a batch: the best that this machine's two cores can do."""
 BEFORE = "KOCHAB_BENCH_BEFORE"
 LEFT_OUT = ("PYTHONDONTWRITEBYTECODE", "OPENBLAS_NUM_THREADS")
 """Variables that commands do not inherit: what Python compiles is kept, and none has our own threads' limit."""
@@ -246,7 +246,7 @@ def compared(frame: str, commands: Mapping[str, Callable[[], Spent]], turns: int
 
 
 def batch(files: Sequence[Path], busy: int) -> list[dict[str, Any]]:
-    """A row for one process, for two and for two programs, on many files, in turns beside so many busy loops."""
+    """Rows for one worker, two workers and two programs solving the same files, in turns, beside busy loops."""
 
     def solving(some: Sequence[Path], workers: int) -> list[str]:
         return [*KOCHAB, "solve", *map(str, some), "--json", "--no-worker", "--workers", str(workers)]

@@ -45,7 +45,7 @@ class PoleChart(StarChart):
             self.turn(datetime.now(UTC))
 
     def turn(self, at: datetime) -> None:
-        """Turn to the pole as it stands at a time."""
+        """Turn to the pole as it is seen at a given time."""
         horizon = Horizon(self.site, at)
         pole = pole_direction(self.site)
         altitude, azimuth = alt_az(pole)

@@ -174,14 +174,14 @@ class Dataset:
             self._drop(part)
 
     def _drop(self, part: str) -> None:
-        """Remove a part whose rows stand elsewhere; on Windows one that a program holds open waits for the next run."""
+        """Remove a part whose rows are in another; on Windows one that a program has open is left for the next run."""
         for _ in range(TRIES):
             try:
                 self.fs.rm_file(part)
                 return
             except PermissionError:
                 time.sleep(PAUSE_S)
-        log.info("%s is in use: the next run removes it.", part)
+        log.info("%s is in use: the next run will remove it.", part)
 
     # -- What is left to do --------------------------------------------------------------------
 

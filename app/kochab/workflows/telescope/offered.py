@@ -70,7 +70,7 @@ class Seen:
     sigma_deg: float = 0.0
     """1 sigma by encoders or a gyroscope; 0 of a solve or a mount, whose own error is no matter to who pushes."""
     felt_s: float = 0.0
-    """How much later than the last solved frame encoders or a gyroscope told it; 0 without them."""
+    """Seconds from the last solved frame to this position by encoders or a gyroscope; 0 without them."""
 
     @property
     def past(self) -> bool:

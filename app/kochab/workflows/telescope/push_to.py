@@ -45,7 +45,7 @@ class PushTo:
     sigma_deg: float = 0.0
     """1 sigma of where it points, by encoders or a gyroscope; 0 of a solve."""
     felt_s: float = 0.0
-    """How much later than the last solved frame encoders or a gyroscope told it; 0 without them."""
+    """Seconds from the last solved frame to this position by encoders or a gyroscope; 0 without them."""
 
     @property
     def there(self) -> bool:
