@@ -18,6 +18,8 @@ from tests.window.fakes import FakeEngine, close_windows
 PATIENCE_MS = 60_000
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+if os.name == "nt":  # where a screen that is none has no font of its own: every letter would be a box as wide as an M
+    os.environ.setdefault("QT_QPA_FONTDIR", os.path.join(os.environ["WINDIR"], "Fonts"))
 
 
 @pytest.fixture(scope="session", autouse=True)

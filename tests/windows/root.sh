@@ -122,7 +122,12 @@ case ${1:?make, checkout, python, pytest, screen or shell} in
     ;;
   checkout) checkout ;;
   python) shift; within wine /win/py/python.exe "$@" ;;
-  pytest) shift; WINDOWS_ENV="QT_QPA_PLATFORM=offscreen PYTHONPATH=Z:\\\\win\\\\tests" within wine /win/py/python.exe -m pytest "$@" ;;
+  pytest)
+    shift
+    # Wine keeps QT_... from programs, and hands them WINEQT_... by that name.
+    WINDOWS_ENV="WINEQT_QPA_PLATFORM=offscreen WINEQT_QPA_FONTDIR=Z:/usr/share/fonts/truetype/dejavu PYTHONPATH=Z:\\\\win\\\\tests" \
+      within wine /win/py/python.exe -m pytest "$@"
+    ;;
   screen)
     shift
     WINDOWS_ENV="DISPLAY=:96 SHOT_AFTER_S=${SHOT_AFTER_S:-60}" within bash -c '

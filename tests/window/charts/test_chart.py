@@ -83,7 +83,9 @@ def test_a_line_is_painted_where_its_numbers_are(chart, use_theme, theme):
     line = seen[between.y() - 1 : between.y() + 2, between.x()].astype(int)
     wanted = np.array(rgb(line_style(0, THEMES[theme]).colour))
     assert np.abs(line - wanted).sum(axis=1).min() < 60
-    assert seen[gap.y(), gap.x()].sum() < 765 * (1 if theme == "light" else 0.3)  # NaN: no line
+    about = seen[gap.y() - 1 : gap.y() + 2, gap.x() - 1 : gap.x() + 2].astype(int)  # ground, or a line of the grid
+    broken = np.array(rgb(line_style(1, THEMES[theme]).colour))
+    assert np.abs(about - broken).sum(axis=2).min() > 100  # NaN: no line
     ground = seen[at.y() - 30, 3]
     assert ground.tolist() == rgb(THEMES[theme].surface)
 
