@@ -15,6 +15,12 @@ UNEVEN = 0.01
 EARTH_DEG_S = Rotation.from_euler("Y", 42.0, degrees=True).apply((0.0, 0.0, 15.041 / 3600.0))
 
 
+def _attitudes(azimuths: np.ndarray, altitudes: np.ndarray) -> Rotation:
+    """From Earth-fixed directions to camera axes; z is where it looks."""
+    angles = np.column_stack([azimuths, 90.0 - altitudes, np.full(len(azimuths), 30.0)])
+    return Rotation.from_euler("ZYZ", angles, degrees=True).inv()
+
+
 class Tube:
     """A tube on an altazimuth mount without a drive, with a gyroscope on it; time is its own."""
 
@@ -30,27 +36,26 @@ class Tube:
     @property
     def attitude(self) -> np.ndarray:
         """From Earth-fixed directions to camera axes; z is where it looks."""
-        return Rotation.from_euler("ZYZ", (self.az, 90.0 - self.alt, 30.0), degrees=True).as_matrix().T
+        return _attitudes(np.array([self.az]), np.array([self.alt])).as_matrix()[0]
 
     def push(self, az: float, alt: float, seconds: float = 3.0) -> None:
         """By so many degrees, beginning and ending at rest."""
-        start = self.az, self.alt
-        moments, rates = [], []
-        before = self.attitude
-        for share in np.linspace(0.0, 1.0, round(seconds * RATE_HZ) + 1)[1:]:
-            eased = 0.5 - 0.5 * np.cos(np.pi * share)
-            self.az, self.alt = start[0] + eased * az, start[1] + eased * alt
-            turn = -Rotation.from_matrix(self.attitude @ before.T).as_rotvec()
-            before = self.attitude
-            noise = self.random.normal(0.0, NOISE_DEG_S_RT_HZ * np.sqrt(RATE_HZ / 2.0), 3)
-            self.rest_deg_s = self.rest_deg_s + self.random.normal(0.0, WALK_DEG_S_RT_S / np.sqrt(RATE_HZ), 3)
-            rate = np.degrees(turn) * RATE_HZ + before @ EARTH_DEG_S
-            felt = self.chip @ self.mounting.inv().apply(rate) + self.rest_deg_s + noise
-            self.now_s += 1.0 / RATE_HZ
-            moments.append(self.now_s)
-            rates.append(np.radians(felt))
+        steps = round(seconds * RATE_HZ)
+        eased = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, steps + 1))
+        azimuths, altitudes = self.az + eased * az, self.alt + eased * alt
+        self.az, self.alt = azimuths[-1], altitudes[-1]
+        attitudes = _attitudes(azimuths, altitudes)
+        turns = -(attitudes[1:] * attitudes[:-1].inv()).as_rotvec()
+        noise, walk = np.moveaxis(self.random.standard_normal((steps, 2, 3)), 1, 0)
+        rest_deg_s = self.rest_deg_s + np.cumsum(walk * (WALK_DEG_S_RT_S / np.sqrt(RATE_HZ)), axis=0)
+        rates_deg_s = np.degrees(turns) * RATE_HZ + attitudes[:-1].apply(EARTH_DEG_S)
+        felt = self.mounting.inv().apply(rates_deg_s) @ self.chip.T + rest_deg_s
+        felt += noise * (NOISE_DEG_S_RT_HZ * np.sqrt(RATE_HZ / 2.0))
+        moments = self.now_s + np.arange(1, steps + 1) / RATE_HZ
+        self.rest_deg_s, self.now_s = rest_deg_s[-1], moments[-1]
+        rates = np.radians(felt)
         for k in range(0, len(moments), 5):
-            self.model.feel(np.array(moments[k : k + 5]), np.array(rates[k : k + 5]))
+            self.model.feel(moments[k : k + 5], rates[k : k + 5])
 
     def rest(self, seconds: float) -> None:
         self.push(0.0, 0.0, seconds)
