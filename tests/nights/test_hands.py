@@ -98,7 +98,7 @@ def test_a_seed_is_a_hand():
     assert run(BY_NAME["slips"], 7) == run(BY_NAME["slips"], 7)
 
 
-HANDS = 4
+HANDS = 3
 """Of each kind here; `make nights` and `kochab bench polar` run 80."""
 
 

@@ -17,7 +17,7 @@ from math import cos, exp, log, pi, radians, sin
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, apart_deg, cross_product, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
 from kochab.core.values import frozen
@@ -253,14 +253,14 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
     geometry = cause.geometry(seen)
     prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
     noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
-    terms = np.zeros(5)
+    terms, priors = np.zeros(5), np.log(prior).sum(axis=-1)
     for _ in range(STEPS if cause.fitted else 1):
         left, slopes = residuals(terms, *geometry)
         y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
         precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
         weighted = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
         means = np.linalg.solve(precision, weighted[..., None])[..., 0]
-        freedom = np.linalg.slogdet(precision)[1] - np.log(prior).sum(axis=-1) + len(y) * np.log(2.0 * pi * noise[:, 0])
+        freedom = np.linalg.slogdet(precision)[1] - priors + len(y) * np.log(2.0 * pi * noise[:, 0])
         logs = -0.5 * (y @ y / noise[:, 0] - (weighted * means).sum(axis=-1) + freedom)
         terms = means.reshape(-1, 5)[logs.argmax()]
         if np.abs(terms[2:4]).max() > FARTHEST_DEG:
@@ -298,18 +298,19 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways
     off = np.stack([wrapped(np.degrees(at - lon) - first) * level, np.degrees(high - lat) - terms[1] * ways], axis=1)
     slopes = np.zeros((len(there), 2, 5))
     slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, ways, side * level / narrow
-    east = np.stack([-np.sin(lon), np.cos(lon), 0.0 * lon], axis=1)
-    north = cross_product(there, east)
-    for k, tilt_axis in enumerate(np.eye(3)[:2], start=2):
-        moved = cross_product(there, tilt_axis)
-        slopes[:, 0, k], slopes[:, 1, k] = (moved * east).sum(axis=1) * level / narrow, (moved * north).sum(axis=1)
+    # A small turn about x or y moves what it turns by their cross product; here is how far, east and north.
+    sin, cos = np.sin(lon), np.cos(lon)
+    rise = there[:, 2] * level / narrow
+    slopes[:, 0, 2], slopes[:, 1, 2] = rise * cos, -sin
+    slopes[:, 0, 3], slopes[:, 1, 3] = rise * sin, cos
     return off, slopes
 
 
 def turned(there: Floats, terms: Floats) -> Floats:
-    """Directions (..., 3) as seen from a first axis tilted by two of the terms."""
-    turn = np.radians([*terms[2:4], 0.0])
-    return np.asarray(there - cross_product(turn, there) + 0.5 * cross_product(turn, cross_product(turn, there)))
+    """Directions (..., 3) as seen from a first axis tilted by two of the terms, to the second order."""
+    x, y = np.radians(terms[2]), np.radians(terms[3])
+    cross = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(there @ (np.eye(3) - cross + 0.5 * cross @ cross).T)
 
 
 def _unknown(offset_deg: float) -> float:
