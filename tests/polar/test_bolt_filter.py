@@ -44,7 +44,7 @@ def test_before_anything_moved_there_is_no_thread_and_more_backlash_with_every_t
 def test_the_true_thread_and_backlash_lie_where_the_particles_are():
     """Drawn threads, backlash and hands: the middle 68 % of the particles hold the true value about as often."""
     random, inside, within = np.random.default_rng(7), [], []
-    for _ in range(60):
+    for _ in range(30):
         thread, backlash = random.choice([-1, 1]) * random.uniform(1500.0, 6500.0), random.uniform(0.05, 0.4)
         engaged, found = backlash * random.random(), BoltFilter.unknown()
         for asked in (0.25, 0.25, 0.5, -0.5, -0.25, 0.5, 0.25):

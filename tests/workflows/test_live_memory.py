@@ -21,15 +21,15 @@ def test_a_long_stream_holds_no_more_than_a_short_one() -> None:
     tracemalloc.start()
     try:
         for turn, _ in enumerate((step for step in live if isinstance(step, LiveUpdate)), 1):
-            if turn in (300, 1500):
+            if turn in (200, 700):
                 gc.collect()  # what is only waiting to be let go is not held
                 held[turn] = tracemalloc.get_traced_memory()[0]
-            if turn == 1500:
+            if turn == 700:
                 break
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         live.close()
         tracemalloc.stop()
-    # 1200 further turns leave nothing behind: at one of the two moments a frame may be on its way
-    assert held[1500] - held[300] < 2 * FRAME_BYTES
+    # 500 further turns leave nothing behind: at one of the two moments a frame may be on its way
+    assert held[700] - held[200] < 2 * FRAME_BYTES
     assert peak < 12 * FRAME_BYTES

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from kochab.sky.horizon import STANDARD_REFRACTION, Horizon, Refraction
 GRID = 5  # field points a side
 WIDEST_DEG = 20.0  # beyond this much of the field refraction is no longer nearly linear; its middle is used
 FLOOR_ARCSEC = 0.7  # no frame is believed to better than this: seeing, and refraction as it really is
+MOST_KEPT = 512  # a drift looks at all its frames again every five seconds
 
 
 @frozen(eq=False)
@@ -100,6 +102,7 @@ class LocalAttitude:
         return float(np.degrees(alt_az(self.boresight)[0]))
 
 
+@lru_cache(maxsize=MOST_KEPT)
 def to_local(sighting: Sighting, site: Site, refraction: Refraction = STANDARD_REFRACTION) -> LocalAttitude:
     """The sighting's camera in E, N, U: field points taken to apparent places, then a rotation.
 
