@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from kochab.core.frame import Site
+from kochab.simulate import camera as cameras
 from kochab.simulate.camera import CameraConfig, SkyCamera
 from kochab.simulate.exposure import StarPaths, background, sky_electrons, starlight
 from kochab.simulate.mechanics.geometry import Build, camera_to_enu, mount_to_enu
@@ -239,3 +240,22 @@ def test_a_frame_taken_while_it_slews_is_made_of_long_trails():
     assert length_px(paths) > 300.0
     frame = camera().frame(following(2.0), DARK, 1.0)
     assert frame.pixels.shape == (240, 320)
+
+
+def test_stars_whose_light_a_slew_loses_in_the_noise_are_left_out_and_no_other(monkeypatch):
+    """Trails that nobody sees took a second of each frame."""
+    drawn, add = [], cameras.add_stars
+
+    def counted(light, xy, flux, image):
+        drawn.append(len(xy))
+        add(light, xy, flux, image)
+
+    monkeypatch.setattr(cameras, "add_stars", counted)
+    config = replace(SMALL, fov_deg=4.0, sensor=Sensor(gain_e=0.05))
+    kept = camera(config).frame(following(2.0), DARK, 1.0).pixels.astype(float)
+    monkeypatch.setattr(cameras, "LONG_TRAIL", np.inf)
+    every = camera(config).frame(following(2.0), DARK, 1.0).pixels.astype(float)
+    assert drawn[0] < 0.5 * drawn[1]
+    noise = np.std(np.diff(every, axis=1)) / np.sqrt(2.0)
+    assert np.abs(kept - every).max() < noise
+    assert kept.std() > 1.5 * noise, "bright stars' trails are there"

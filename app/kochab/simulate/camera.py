@@ -17,6 +17,8 @@ from kochab.sky import Catalogue
 
 FWHM_STEP = 0.04
 """px: stars of one width are drawn together."""
+LONG_TRAIL = 64
+"""Cores a star: from here on faint stars are left out, whose light is lost along their trails."""
 
 
 @frozen
@@ -75,14 +77,19 @@ class SkyCamera:
 
     def faintest(self, exposure_s: float) -> float:
         """V of the stars that are half lost in the noise of a dark night, in half magnitudes."""
-        zero_point_e_s, pixel = self.config.zero_point_e_s, self.optics.scale_arcsec_px**2
-        dark = electrons(np.array(DARK_MAG), zero_point_e_s, exposure_s) * pixel
-        # the noise-equivalent area of a Gaussian, 4 pi sigma^2 px
-        area = 4.0 * np.pi * (self.config.fwhm_px / FWHM_PER_SIGMA) ** 2
-        # signal-to-noise 2 of the background alone
-        lost = 2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2))
-        mag = 2.5 * np.log10(zero_point_e_s * exposure_s / lost)
+        lost = float(self._half_lost_e(exposure_s, np.zeros(1))[0])
+        mag = 2.5 * np.log10(self.config.zero_point_e_s * exposure_s / lost)
         return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
+
+    def _half_lost_e(self, exposure_s: float, trail_px: Floats) -> Floats:
+        """Electrons (N,) of stars with trails so long (N,), px, that are half lost in the noise of a dark night."""
+        pixel = self.optics.scale_arcsec_px**2
+        dark = electrons(np.array(DARK_MAG), self.config.zero_point_e_s, exposure_s) * pixel
+        # the noise-equivalent area of a Gaussian, 4 pi sigma^2 px, and of a line as wide, 2 sqrt(pi) sigma px a pixel
+        sigma = self.config.fwhm_px / FWHM_PER_SIGMA
+        area = 4.0 * np.pi * sigma**2 + 2.0 * np.sqrt(np.pi) * sigma * trail_px
+        # signal-to-noise 2 of the background alone
+        return np.asarray(2.0 * np.sqrt(area * (float(dark) + self.config.sensor.read_noise_e**2)))
 
     def light(self, attitude_at: AttitudeAt, start: float, exposure_s: float) -> ExposureLight:
         """The light of stars and sky in an exposure from unix time ``start`` on."""
@@ -106,6 +113,10 @@ class SkyCamera:
         light = self.light(attitude_at, start, exposure_s)
         image_e = background(light)
         cores, flux = light.paths.cores(0.4 * self.config.fwhm_px), starlight(light)
+        if len(cores) > LONG_TRAIL:
+            # while a mount slews: a second a frame, for stars that no one sees
+            seen = ~(flux < self._half_lost_e(exposure_s, light.paths.lengths_px()))
+            cores, flux = cores[:, seen], flux[seen]
         places, shares = cores.reshape(-1, 2), np.tile(flux / len(cores), len(cores))
         if self.visitors:
             more, light_e = self._visitors_light(attitude_at, start, exposure_s)

@@ -36,6 +36,10 @@ class Paths:
     directions: Floats
     sky: LocalSky
 
+    def lengths_px(self) -> Floats:
+        """How long each star's path is (N,), px; NaN where it comes from behind the camera."""
+        return np.asarray(np.linalg.norm(np.diff(self.xy, axis=0), axis=2).sum(axis=0))
+
     def cores(self, spacing_px: float, most: int = 400) -> Floats:
         """Places (M, N, 2) at equal times whose typical distance is ``spacing_px``."""
         whole = self.xy[:, np.isfinite(self.xy).all(axis=(0, 2))]

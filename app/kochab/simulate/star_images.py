@@ -181,16 +181,15 @@ def _add_cores(light: Floats32, xy: Floats, flux: Floats, image: RenderedStar) -
     xy, flux, middle = xy[near], flux[near], middle[near]
     columns, rows = middle[:, :1] + reach, middle[:, 1:] + reach
     dx, dy = columns - xy[:, :1], rows - xy[:, 1:]
-    stamp = _gaussian(dx, dy, image) if image.beta is None else _moffat(dx, dy, image)
     # all at once: a loop over stars took most of a frame's time. What is outside adds nothing, at the nearest pixel.
     x, y = columns.clip(0, width - 1), rows.clip(0, height - 1)
-    stamp *= (flux[:, None] * (rows == y))[:, :, None]
-    stamp *= (columns == x)[:, None]
-    np.add.at(light.reshape(-1), (y[:, :, None] * width + x[:, None]).reshape(-1), stamp.astype(np.float32).reshape(-1))
-
-
-def _gaussian(dx: Floats, dy: Floats, image: RenderedStar) -> Floats:
-    return _along(dy, image)[:, :, None] * _along(dx, image)[:, None, :]
+    down, across = flux[:, None] * (rows == y), (columns == x).astype(np.float64)
+    if image.beta is None:  # a product of two: nothing else is worked out pixel by pixel
+        down, across = down * _along(dy, image), across * _along(dx, image)
+    stamp = down.astype(np.float32)[:, :, None] * across.astype(np.float32)[:, None, :]
+    if image.beta is not None:
+        stamp *= _moffat(dx, dy, image)
+    np.add.at(light.reshape(-1), (y[:, :, None] * width + x[:, None]).reshape(-1), stamp.reshape(-1))
 
 
 def _along(away_px: Floats, image: RenderedStar) -> Floats:
