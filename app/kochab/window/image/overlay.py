@@ -79,26 +79,38 @@ class Brush:
 
     def text(self, at: QPointF, text: str, colour: str) -> None:
         """Text with a dark edge from its base line on, unless its place is taken."""
-        box, _ = self.words(text, colour)
-        placed = self.space.place(box.translated(at))
+        placed = self.space.place(self.box(text).translated(at))
         if placed is not None:
             self.draw(placed.topLeft(), text, colour)
 
-    def words(self, text: str, colour: str) -> tuple[QRectF, QPixmap]:
-        return _words(text, self._font, colour, self.colours.halo, self._ratio)
+    def box(self, text: str) -> QRectF:
+        """The box of a text from its base line."""
+        return _box(text, self._font)
 
     def draw(self, corner: QPointF, text: str, colour: str) -> None:
         """Text whose box has its upper left corner there."""
-        self.painter.drawPixmap(corner - QPointF(HALO_PX, HALO_PX), self.words(text, colour)[1])
+        words = _words(text, self._font, colour, self.colours.halo, self._ratio)
+        self.painter.drawPixmap(corner - QPointF(HALO_PX, HALO_PX), words)
+
+
+@lru_cache(maxsize=64)
+def _written(font: str) -> tuple[QFont, QFontMetricsF]:
+    written = QFont()
+    written.fromString(font)
+    return written, QFontMetricsF(written)
+
+
+@lru_cache(maxsize=4096)
+def _box(text: str, font: str) -> QRectF:
+    """Of a text from its base line: most that are measured find no room, and are never drawn."""
+    return _written(font)[1].boundingRect(text)
 
 
 @lru_cache(maxsize=2048)
-def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[QRectF, QPixmap]:
-    """The box of a text from its base line, and the text drawn with a dark edge."""
-    written = QFont()
-    written.fromString(font)
-    box = QFontMetricsF(written).boundingRect(text)
-    ground = box.adjusted(-HALO_PX, -HALO_PX, HALO_PX, HALO_PX)
+def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> QPixmap:
+    """A text drawn with a dark edge."""
+    written, _ = _written(font)
+    ground = _box(text, font).adjusted(-HALO_PX, -HALO_PX, HALO_PX, HALO_PX)
     picture = QPixmap(*(int(np.ceil(side * ratio)) for side in (ground.width(), ground.height())))
     picture.setDevicePixelRatio(ratio)
     picture.fill(Qt.GlobalColor.transparent)
@@ -111,7 +123,7 @@ def _words(text: str, font: str, colour: str, halo: str, ratio: float) -> tuple[
     painter.setPen(QColor(colour))
     painter.drawText(-ground.topLeft(), text)
     painter.end()
-    return box, picture
+    return picture
 
 
 def circles(brush: Brush, xy: Floats, colour: str, radius: float, width: float) -> None:
@@ -243,7 +255,7 @@ def sky_labels(brush: Brush, lines: list[GridLine], edges: QRectF, colour: str) 
         box = inside.left(), inside.top(), inside.right(), inside.bottom()
         spot = line.spot(brush.view.to_screen(line.xy), *box)
         if spot is not None:
-            right = inside.right() - 2 - brush.words(line.text, colour)[0].width()
+            right = inside.right() - 2 - brush.box(line.text).width()
             at = QPointF(min(spot[0] + 4, right), min(spot[1] - 4, inside.bottom() - 6))
             brush.text(at, line.text, colour)
 
@@ -426,7 +438,7 @@ class Overlay:
         self.ranks = self.layers.faintest(seen, solution)
 
         def size(text: str) -> tuple[float, float]:
-            box, _ = brush.words(text, brush.colours.star)
+            box = brush.box(text)
             return box.width(), box.height()
 
         taken = [(box.x(), box.y(), box.width(), box.height()) for box in brush.space.taken]

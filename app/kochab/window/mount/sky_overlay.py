@@ -148,7 +148,7 @@ class MountMarks:
         """Beside the line where no other name is, as near as can be to a third of the chart's height."""
         if not self.meridian_text:
             return
-        box, _ = brush.words(self.meridian_text, colours.horizon_text)
+        box = brush.box(self.meridian_text)
         taken = [QRectF(*label.box) for label in chart.overlay.labels] + [QRectF(at) for at in chart.overlay.covered]
         inside = QRectF(chart.rect()).adjusted(8.0, 8.0, -8.0, -8.0)
         for x, y in line[np.argsort(np.abs(line[:, 1] - 0.3 * chart.height()))].tolist():
@@ -234,7 +234,7 @@ def name_mark(
     sides : tuple[float, ...]
         How far its base line is below the middle, px, the best first.
     """
-    box, _ = brush.words(text, colour)
+    box = brush.box(text)
     spots = [QPointF(across, down) for across in (ASIDE_PX, -ASIDE_PX - box.width()) for down in sides]
     free = (at for at in spots if not any(box.translated(mark + at).intersects(other) for other in taken))
     at = mark + next(free, spots[0])
@@ -245,6 +245,6 @@ def name_mark(
 def _write(brush: Brush, at: QPointF, text: str, colour: str) -> None:
     """A text with a dark edge whose base line begins there, moved into the chart."""
     if text:
-        box = brush.words(text, colour)[0].translated(at)
+        box = brush.box(text).translated(at)
         left = min(max(box.left(), 4.0), max(4.0, brush.view.width - 4.0 - box.width()))
         brush.draw(QPointF(left, box.top()), text, colour)
