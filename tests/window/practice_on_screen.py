@@ -1,6 +1,6 @@
 """A practice night as a person has it, on whatever screen there is: from the welcome page to M 42.
 
-``python -m tests.window.practice_on_screen FOLDER`` presses the buttons of the real window over a
+``python -m tests.window.practice_on_screen FOLDER [--plain]`` presses the buttons of the real window over a
 simulated telescope on a line of its own, saves ``mount.png`` and ``mount-night.png``, and prints
 where the telescope truly points in the end and how long the window was ever away.
 """
@@ -78,7 +78,7 @@ class Pulse:
         self._wall, self._cpu = wall, cpu
 
 
-def night_out(window, commands, folder):
+def night_out(window, commands, folder, plain):
     """Practice, look, sync, centre M 42; what came of it."""
     window.welcome.practice.click()
     view = commands.views.docks["mount"].view
@@ -100,11 +100,11 @@ def night_out(window, commands, folder):
     truth = STARTED[-1].rig.truth()
     gaps = {"longest_gap_ms": round(pulse.worst_ms), "own_work_ms": round(pulse.own_ms)}
     pause(700)
-    keep(window, folder / "mount.png")
+    keep(window, folder / "mount.png", plain)
     commands.actions["night"].trigger()
     until(lambda: commands.appearance.settled, "the night")
     pause(400)
-    keep(window, folder / "mount-night.png")
+    keep(window, folder / "mount-night.png", plain)
     away = apart_deg(truth.ra_dec_deg, radec_deg(finder().still("M 42").vector)) * 3600.0
     return {
         "off_at_first": first,
@@ -115,7 +115,7 @@ def night_out(window, commands, folder):
     }
 
 
-def main(folder):
+def main(folder, *arguments):
     app = QApplication([])
     folder = Path(folder)
     with tempfile.TemporaryDirectory() as home:
@@ -125,7 +125,10 @@ def main(folder):
         window.show()
         window.activateWindow()
         pause(500)
-        told = {"platform": QGuiApplication.platformName(), **night_out(window, commands, folder)}
+        told = {
+            "platform": QGuiApplication.platformName(),
+            **night_out(window, commands, folder, "--plain" in arguments),
+        }
         window.close()
         print(json.dumps(told))
     app.quit()

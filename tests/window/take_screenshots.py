@@ -1,9 +1,10 @@
 """Take the pictures of the window that the README shows, on whatever screen there is.
 
-``python -m tests.window.take_screenshots FOLDER [FRAME] [--laboratory]`` (the README's are in
+``python -m tests.window.take_screenshots FOLDER [FRAME] [--laboratory] [--plain]`` (the README's are in
 ``resources/screenshots``) opens the frame in the real window with the real engine and saves
 ``window.png``, ``night.png`` and ``welcome.png``, and with ``--laboratory`` also that view after a
-comparison and curves of a minute or so; it prints what Qt drew on and what was found.
+comparison and curves of a minute or so; it prints what Qt drew on and what was found. ``--plain`` pictures are
+as large as they come: to make them small is a third of the work.
 The picture of the Mount view is ``mount.png`` of :mod:`tests.window.practice_on_screen`.
 """
 
@@ -34,8 +35,11 @@ def pause(ms):
     loop.exec()
 
 
-def keep(window, path):
-    """Save what the window shows in 256 colours, which keeps the repository small."""
+def keep(window, path, plain=False):
+    """Save what the window shows in 256 colours, which keeps the repository small; ``plain`` as Qt has it."""
+    if plain:
+        window.grab().save(str(path), quality=80)
+        return
     window.grab().save(str(path))
     with Image.open(path) as picture:
         red, green, blue = picture.convert("RGB").split()
@@ -67,7 +71,7 @@ def show_laboratory(commands, path):
 
 
 def main(folder, *arguments):
-    frame = next((a for a in arguments if not a.startswith("-")), None)
+    frame, plain = next((a for a in arguments if not a.startswith("-")), None), "--plain" in arguments
     app = QApplication([])
     folder = Path(folder)
     with tempfile.TemporaryDirectory() as home:
@@ -83,7 +87,7 @@ def main(folder, *arguments):
             if not any(made.icon().isNull() for made in window.welcome.samples):
                 break
         pause(700)  # until they are laid out
-        keep(window, folder / "welcome.png")
+        keep(window, folder / "welcome.png", plain)
         loop = QEventLoop()
         commands.session.idle.connect(loop.quit)
         QTimer.singleShot(LIMIT_MS, loop.quit)
@@ -93,14 +97,14 @@ def main(folder, *arguments):
         while commands.presenter.overlay.tables is None or window.workspace.card.title.text() == "Solved":
             pause(100)  # until the sky is drawn and the field has its name
         pause(300)
-        keep(window, folder / "window.png")
+        keep(window, folder / "window.png", plain)
         if "--laboratory" in arguments:
             show_laboratory(commands, folder / "laboratory.png")
         commands.actions["night"].trigger()
         while not commands.appearance.settled:
             pause(100)
         pause(300)
-        keep(window, folder / "night.png")
+        keep(window, folder / "night.png", plain)
         result = commands.session.known.result
         told = {"platform": QGuiApplication.platformName(), "solved": isinstance(result, Solution)}
         if isinstance(result, Solution):

@@ -36,7 +36,7 @@ def environment(screen, tmp_path):
 @pytest.mark.parametrize("scale", ["1", "2"])
 def test_the_window_solves_a_sample_on_a_screen(environment, tmp_path, scale):
     done = subprocess.run(
-        [sys.executable, "-m", "tests.window.take_screenshots", str(tmp_path)],
+        [sys.executable, "-m", "tests.window.take_screenshots", str(tmp_path), "--plain"],
         cwd=REPOSITORY,
         env=environment | {"QT_SCALE_FACTOR": scale},
         capture_output=True,

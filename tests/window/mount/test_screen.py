@@ -14,7 +14,7 @@ __all__ = ["environment", "screen"]  # fixtures
 
 def test_a_practice_night_ends_with_m_42_in_the_middle(environment, tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "tests.window.practice_on_screen", str(tmp_path)],
+        [sys.executable, "-m", "tests.window.practice_on_screen", str(tmp_path), "--plain"],
         cwd=REPOSITORY,
         env=environment,
         capture_output=True,
