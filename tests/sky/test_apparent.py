@@ -1,20 +1,24 @@
 from datetime import UTC, datetime
 
+import erfa
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from kochab.core.attitude import unit_vectors
+from kochab.core.frame import Site
 from kochab.sky.apparent import (
     aberrated,
     apparent,
     earth_velocity,
     from_apparent,
     julian_years,
+    of_date_matrix,
     with_aberration,
     without_aberration,
 )
+from kochab.sky.horizon import sun_altitude_deg
 
 ARCSEC_PER_RAD = np.degrees(1.0) * 3600.0
 WHEN = datetime(2025, 3, 14, 21, 30, tzinfo=UTC)
@@ -75,6 +79,18 @@ def test_the_apparent_place_agrees_with_erfa():
     assert np.median(gap) < 0.01
     assert gap.max() < 0.1  # the Sun's bending, which we leave out
     assert from_apparent(apparent(spread(40), WHEN), WHEN) == pytest.approx(spread(40), abs=1e-9)
+
+
+def test_the_series_of_a_moment_are_evaluated_once_and_nobody_changes_them(monkeypatch):
+    when, asked = datetime(2031, 5, 6, 21, 40, tzinfo=UTC), []
+    for name in ("epv00", "pnm06a", "gst06a"):
+        series = getattr(erfa, name)
+        monkeypatch.setattr(erfa, name, lambda *given, name=name, series=series: asked.append(name) or series(*given))
+    heights = {sun_altitude_deg(Site(50.0, 8.0), when) for _ in range(3)}
+    assert len(heights) == 1
+    assert sorted(asked) == ["epv00", "gst06a", "pnm06a"]
+    with pytest.raises(ValueError, match="read-only"):
+        of_date_matrix(when)[0, 0] = 1.0
 
 
 def test_years():

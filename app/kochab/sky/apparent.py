@@ -7,6 +7,7 @@ field in radians) distorts, and the pointing of the mount needs it always.
 
 from bisect import bisect_right
 from datetime import UTC, datetime
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,12 +45,46 @@ def julian_date_tt(time_utc: datetime) -> float:
     return JD_UNIX + days + (TT_MINUS_UTC_S - leaps_to_come) / 86400.0
 
 
-def earth_velocity(time_utc: datetime) -> Floats:
-    """Barycentric velocity (3,) of the Earth in units of c, ICRS axes (ERFA ``epv00``)."""
+# Series of thousands of terms are kept: each look at a mount under way asks ten times for those of one moment.
+
+
+@lru_cache(maxsize=64)
+def earth(jd_tt: float) -> tuple[Floats, Floats]:
+    """Heliocentric position (3,), au, and barycentric velocity (3,), au a day, of the Earth (ERFA ``epv00``).
+
+    On ICRS axes, at a Julian date in TT, which is taken for TDB. Both are read only.
+    """
     import erfa
 
-    _, barycentric = erfa.epv00(julian_date_tt(time_utc), 0.0)
-    return np.asarray(barycentric["v"], dtype=np.float64) / LIGHT_AU_DAY
+    heliocentric, barycentric = erfa.epv00(jd_tt, 0.0)
+    return _kept(heliocentric["p"]), _kept(barycentric["v"])
+
+
+@lru_cache(maxsize=64)
+def _of_date(jd_tt: float) -> Floats:
+    import erfa
+
+    return _kept(erfa.pnm06a(jd_tt, 0.0))
+
+
+@lru_cache(maxsize=64)
+def greenwich_deg(jd_ut1: float, jd_tt: float) -> float:
+    """Apparent sidereal time at Greenwich, degrees in [0, 360) (ERFA ``gst06a``), of Julian dates in UT1 and TT."""
+    import erfa
+
+    return float(np.degrees(erfa.gst06a(jd_ut1, 0.0, jd_tt, 0.0)))
+
+
+def _kept(values: object) -> Floats:
+    """Float64 that nobody changes."""
+    own = np.array(values, dtype=np.float64)
+    own.setflags(write=False)
+    return own
+
+
+def earth_velocity(time_utc: datetime) -> Floats:
+    """Barycentric velocity (3,) of the Earth in units of c, ICRS axes (ERFA ``epv00``)."""
+    return earth(julian_date_tt(time_utc))[1] / LIGHT_AU_DAY
 
 
 def aberrated(vectors: Floats, velocity: Floats) -> Floats:
@@ -74,10 +109,8 @@ def without_aberration(vectors: Floats, time_utc: datetime) -> Floats:
 
 
 def of_date_matrix(time_utc: datetime) -> Floats:
-    """Rotation (3, 3) from ICRS axes to the true equator and equinox of date (ERFA ``pnm06a``)."""
-    import erfa
-
-    return np.asarray(erfa.pnm06a(julian_date_tt(time_utc), 0.0), dtype=np.float64)
+    """Rotation (3, 3) from ICRS axes to the true equator and equinox of date (ERFA ``pnm06a``); read only."""
+    return _of_date(julian_date_tt(time_utc))
 
 
 def apparent(vectors: Floats, time_utc: datetime) -> Floats:

@@ -16,7 +16,7 @@ from kochab.core.arrays import Floats
 from kochab.core.attitude import Degrees, cross_product, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Frame, Site
 from kochab.core.values import frozen
-from kochab.sky.apparent import JD_UNIX, apparent, julian_date_tt
+from kochab.sky.apparent import JD_UNIX, apparent, earth, greenwich_deg, julian_date_tt
 
 SEA_LEVEL_HPA = 1013.25
 SCALE_HEIGHT_M = 8434.0  # R T / (M g) of air at 288 K
@@ -188,11 +188,8 @@ def _context(site: Site, time_utc: datetime, refraction: Refraction) -> Any:
 
 def sidereal_deg(site: Site, time_utc: datetime) -> float:
     """Local apparent sidereal time, degrees in [0, 360) (ERFA ``gst06a``, UT1 taken as UTC)."""
-    import erfa
-
     ut1 = JD_UNIX + time_utc.astimezone(UTC).timestamp() / 86400.0  # they differ by less than 0.9 s, which is 14 arcsec
-    turn = np.degrees(erfa.gst06a(ut1, 0.0, julian_date_tt(time_utc), 0.0))
-    return float((turn + site.longitude_deg) % 360.0)
+    return (greenwich_deg(ut1, julian_date_tt(time_utc)) + site.longitude_deg) % 360.0
 
 
 def hour_angle_deg(ra_deg: float, site: Site, time_utc: datetime) -> float:
@@ -215,10 +212,7 @@ def horizon_frame(site: Site, sidereal: float) -> Floats:
 
 def sun_vector(time_utc: datetime) -> Floats:
     """Apparent direction (3,) of the Sun, true equator and equinox of date (ERFA ``epv00``)."""
-    import erfa
-
-    heliocentric, _ = erfa.epv00(julian_date_tt(time_utc), 0.0)
-    towards = -np.asarray(heliocentric["p"], dtype=np.float64)
+    towards = -earth(julian_date_tt(time_utc))[0]
     return np.asarray(apparent(np.atleast_2d(towards / np.linalg.norm(towards)), time_utc)[0])
 
 
