@@ -1,6 +1,7 @@
 """What the house looks like, read from the code: ``make house`` prints sizes and walks for whoever wants to look."""
 
 import ast
+import gc
 import io
 import json
 import os
@@ -42,17 +43,28 @@ def sources() -> dict[str, str]:
     return found
 
 
+def parsed(text: str) -> ast.Module:
+    """What Python makes of a module's text; to collect garbage meanwhile takes three times as long as to parse."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        return ast.parse(text)
+    finally:
+        if collects:
+            gc.enable()
+
+
 @cache
 def tree(module: str) -> ast.Module:
-    """What Python makes of it; seven tests look through all modules."""
-    return ast.parse(sources()[module])
+    """The same of a module of the package, kept for the next who asks."""
+    return parsed(sources()[module])
 
 
 @cache
 def imports(module: str) -> frozenset[str]:
     """The package's modules that ``module`` names in an import: at its top, in a function or for types."""
     known, found = sources(), set()
-    for node in ast.walk(tree(module)):
+    for node in ast.walk(parsed(known[module])):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -102,7 +114,7 @@ def classes_twice() -> list[str]:
 def array_types_elsewhere() -> Iterator[str]:
     """Names for types of arrays outside ``kochab.core.arrays``."""
     for module in sources():
-        for node in tree(module).body:
+        for node in tree(module).body if "NDArray[" in sources()[module] else ():
             plain = isinstance(node, ast.Assign) and ast.unparse(node.value).startswith("NDArray[")
             if plain and module != "kochab.core.arrays":
                 yield f"{module}:{ast.unparse(node.targets[0])}"
@@ -123,7 +135,7 @@ def _public_functions(body: list[ast.stmt], prefix: str) -> Iterator[tuple[str, 
 
 def parameters_without_a_word(text: str) -> Iterator[str]:
     """``function: parameters`` of a module's text that no line of a NumPy "Parameters" section begins with."""
-    for name, node in _public_functions(ast.parse(text).body, ""):
+    for name, node in _public_functions(parsed(text).body, ""):
         given = node.args
         named = (*given.posonlyargs, *given.args, given.vararg, *given.kwonlyargs, given.kwarg)
         names = [arg.arg for arg in named if arg is not None and arg.arg not in ("self", "cls")]
@@ -175,9 +187,11 @@ def profile(frame, event, argument):
         walked.add(frame.f_code.co_filename)
 
 
-threading.setprofile(profile)
-sys.setprofile(profile)
+def trace():
+    threading.setprofile(profile)
+    sys.setprofile(profile)
 """
+"""``trace`` comes as late as it may: it costs every call, and of the threads it sees those that begin after it."""
 
 SYNCS = """
 from kochab.core.progress import run
@@ -193,6 +207,7 @@ with simulated("lx200") as bench:
     evidence = SyncEvidence((sky, sky), (0.3, 0.3), (-12.0, -12.0))
     preview = guard.preview_sync(*guard.to_mount(*sky), evidence)
     offer = SyncOffer(preview, evidence, None, guard.position(), sky, "")
+    trace()
     on = True
     done = run(accept_sync(guard, offer, confirmed=True))
     on = False
@@ -258,6 +273,7 @@ with tempfile.TemporaryDirectory() as home:
     commands.views.show("live")
     live = commands.views.docks["live"].view
     paint, window.workspace.view.marks = window.workspace.view.marks, watched
+    trace()
     live.run(StreamRequest(lambda: camera, "a camera"))
     live._timer.stop()  # the panels beside the frame are another walk
     while any(area.isVisible() and area.plot is None for area in window.findChildren(PlotArea)):
@@ -292,6 +308,7 @@ files = []
 for k in range(3):
     attitude = Attitude(attitude_from(90.0 + 30.0 * k, 40.0, 10.0).matrix, np.diag([1e-10, 1e-10, 1e-8]))
     files.append(SolvedFile(f"{k}.fits", Solution(camera, attitude, (), 0.2, -30.0, ""), begun + timedelta(minutes=k), place))
+trace()
 on = True
 told = as_text(measure(sightings_of(files, [0] * 3), MeasureSettings(site_of(files))))
 on = False
