@@ -143,6 +143,11 @@ def begin(path):
 
 def stuck_reader(path):
     begin(path)
+    time.sleep(3600.0)
+
+
+def busy_reader(path):
+    begin(path)
     while True:
         sum(range(10**6))
 

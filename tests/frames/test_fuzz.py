@@ -64,7 +64,7 @@ def test_cut_anywhere(good, tmp_path, name, data):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_flipped_bytes(good, tmp_path, name, data):
     broken = bytearray(good[name])

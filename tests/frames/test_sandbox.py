@@ -101,7 +101,7 @@ def test_a_decoder_that_hangs_is_killed_at_the_deadline(odd, started):
 
 
 def test_a_decoder_that_hangs_is_killed_at_a_cancel(odd, started):
-    path = odd("stuck_reader")
+    path = odd("busy_reader")
     task = reading(path, None)
     next(task)
     while not begun(started[0], path):
@@ -427,10 +427,10 @@ def test_a_forked_process_has_one_of_its_own(odd):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not show a process's children")
 def test_the_process_ends_with_its_parent(odd):
-    path = odd("stuck_reader")
+    path = odd("busy_reader")
     code = (
         "import sys\nfrom pathlib import Path\nfrom kochab.frames import FORMATS, read_frame\n"
-        "FORMATS._others = {'odd': 'tests.frames.files:stuck_reader'}\nread_frame(sys.argv[1])"
+        "FORMATS._others = {'odd': 'tests.frames.files:busy_reader'}\nread_frame(sys.argv[1])"
     )
     parent = subprocess.Popen([sys.executable, "-c", code, str(path)])
     try:

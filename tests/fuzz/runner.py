@@ -30,11 +30,13 @@ GREW = 77
 EXTRA = ""  # "module:check" of one more target, "extra"
 
 
-def targets() -> dict[str, Target]:
-    """All of them by name, the dearest last."""
-    from tests.fuzz import answers, devices, files, texts
+def targets(*names: str) -> dict[str, Target]:
+    """All of them by name, the dearest last; where only "extra" is named, nothing is imported for the others."""
+    found = {}
+    if set(names) != {"extra"}:
+        from tests.fuzz import answers, devices, files, texts
 
-    found = {target.name: target for module in (files, texts, devices, answers) for target in module.TARGETS}
+        found = {target.name: target for module in (files, texts, devices, answers) for target in module.TARGETS}
     if EXTRA:
         module, _, name = EXTRA.partition(":")
         found["extra"] = Target("extra", lambda folder: [b"seed"], getattr(import_module(module), name))
@@ -80,7 +82,7 @@ def work(report: int, jobs: list[tuple[str, int, int, float]], seed: int) -> Non
 
     sandbox._inside = True  # decoders work here: we are watched ourselves
     _quiet()
-    known = targets()
+    known = targets(*(job for job, *_ in jobs))
     with os.fdopen(report, "w", buffering=1) as out, TemporaryDirectory() as name:
 
         def say(**facts: object) -> None:
@@ -136,7 +138,7 @@ def run(jobs: list[tuple[str, int, float]], seed: int, keep: bool = True) -> Ite
     """Run ``jobs`` (name, count, seconds), restarting the process after each that had to be killed."""
     left = [(name, 0, count, seconds) for name, count, seconds in jobs]
     tallies = {name: Tally(name) for name, _, _ in jobs}
-    known = targets()
+    known = targets(*tallies)
     while left:
         tally = tallies[left[0][0]]
         began, ended, last, gone = time.monotonic(), False, left[0][1], ""
@@ -217,7 +219,7 @@ def ends(name: str, data: bytes) -> bool:
     """Whether the check comes to an end within its time of the processor after all: the machine was busy."""
     code = (
         "import resource, sys, time; from pathlib import Path; from tests.fuzz import runner\n"
-        "runner.EXTRA = sys.argv[3]; target = runner.targets()[sys.argv[1]]; runner.seeds_of(target)\n"
+        "runner.EXTRA = sys.argv[3]; target = runner.targets(sys.argv[1])[sys.argv[1]]; runner.seeds_of(target)\n"
         "from kochab.frames import sandbox; sandbox._inside = True\n"
         "limit = int(time.process_time() + float(sys.argv[4])) + 1\n"
         "resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)); print('begun', flush=True)\n"

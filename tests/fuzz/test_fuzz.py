@@ -31,8 +31,9 @@ def test_good_inputs_pass(target, tmp_path) -> None:
 
 
 def test_a_few_mutants_of_everything() -> None:
-    tallies = list(run([(target.name, target.quick, 60.0) for target in TARGETS.values()], SEED, keep=False))
-    assert [tally.mutants for tally in tallies] == [target.quick for target in TARGETS.values()]
+    few = [(target.name, (target.quick + 1) // 2, 60.0) for target in TARGETS.values()]
+    tallies = list(run(few, SEED, keep=False))
+    assert [(tally.name, tally.mutants) for tally in tallies] == [(name, count) for name, count, _ in few]
     assert not [fault for tally in tallies for fault in tally.faults]
 
 
@@ -45,7 +46,7 @@ def test_a_few_mutants_of_everything() -> None:
 def test_what_must_not_be_is_a_fault_and_the_run_goes_on(check, said, monkeypatch) -> None:
     monkeypatch.setattr("tests.fuzz.runner.EXTRA", f"tests.fuzz.faulty:{check}")
     if check == "hangs":
-        monkeypatch.setattr("tests.fuzz.runner.HANG_S", 1.0)
+        monkeypatch.setattr("tests.fuzz.runner.HANG_S", 0.3)
     if check == "grows":  # a busy machine takes its time for a gigabyte
         monkeypatch.setattr("tests.fuzz.runner.HANG_S", 100.0)
     (tally,) = run([("extra", 2, 200.0)], SEED, keep=False)
