@@ -52,12 +52,15 @@ def program_of(kind, home):
     return str(copy)
 
 
-def until(holds, why):
+ASK_S = 0.25  # each look at what INDI tells is a process, and its drivers look at a board four times a second
+
+
+def until(holds, why, pause_s=0.05):
     """Wait, at most two minutes of a busy computer, until something holds."""
     deadline = time.monotonic() + 120.0
     while not holds():
         assert time.monotonic() < deadline, why
-        time.sleep(0.05)
+        time.sleep(pause_s)
 
 
 class Indi:
@@ -77,11 +80,12 @@ class Indi:
         self.set("ON_COORD_SET.TRACK=On", f"{PLACE}.RA;DEC={ra_deg / 15.0};{dec_deg}")
 
     def says_deg(self):
-        return 15.0 * float(self.get(f"{PLACE}.RA")), float(self.get(f"{PLACE}.DEC"))
+        ra, dec = self.server.get_all(*(f"{self.device}.{PLACE}.{member}" for member in ("RA", "DEC")))
+        return 15.0 * float(ra), float(dec)
 
     def says(self, place_deg):
         """Whether it reads back this place soon."""
-        until(lambda: apart_deg(self.says_deg(), place_deg) < self.rounded_deg, f"INDI does not say {place_deg}")
+        until(lambda: apart_deg(self.says_deg(), place_deg) < self.rounded_deg, f"INDI does not say {place_deg}", ASK_S)
 
     def tell(self, board):
         """Tell the driver where the board is."""
@@ -99,7 +103,7 @@ class Indi:
         if board.kind not in BEHIND_INDI:  # whose drivers are asked by the second
             self.set("POLLING_PERIOD.PERIOD_MS=250")
         if board.kind == "exos2":  # until it has seen that the mount tracks, an order breaks its table of states
-            until(lambda: self.get(f"{PLACE}._STATE") == "Ok", "INDI does not see that the mount tracks")
+            until(lambda: self.get(f"{PLACE}._STATE") == "Ok", "INDI does not see that the mount tracks", ASK_S)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import pytest
 
 from tests.boards import BEHIND_INDI, BOARDS, SITE, Night
-from tests.boards.indi import PLACE, behind_indi, until
+from tests.boards.indi import ASK_S, PLACE, behind_indi, until
 from tests.boards.sky import apart_deg, sidereal_deg
 
 BUTTONS = (  # and the sense of RA and Dec
@@ -56,7 +56,7 @@ def test_indi_goes_where_the_tube_truly_arrives_and_reads_it_back(mount):
     until(lambda: board.orders and not board.moving, "no slew")
     assert apart_deg(board.radec_deg(), target) < indi.rounded_deg
     indi.says(target)
-    until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends")
+    until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends", ASK_S)
 
 
 def test_indi_stops_a_slew_where_the_tube_then_stands(mount):
@@ -106,12 +106,12 @@ def test_indis_eqmod_reads_the_home_of_a_skywatcher_and_reaches_its_target(tmp_p
     ) as (board, indi):
         until(lambda: board.initialised == [True, True], "not initialised")
         indi.set(f"GEOGRAPHIC_COORD.LAT;LONG;ELEV={SITE.latitude_deg};{SITE.longitude_deg};100")
-        until(lambda: abs(indi.says_deg()[1] - 90.0) < 0.1, "not at the pole")
+        until(lambda: abs(indi.says_deg()[1] - 90.0) < 0.1, "not at the pole", ASK_S)
         for hour_angle in (-30.0, 30.0):
             target = ((sidereal_deg(board.clock.unix(), SITE.longitude_deg) - hour_angle) % 360.0, 45.0)
             indi.goto(*target)
             until(lambda target=target: apart_deg(board.radec_deg(), target) < 0.1, "it goes elsewhere")
-            until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends")
+            until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends", ASK_S)
             until(lambda: not board.moving, "it runs on")
             assert apart_deg(board.radec_deg(), indi.says_deg()) < 0.02
 
@@ -121,7 +121,7 @@ def test_indi_goes_home_with_an_am5_and_sees_it_there(mount):
     board, indi = mount
     indi.set("GO_HOME.GO=On")
     until(lambda: board.at_home, "not home")
-    until(lambda: indi.get("GO_HOME._STATE") == "Ok", "INDI does not see it at home")
+    until(lambda: indi.get("GO_HOME._STATE") == "Ok", "INDI does not see it at home", ASK_S)
     assert board.radec_deg()[1] == pytest.approx(90.0)
 
 
@@ -130,7 +130,7 @@ def test_indi_parks_and_unparks_an_ioptron(mount):
     board, indi = mount
     indi.set("TELESCOPE_PARK.PARK=On")
     until(lambda: board.parked, "not parked")
-    until(lambda: indi.get("TELESCOPE_PARK._STATE") == "Ok", "INDI does not see it parked")
+    until(lambda: indi.get("TELESCOPE_PARK._STATE") == "Ok", "INDI does not see it parked", ASK_S)
     assert board.radec_deg()[1] == pytest.approx(90.0)
     indi.set("TELESCOPE_PARK.UNPARK=On")
     until(lambda: not board.parked, "not unparked")

@@ -35,8 +35,14 @@ class IndiServer:
 
     def get(self, name):
         """What INDI's own client reads."""
-        told = subprocess.run(["indi_getprop", "-1", "-t", "20", name], capture_output=True, text=True)
-        return told.stdout.strip()
+        (value,) = self.get_all(name)
+        return value
+
+    def get_all(self, *names):
+        """The same of several at once, in their order; "" for what it does not tell."""
+        told = subprocess.run(["indi_getprop", "-t", "20", *names], capture_output=True, text=True)
+        values = dict(line.split("=", 1) for line in told.stdout.splitlines() if "=" in line)
+        return [values.get(name, "").strip() for name in names]
 
     def end(self):
         """With all its drivers."""
