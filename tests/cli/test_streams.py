@@ -130,8 +130,7 @@ def sighted(folder) -> list[str]:
     return [str(folder / f"{k}.wcs") for k in range(3)]
 
 
-@pytest.mark.parametrize("errors", HANDLERS)
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize(("encoding", "errors"), list(zip(ENCODINGS, HANDLERS * 2, strict=True)))
 def test_the_main_commands_are_told_in_any_encoding(monkeypatch, tmp_path, encoding, errors) -> None:
     """The stars of Orion have Greek names, an axis has degrees and arcseconds."""
     orion = str(SAMPLES / "orion.png")

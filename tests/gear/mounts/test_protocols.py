@@ -4,7 +4,7 @@ from contextlib import suppress
 from functools import partial
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kochab.core.mount import Direction, PierSide
@@ -60,6 +60,7 @@ dec = st.floats(-90.0, 90.0)
 
 
 @pytest.mark.parametrize("name", PARSERS)
+@settings(max_examples=50)
 @given(reply=any_bytes)
 def test_any_bytes_are_a_value_or_a_protocol_error(name, reply) -> None:
     with suppress(ProtocolError):
