@@ -451,8 +451,8 @@ SMALL_PARTS = (
 
 
 def test_a_run_that_is_killed_is_taken_up_by_the_next_and_each_list_is_done_once(tmp_path, capsys) -> None:
-    lists, out, count = tmp_path / "lists.parquet", tmp_path / "out", 60 * len(CENTRES)
-    write_lists(lists, CENTRES * 60)
+    lists, out, count = tmp_path / "lists.parquet", tmp_path / "out", 30 * len(CENTRES)
+    write_lists(lists, CENTRES * 30)
     command = [sys.executable, "-c", SMALL_PARTS, "archive", lists, "--out", out, "--workers", "1"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:

@@ -1,6 +1,6 @@
 """``kochab archive`` on Dask: workers that are killed, inputs that kill them, Ctrl-C, a scheduler of somebody else's.
 
-Each test starts a cluster of real processes, which takes two seconds: there are few.
+A cluster of real processes takes two seconds to start: there are few.
 """
 
 import gc
@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from kochab.cli.cluster import WAITING, _result, cluster, on_cluster
+from kochab.cli.cluster import SETTINGS, WAITING, _result, cluster, on_cluster
 from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
@@ -97,28 +97,35 @@ def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list
     assert len(rows_of(out)) == count
 
 
-def test_what_kills_every_worker_is_told_and_costs_no_other_its_row() -> None:
+@pytest.fixture(scope="module")
+def workers():
+    """Two, for tests that leave as many; Dask gives up a chunk at its first lost worker, and more of them are suspected."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SETTINGS, "distributed.scheduler.allowed-failures", 0)
+        with cluster(None, 2) as two:
+            yield two
+
+
+def test_what_kills_every_worker_is_told_and_costs_no_other_its_row(workers) -> None:
     names = ["a", "b", "poison", "c", "d", "e", "f", "g"]
     recipe = Recipe(SolveOptions())
     chunks = [
         Chunk(tuple(Item(name, "", 0) for name in names[k : k + 4]), ("",) * 4, recipe) for k in range(0, len(names), 4)
     ]
-    with cluster(None, 2) as workers:
-        outcomes = list(on_cluster(workers, iter(chunks), ends_for_poison, told_as_lost))
+    outcomes = list(on_cluster(workers, iter(chunks), ends_for_poison, told_as_lost))
     rows = [row for outcome in outcomes for row in outcome.rows]
     assert sorted(row["url"] for row in rows) == sorted(names)
     assert [row["url"] for row in rows if "error" in row] == ["poison"]
 
 
-def test_chunks_that_are_done_are_held_by_nobody() -> None:
+def test_chunks_that_are_done_are_held_by_nobody(workers) -> None:
     """Else a run grows by its inputs: Dask keeps what it sent last, for whoever looks for faults in it."""
     recipe, count, most = Recipe(SolveOptions()), 200, 0
     chunks = (Chunk((Item(f"held {k}", "", 0),), ("",), recipe) for k in range(count))
-    with cluster(None, 2) as workers:
-        for done, _ in enumerate(on_cluster(workers, chunks, ends_for_poison, told_as_lost), 1):
-            if done % 20 == 0:
-                gc.collect()
-                most = max(most, sum(type(one) is Item and one.url.startswith("held") for one in gc.get_objects()))
+    for done, _ in enumerate(on_cluster(workers, chunks, ends_for_poison, told_as_lost), 1):
+        if done % 20 == 0:
+            gc.collect()
+            most = max(most, sum(type(one) is Item and one.url.startswith("held") for one in gc.get_objects()))
     assert done == count
     assert most <= 4 * WAITING * 2  # those in hand, and what Dask is about to let go
 

@@ -1,7 +1,5 @@
 """``kochab archive`` from and to S3, which moto's server stands for; boto3 puts the frames there, pyarrow reads the rows."""
 
-import json
-import os
 import socket
 import subprocess
 import sys
@@ -12,7 +10,7 @@ import pyarrow.fs
 import pytest
 from astropy.io import fits
 
-from tests.cli.archive_inputs import rows_of
+from tests.cli.archive_inputs import archive, rows_of
 from tests.cli.test_night import planted
 
 boto3 = pytest.importorskip("boto3", reason="moto is not installed: pip install 'kochab-astro[test]'")
@@ -44,8 +42,12 @@ def s3():
     server.wait(30)
 
 
-def test_s3_holds_the_frames_and_the_table(s3, tmp_path) -> None:
+def test_s3_holds_the_frames_and_the_table(s3, tmp_path, monkeypatch, capsys) -> None:
+    from s3fs import S3FileSystem
+
     port, known = s3
+    for name, value in known.items():
+        monkeypatch.setenv(name, value)
     client = boto3.client(
         "s3",
         endpoint_url=known["AWS_ENDPOINT_URL"],
@@ -63,10 +65,8 @@ def test_s3_holds_the_frames_and_the_table(s3, tmp_path) -> None:
         client.upload_file(str(file), "plates", f"2026/{file.name}")
 
     def asked(*arguments) -> dict:
-        command = [sys.executable, "-m", "kochab", "archive", *arguments, "--workers", "1", "--json"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=200, env={**os.environ, **known})
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        S3FileSystem.clear_instance_cache()  # as another process would begin
+        return archive(capsys, *arguments, "--workers", "1")
 
     assert asked("s3://plates", "--out", "s3://tables/night")["solved"] == 3
     storage = pyarrow.fs.S3FileSystem(
