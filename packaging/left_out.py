@@ -88,12 +88,12 @@ DROPPED: Mapping[str, tuple[str, ...]] = {
     "tables of the Earth's rotation since 1962, which Kochab does not read": (
         *("astropy_iers_data/data/eopc*", "astropy_iers_data/data/finals*"),
     ),
-    "photutils' galaxies, fitted profiles and data sets, SciPy's graphs, PyQtGraph's flow charts": (
-        *(f"photutils/{name}/*" for name in ("datasets", "isophote", "morphology", "psf", "psf_matching")),
-        *("scipy/sparse/csgraph/*", "pyqtgraph/flowchart/*"),
+    "photutils' galaxies and data sets, PyQtGraph's flow charts": (
+        *(f"photutils/{name}/*" for name in ("datasets", "isophote", "morphology", "psf_matching")),
+        "pyqtgraph/flowchart/*",
     ),
     "lists of the packages' files": ("*.dist-info/RECORD", "*.dist-info/sboms/*"),
-    "SDL's sound, fonts and pictures": tuple(f"sdl2dll/dll/*{name}*" for name in ("ttf", "mixer", "image", "gfx")),
+    "SDL's sound, fonts and pictures": ("sdl2dll/dll/SDL2_*", "sdl2dll/dll/lib*"),
     "Qt's software OpenGL": ("*opengl32sw.dll",),
     "NumPy's tools for Fortran and for its tests": (
         *("numpy/distutils/*", "numpy/_core/_simd.*", "numpy/linalg/lapack_lite.*"),
@@ -111,6 +111,34 @@ DROPPED: Mapping[str, tuple[str, ...]] = {
     "commands of other packages": ("bin/*", "share/*"),
 }
 """Why -> what of any package is left out."""
+
+NEVER_CALLED_ON_WINDOWS: Mapping[str, tuple[str, ...]] = {
+    "Qt's OpenGL, which PyQtGraph imports and Kochab does not switch on": (
+        *("PySide6/QtOpenGL.pyd", "PySide6/QtOpenGLWidgets.pyd"),
+        *("PySide6/Qt6OpenGL.dll", "PySide6/Qt6OpenGLWidgets.dll"),
+    ),
+    "SciPy's linear programs": ("scipy/optimize/_highs/*.pyd", "scipy/optimize/_highspy/*.pyd"),
+    "photutils' fitted profiles": ("photutils/psf/*",),
+}
+"""Why -> modules that are imported and never called, whose names alone are installed; and their libraries."""
+
+# What stands in the place of such a module: it has every name, and nothing behind it.
+ABSENT = """
+class _Names(type):
+    def __getattr__(cls, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return cls
+
+class Absent(metaclass=_Names):
+    def __init__(self, *_, **__):
+        raise NotImplementedError(__name__ + " was left out of this installation")
+
+def __getattr__(name):
+    if name.startswith("__"):
+        raise AttributeError(name)
+    return Absent
+"""
 
 # astropy reads its test runner when it is imported.
 _NEEDED = ("astropy/tests/*.py",)

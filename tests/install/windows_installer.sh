@@ -63,6 +63,13 @@ there "wine 'C:\\users\\root\\AppData\\Local\\Programs\\Kochab\\kochab.exe' solv
 [ "$(grep -c '"solved": true' "$logs/workers.log")" = 2 ]
 says "solves two in two processes" $? "$logs/workers.log"
 
+# What the samples do not load: each method and detector, photutils' among them, and the bodies of the Solar System.
+there "kochab() { wine 'C:\\users\\root\\AppData\\Local\\Programs\\Kochab\\kochab.exe' \"\$@\"; echo \"exit \$?\"; }
+  cd /win/installed; kochab solve --methods; kochab find M31 67P; kochab chart 'M 31' m31.pdf
+  kochab solve 'C:\\users\\root\\M 45.fits' --detector daostarfinder" >"$logs/methods.log" 2>&1
+[ "$(grep -c 'exit 0' "$logs/methods.log")" = 4 ] && ! grep -q "cannot be loaded" "$logs/methods.log"
+says "loads every method and detector, finds a comet, prints a chart, solves with photutils' stars" $? "$logs/methods.log"
+
 # As Explorer does: the command of the registry, with the file in the place of %1.
 there 'Xvfb :97 -screen 0 1600x1000x24 >/dev/null 2>&1 & screen=$!; sleep 2
   command=$(wine reg query "HKCU\\Software\\Classes\\Kochab.Image\\shell\\open\\command" /ve | tr -d "\r" | sed -n "s/.*REG_SZ *//p")

@@ -14,6 +14,8 @@ UNUSED = ["**/tests", "**/test", "visualization", "cosmology"]
 folder = Path(find_spec("astropy").origin).parent
 datas = [
     *collect_data_files("astropy", include_py_files=False, excludes=UNUSED),
+    # astropy asks for these modules, the tables of its grammars, as files, too.
+    *((str(path), str(path.parent.relative_to(folder.parent))) for path in folder.rglob("*_*tab.py")),
     *copy_metadata("astropy"),
     *copy_metadata("numpy"),
 ]
