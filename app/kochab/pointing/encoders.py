@@ -31,6 +31,8 @@ FEWEST_IN_A_TURN = 200.0
 KILO = 1000.0
 METHOD: Literal["lm"] = "lm"
 """MINPACK's Levenberg and Marquardt; SciPy's own method needs its LAPACK, which the .deb leaves out."""
+STEP = math.sqrt(np.finfo(np.float64).eps)
+"""Of a slope by differences, of a value of 1."""
 NEW_PLACE_DEG, MOST_SIGHTINGS = 1.0, 20
 SLIP_DEG, SLIP_SIGMAS = 10.0 / 60.0, 4.0
 CREEP_DEG_S = 1.0 / 3600.0
@@ -59,24 +61,25 @@ class _Fit:
     cost: float = math.inf
 
     def attitudes(self, counts: Floats, values: Floats | None = None) -> Floats:
-        """Modelled attitudes (N, 3, 3) at counts (N, 2)."""
+        """Modelled attitudes (..., N, 3, 3) at counts (N, 2), of each of the values (..., 8)."""
         v = self.values if values is None else values
-        first, second = v[0] * counts[:, 0] / KILO + v[4], v[1] * counts[:, 1] / KILO
-        c, s, cc, ss, nil = np.cos(first), np.sin(first), np.cos(second), np.sin(second), np.zeros(len(counts))
-        axes = np.stack([cc * c, cc * s, ss, -s, c, nil, -ss * c, -ss * s, cc], axis=1).reshape(-1, 3, 3)
-        lean = small_rotation(np.array([v[2], v[3], 0.0]))
-        return np.asarray(small_rotation(v[5:]) @ self.mounting @ axes @ lean @ self.base)
+        first = v[..., :1] * counts[:, 0] / KILO + v[..., 4:5]
+        second = v[..., 1:2] * counts[:, 1] / KILO
+        c, s, cc, ss, nil = np.cos(first), np.sin(first), np.cos(second), np.sin(second), np.zeros_like(first)
+        axes = np.stack([cc * c, cc * s, ss, -s, c, nil, -ss * c, -ss * s, cc], axis=-1).reshape(*first.shape, 3, 3)
+        leans = np.concatenate([v[..., 2:4], np.zeros_like(v[..., :1])], axis=-1)
+        lean, turn = (_turns(angles)[..., None, :, :] for angles in (leans, v[..., 5:]))
+        return np.asarray(turn @ self.mounting @ axes @ lean @ self.base)
 
     def anchored(self, last: _Sighting, counts: Counts, values: Floats | None = None) -> Floats:
-        """The attitude (3, 3) at ``counts``, of a model that meets the last sighting."""
-        there, here = self.attitudes(np.array([last.counts, counts]), values)
-        return np.asarray(last.attitude @ there.T @ here)
+        """The attitude (..., 3, 3) at ``counts``, by each of the values (..., 8), of a model that meets the last sighting."""
+        there, here = np.moveaxis(self.attitudes(np.array([last.counts, counts]), values), -3, 0)
+        return np.asarray(last.attitude @ there.swapaxes(-1, -2) @ here)
 
     def variance(self, last: _Sighting, counts: Counts) -> float:
         """Variance of the direction, rad^2, from the covariance of the fit."""
         here, h = self.anchored(last, counts)[2], 1e-6
-        columns = [(self.anchored(last, counts, self.values + h * one)[2] - here) / h for one in np.eye(8)]
-        slope = np.stack(columns, axis=1)
+        slope = ((self.anchored(last, counts, self.values + h * np.eye(8))[:, 2] - here) / h).T
         return float(np.trace(slope @ self.covariance @ slope.T))
 
 
@@ -203,17 +206,33 @@ class EncoderModel:
 
         def solved(start: _Fit) -> _Fit:
             def left(values: Floats) -> Floats:
-                off = rotation_vectors(seen @ start.attitudes(counts, values).transpose(0, 2, 1))
-                cone = (small_rotation(values[5:]) @ start.mounting)[2, 1]
-                priors = [*values[:2] / widest, *np.degrees(values[2:4]) / LEAN_DEG, math.degrees(cone) / CONE_DEG]
-                return np.concatenate([(off * weight).ravel(), priors, values[4:] * 1e-3])
+                """What each of the values (..., 8) leaves."""
+                off = seen @ start.attitudes(counts, values).swapaxes(-1, -2)
+                off = rotation_vectors(off.reshape(-1, 3, 3)).reshape(*off.shape[:-1]) * weight
+                cone = (_turns(values[..., 5:]) @ start.mounting)[..., 2, 1:2]
+                priors = [
+                    values[..., :2] / widest,
+                    np.degrees(values[..., 2:4]) / LEAN_DEG,
+                    np.degrees(cone) / CONE_DEG,
+                ]
+                return np.concatenate([off.reshape(*off.shape[:-2], -1), *priors, values[..., 4:] * 1e-3], axis=-1)
 
-            found = least_squares(left, start.values, method=METHOD, x_scale="jac")
+            def slopes(values: Floats) -> Floats:
+                """By all eight at once: SciPy would ask for one after the other."""
+                steps = STEP * np.maximum(np.abs(values), 1.0)
+                return np.asarray(((left(values + np.diag(steps)) - left(values)) / steps[:, None]).T)
+
+            found = least_squares(left, start.values, slopes, method=METHOD, x_scale="jac")
             slope = np.asarray(found.jac)
             return _Fit(base, start.mounting, found.x, np.linalg.pinv(slope.T @ slope), float(found.cost))
 
         starts = [_begun(base, seen, counts), *before]
         return min((solved(start) for start in starts), key=lambda fit: fit.cost)
+
+
+def _turns(angles: Floats) -> Floats:
+    """Matrices (..., 3, 3) that turn by ``angles`` (..., 3), radians."""
+    return np.stack([small_rotation(each) for each in angles.reshape(-1, 3)]).reshape(*angles.shape, 3)
 
 
 def _begun(base: Floats, seen: Floats, counts: Floats) -> _Fit:
