@@ -72,7 +72,7 @@ class _Fit:
         return np.asarray(turn @ self.mounting @ axes @ lean @ self.base)
 
     def anchored(self, last: _Sighting, counts: Counts, values: Floats | None = None) -> Floats:
-        """The attitude (..., 3, 3) at ``counts``, by each of the values (..., 8), of a model that meets the last sighting."""
+        """The attitudes (..., 3, 3) at ``counts``, by each of the values (..., 8), that meet the last sighting."""
         there, here = np.moveaxis(self.attitudes(np.array([last.counts, counts]), values), -3, 0)
         return np.asarray(last.attitude @ there.swapaxes(-1, -2) @ here)
 
