@@ -40,6 +40,7 @@ BELOW_DEG, BELOW_SHARE = -0.5, 0.1
 AIR_SHARE, AIR_RAD, LOWEST_RAD = 0.05, 58.3 * ARCSEC, np.radians(87.0)
 """The weather changes refraction, 58.3 arcsec times the tangent of the zenith distance, by so much, one sigma."""
 CELLS = 6  # a side, in which residuals are averaged: what is left there is no noise
+ROWS = 16  # of a frame at once: the camera's reach is reckoned for each lot, and more at once outgrow the cache
 
 
 @frozen(eq=False)
@@ -159,12 +160,12 @@ class FixedCamera:
         """How high above the free horizon each pixel (H, W) looks, degrees; NaN beside the lens's circle."""
         height, width = self.camera.height, self.camera.width
         out = np.empty((height, width))
-        for y in range(height):
+        for y in range(0, height, ROWS):
             if y % 64 == 0:
                 yield Progress("mask", y / height)
-            row = np.column_stack([np.arange(width, dtype=np.float64), np.full(width, float(y))])
-            azimuth, altitude = azimuth_altitude_deg(self.directions(row))
-            out[y] = altitude - self.free_from_deg(azimuth)
+            below, across = np.mgrid[y : min(y + ROWS, height), :width].reshape(2, -1)
+            azimuth, altitude = azimuth_altitude_deg(self.directions(np.column_stack([across, below])))
+            out[y : y + ROWS] = (altitude - self.free_from_deg(azimuth)).reshape(-1, width)
         return out
 
 
