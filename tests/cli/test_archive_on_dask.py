@@ -121,6 +121,7 @@ def test_what_kills_every_worker_is_told_and_costs_no_other_its_row(workers) -> 
 def test_chunks_that_are_done_are_held_by_nobody(workers) -> None:
     """Else a run grows by its inputs: Dask keeps what it sent last, for whoever looks for faults in it."""
     recipe, count, most = Recipe(SolveOptions()), 200, 0
+    gc.freeze()  # what other tests have left is looked through ten times otherwise
     chunks = (Chunk((Item(f"held {k}", "", 0),), ("",), recipe) for k in range(count))
     for done, _ in enumerate(on_cluster(workers, chunks, ends_for_poison, told_as_lost), 1):
         if done % 20 == 0:
