@@ -93,14 +93,14 @@ def test_points_that_are_no_stars_are_refused(seed, count, share) -> None:
 
 def test_chance_reaches_a_bound_no_oftener_than_it_says() -> None:
     rng, least = np.random.default_rng(4), []
-    for _ in range(300):
+    for _ in range(150):
         points = random_points(rng, int(rng.integers(4, 9)), SIDE)
         searches = known_camera(Search(points, hint_for(20.0, 1e-3)), of_shipped)
         for known in searches:
             assert next(known.verdicts(), None) is None
         least.append(min(known.least for known in searches))
     assert (np.array(least) < -1.0).mean() < 0.1
-    assert (np.array(least) < -2.0).mean() < 0.02  # 3 are expected at most, 6 hardly ever come
+    assert (np.array(least) < -2.0).mean() <= 0.02  # 1.5 are expected at most, 4 come once in fifteen
 
 
 def test_a_third_star_beside_another_is_no_evidence() -> None:

@@ -20,7 +20,7 @@ from kochab.simulate.random_fields import FieldPlan, RandomField, random_field
 from kochab.sky import open_catalogue
 
 NEAR = np.cos(np.radians(0.2))
-LAW = settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAW = settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,7 @@ from kochab.lab.bench.identify_shapes import LEAST_PX, SHAPES, shape_list
 SEED = 20260302
 
 
-@pytest.mark.parametrize(
-    ("shape", "number"), [("Plummer cluster", 7), ("Plummer cluster", 26), ("King cluster", 5), ("King cluster", 27)]
-)
+@pytest.mark.parametrize(("shape", "number"), [("Plummer cluster", 7), ("King cluster", 5)])
 def test_a_dense_cluster_without_truth_is_refused(shape, number) -> None:
     """Counting the stars as evenly spread solved each of these at 10^-5.6 to 10^-7."""
     answer = run(Patterns(shipped()).identify(shape_list(SHAPES[shape], SEED, number)))

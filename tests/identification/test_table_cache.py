@@ -1,12 +1,11 @@
 """Tables kept on disk: by content, whole or not at all."""
 
-import gc
-
 import numpy as np
 import pytest
 
 from kochab.identification import table_cache
 from kochab.identification.table_cache import cached_table, cached_tables, table_folder
+from tests.windows.mapped import let_go
 
 
 @pytest.fixture
@@ -78,7 +77,7 @@ def test_the_oldest_tables_go(cache, monkeypatch) -> None:
     monkeypatch.setattr(table_cache, "MOST_BYTES", 20_000)
     for k in range(6):
         cached_table("pairs", {"k": k}, Maker(1000))
-        gc.collect()  # Windows removes no file that is mapped
+        let_go()
     assert 1 <= len(cached_tables()) <= 2
     make = Maker(1000)
     cached_table("pairs", {"k": 5}, make)

@@ -1,6 +1,5 @@
 """The readers of stars that users already have, against the shipped stars that the tests' own writers put there."""
 
-import gc
 import json
 import shutil
 import subprocess
@@ -19,6 +18,7 @@ from kochab.sky.user_catalogues import Cone, Where, open_user_catalogue
 from kochab.sky.user_catalogues.astap_database import _half_width
 from kochab.sky.user_catalogues.index_files import open_tree
 from tests.sky import user_files
+from tests.windows.mapped import let_go
 
 PLACES = [(10.0, 20.0), (0.02, -10.29), (359.97, 12.8), (123.0, 89.7), (45.0, -87.5), (271.2, 46.03), (180.0, -90.0)]
 """Within areas, across 0 h, on the borders of rings, and at the poles."""
@@ -209,7 +209,7 @@ def test_a_tree_that_does_not_fit_its_stars_is_told(tmp_path, stars):
     data = bytearray(path.read_bytes())
     data[at : at + 4] = (int(tree.cuts[0]) | 3).to_bytes(4, "little")  # there is no fourth axis
     del tree
-    gc.collect()  # Windows lets nobody write what is mapped
+    let_go()
     path.write_bytes(data)
     with pytest.raises(CatalogueError, match="does not fit its stars"):
         open_user_catalogue(Where("astrometry.net", "5200", tmp_path)).cone(Cone(0.0, 0.0, 0.1))

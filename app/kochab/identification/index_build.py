@@ -545,14 +545,19 @@ def _need_room(parent: Path, scratch: Path) -> None:
         )
 
 
-def _build(folder: Path, levels: range, neighbours: tuple[tuple[int, int], ...], steps: int) -> Task[None]:
+def by_brightness() -> tuple[Floats, Ints]:
+    """Unit vectors (N, 3) of all shipped stars at the index's epoch, ICRS, and their rows (N,), the brightest first."""
     from kochab.sky import open_catalogue
 
-    yield Progress("patterns", 0.0, "reading the catalogue")
     catalogue = open_catalogue()
     rows = np.arange(len(catalogue))
     rows = rows[np.argsort(catalogue.mag(rows), kind="stable")]
-    vectors = catalogue.vectors(rows, EPOCH)
+    return catalogue.vectors(rows, EPOCH), rows
+
+
+def _build(folder: Path, levels: range, neighbours: tuple[tuple[int, int], ...], steps: int) -> Task[None]:
+    yield Progress("patterns", 0.0, "reading the catalogue")
+    vectors, rows = by_brightness()
     yield from build_volume(folder, vectors, rows, levels, neighbours=neighbours, steps=steps, mark=catalogue_mark())
 
 
