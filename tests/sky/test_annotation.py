@@ -16,7 +16,7 @@ from kochab.sky.sky_tables import sky_tables
 from tests.patterns import REPOSITORY
 
 FRAMES = REPOSITORY.parent / "shared" / "frames"
-PICTURES = sorted((REPOSITORY / "resources" / "samples").glob("*.*")) + sorted(FRAMES.glob("*.*"))[::2]
+PICTURES = sorted((REPOSITORY / "resources" / "samples").glob("*.*")) + sorted(FRAMES.glob("*.*"))[::4]
 KINDS = (".jpg", ".png", ".fits", ".fit", ".tif", ".tiff")
 STAR_ARCSEC, OBJECT_ARCSEC, STAR_PX = 60.0, 300.0, 3.0
 EXCUSED = {"NGC 7772"}  # no object, says OpenNGC, whose type "Other" the sky layer leaves out

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from kochab.core.attitude import unit_vectors
 
 
-def brute(catalogue, centre, radius, limit, year):
+def brute(catalogue, centre, radius, limit, year, vectors=None):
     rows = np.arange(len(catalogue))
-    gap = np.linalg.norm(catalogue.vectors(rows, year) - centre, axis=1)
+    gap = np.linalg.norm((catalogue.vectors(rows, year) if vectors is None else vectors) - centre, axis=1)
     keep = gap <= 2 * np.sin(radius / 2)
     if limit is not None:
         keep &= catalogue.mag(rows) <= limit + 1e-9
@@ -55,12 +55,18 @@ def test_a_cone_may_be_empty(small):
     assert small.brightest(unit_vectors(10.0, 10.0), 1e-9, 5).shape == (0,)
 
 
+@pytest.fixture(scope="module")
+def vectors(catalogue):
+    """All shipped stars in the middle of 2025: a third of a second."""
+    return catalogue.vectors(np.arange(len(catalogue)), 2025.5)
+
+
 @pytest.mark.parametrize("ra_dec", [(0.0, 0.0), (266.4, -29.0), (123.4, 90.0), (180.0, -89.5)])
-def test_the_shipped_sky_agrees_with_brute_force(catalogue, ra_dec):
+def test_the_shipped_sky_agrees_with_brute_force(catalogue, vectors, ra_dec):
     centre = unit_vectors(*ra_dec)
     rows = catalogue.cone(centre, np.radians(1.3), year=2025.5)
     assert len(rows) > 50
-    assert set(rows.tolist()) == brute(catalogue, centre, np.radians(1.3), None, 2025.5)
+    assert set(rows.tolist()) == brute(catalogue, centre, np.radians(1.3), None, 2025.5, vectors)
 
 
 def test_colours_and_magnitudes_survive_storage(small):

@@ -22,7 +22,7 @@ from kochab.sky.layer import (
 from kochab.sky.sky_tables import _chains, _variables, sky_tables
 
 SIZE = (1500, 1000)
-FRAMES = 300
+FRAMES = 150
 
 
 def text_size(text):

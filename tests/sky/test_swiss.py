@@ -39,12 +39,21 @@ def asteroids():
     """Errors over their sigma (years, asteroids) and the names; all are carried together, which costs as much as one."""
     names, ephemeris, table = list(SWISS["asteroids"]), shipped_ephemeris(), shipped_small_bodies()
     at, shares = [table.names.index(name) for name in names], []
-    for rows in zip(*(SWISS["asteroids"][name] for name in names), strict=True):
-        (jd,) = {float(row[0]) for row in rows}
-        ours = run(carried(table.state[at], table.epoch_jd[at], jd, ephemeris))[:, :3]
-        earth = ephemeris("earth", np.array([jd])) - ephemeris("sun", np.array([jd]))
-        theirs = np.array([row[1:] for row in rows])
-        shares.append(arcsec(ours - earth, theirs - earth) / table.sigma_arcsec(jd)[at])
+    dates = {
+        float(rows[0][0]): np.array(rows) for rows in zip(*(SWISS["asteroids"][name] for name in names), strict=True)
+    }
+    begun = table.epoch_jd[at]
+    for side in (
+        sorted(jd for jd in dates if jd > begun[0]),
+        sorted((jd for jd in dates if jd < begun[0]), reverse=True),
+    ):
+        state, since = table.state[at], begun
+        for jd in side:  # each from the one before it: from the elements' own date all would be four times as far
+            state, since = run(carried(state, since, jd, ephemeris)), np.full(len(at), jd)
+            earth = ephemeris("earth", np.array([jd])) - ephemeris("sun", np.array([jd]))
+            assert (dates[jd][:, 0] == jd).all()
+            shares.append(arcsec(state[:, :3] - earth, dates[jd][:, 1:] - earth) / table.sigma_arcsec(jd)[at])
+    assert len(shares) == len(dates)
     return np.array(shares), names
 
 
