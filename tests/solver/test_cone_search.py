@@ -134,7 +134,7 @@ def right(result, attitude, fov_deg):
 @pytest.mark.parametrize("fov_deg", [0.1, 0.2, 0.4])
 def test_a_deep_catalogue_solves_what_the_shipped_stars_cannot(in_use, no_big_index, deep_stars, fov_deg):
     rng = np.random.default_rng(7)
-    for _ in range(5):
+    for _ in range(3):
         detections, camera, attitude = deep_field(deep_stars, rng, fov_deg)
         hint = hint_near(camera, attitude, rng, 0.4)
         result = solved(detections, hint)
@@ -151,7 +151,7 @@ def test_the_shipped_stars_suffice_where_seven_stand(nothing_in_use, no_big_inde
     fields = [random_field(catalogue, rng, FieldPlan(fov_deg, missing=0.0, spurious=0.1)) for _ in range(40)]
     rich = [field for field in fields if field.stars >= 7]
     assert len(rich) > 10
-    for field in sorted(rich, key=lambda field: field.stars)[:12]:  # the poorest of them
+    for field in sorted(rich, key=lambda field: field.stars)[:6]:  # the poorest of them
         assert right(
             solved(field.detections, hint_near(field.camera, field.attitude, rng, 2.0)), field.attitude, fov_deg
         )
@@ -175,7 +175,7 @@ def test_four_stars_of_a_known_camera_are_enough(nothing_in_use, no_big_index, c
 def test_points_near_a_place_are_no_frame_of_it(in_use, no_big_index, count):
     """A hint makes few pointings possible, and no list of points one of them."""
     rng = np.random.default_rng(count)
-    for fov_deg, sureness in ((0.1, 1.1), (0.2, 1.01), (0.4, 1.1), (0.8, 1.01)):
+    for fov_deg, sureness in ((0.1, 1.1), (0.2, 1.01), (0.4, 1.1), (0.8, 1.01))[count % 4 // 2 :: 2]:
         scale = 3600.0 * fov_deg / 1024
         hint = Hint(scale_arcsec_px=(scale / sureness, scale * sureness), centre_deg=(*PLACE, 0.3))
         assert isinstance(solved(random_points(rng, count), hint), NoSolution)

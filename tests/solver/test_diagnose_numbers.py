@@ -473,8 +473,7 @@ def all_discs(frame: Frame) -> Discs:
     return measure_discs(binned(frame), clipping_level(frame))
 
 
-@pytest.mark.parametrize("hole", [0.0, 0.4])
-@pytest.mark.parametrize("diameter_px", [14.0, 25.0, 40.0, 60.0])
+@pytest.mark.parametrize(("diameter_px", "hole"), [(14.0, 0.4), (25.0, 0.0), (40.0, 0.4), (60.0, 0.0)])
 def test_discs_and_rings_have_their_own_diameter(diameter_px: float, hole: float) -> None:
     found = all_discs(discs(diameter_px, 60.0, hole))
     assert found.count >= 7

@@ -12,9 +12,15 @@ from kochab.solver.few_stars import identify_few
 from .fields import YEAR, photograph
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
-@pytest.mark.parametrize(("ra", "dec", "fov_deg"), [(84.0, 0.0, 15.0), (278.5, 37.2, 12.0)])
-@pytest.mark.parametrize("hinted", [False, True])
+@pytest.mark.parametrize(
+    ("ra", "dec", "fov_deg", "mirrored", "hinted"),
+    [
+        (84.0, 0.0, 15.0, False, False),
+        (84.0, 0.0, 15.0, True, True),
+        (278.5, 37.2, 12.0, True, False),
+        (278.5, 37.2, 12.0, False, True),
+    ],
+)
 def test_the_five_brightest_name_themselves(ra, dec, fov_deg, mirrored, hinted) -> None:
     focal = 600 / 2 / np.tan(np.radians(fov_deg / 2))
     camera = Camera.centred(600, 450, focal, mirrored)
@@ -32,7 +38,7 @@ def test_the_five_brightest_name_themselves(ra, dec, fov_deg, mirrored, hinted) 
 
 def test_random_places_are_refused() -> None:
     rng = np.random.default_rng(8)
-    for _ in range(40):
+    for _ in range(20):
         xy = rng.uniform(0, 1, (rng.integers(5, 7), 2)) * [600, 450]
         hint = Hint(scale_arcsec_px=(70.0, 85.0))
         assert identify_few(Detections.from_list(xy, 600, 450), hint, open_catalogue(), YEAR) is None
@@ -58,10 +64,11 @@ def test_one_place_twice_is_no_crash() -> None:
 def test_stars_that_crowd_where_the_detections_stand_make_it_less_certain(monkeypatch) -> None:
     camera = Camera.centred(600, 450, 600 / 2 / np.tan(np.radians(7.5)))
     field = photograph(camera, attitude_from(84.0, 0.0, 70.0), 5, 0.3)
-    alarms = []
+    alarms, scale = [], camera.scale_arcsec_px
+    hint = Hint(scale_arcsec_px=(scale / 1.1, scale * 1.1))
     for crowd in (1.0, 3.0, 1e3):
         monkeypatch.setattr("kochab.identification.verification.crowding", lambda *_, crowd=crowd: crowd)
-        found = identify_few(field.detections, None, open_catalogue(), YEAR)
+        found = identify_few(field.detections, hint, open_catalogue(), YEAR)
         alarms.append(found.log10_false_alarm if found else None)
     plain, dense, densest = alarms
     assert dense == pytest.approx(plain + 3 * np.log10(3.0))  # three stars confirm the two

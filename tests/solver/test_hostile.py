@@ -85,9 +85,7 @@ def test_every_further_search_makes_chance_likelier():
     assert wrong.log10_false_alarm == pytest.approx(blind.log10_false_alarm + np.log10(2.0), abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("ra", "dec", "roll"), [(84.0, -2.0, 25.0), (84.1, -1.6, 355.6), (83.7, -1.6, 159.1), (84.0, -1.6, 14.1)]
-)
+@pytest.mark.parametrize(("ra", "dec", "roll"), [(84.0, -2.0, 25.0), (83.7, -1.6, 159.1)])
 def test_orion_told_twice_its_scale_is_not_its_likeness_in_centaurus(ra, dec, roll) -> None:
     """Mirrored and half as large, 14 stars lie within 2.3 px of others: that was claimed to be one in 10^5 to 10^7."""
     true, told = (wide_camera(fov_deg=fov).scale_arcsec_px for fov in (6.0, 12.0))

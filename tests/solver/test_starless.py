@@ -11,11 +11,8 @@ from tests.solver.starless import starless
 CHOSEN = (
     "plain",
     "amp glow, bright",
-    "dust",
     "dust, one size, JPEG",
     "dust, bright",
-    "dust, bright, one size",
-    "dust, bright, one size, JPEG",
     "dust, bright, small",
     "flat of another night",
     "gradient",

@@ -59,6 +59,6 @@ def tracked_errors(fov_deg: float, corner: float, fields: int, frames: int = 4) 
 @pytest.mark.parametrize(("fov_deg", "corner"), [(0.8, 0.0), (12.0, 0.02)])
 def test_a_tracked_frame_is_off_by_what_it_says(fov_deg, corner) -> None:
     """Noise alone is 2.4 times too small at 0.8 deg, where the catalogue is the larger part, and 1.6 at 12 deg."""
-    errors = tracked_errors(fov_deg, corner, 16)
-    assert len(errors) >= 28
+    errors = tracked_errors(fov_deg, corner, 10)
+    assert len(errors) >= 18
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.0, abs=0.3)

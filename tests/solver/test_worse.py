@@ -34,9 +34,10 @@ def test_a_globular_cluster_is_not_out_of_focus(frames_reach):
 
 
 def test_letters_and_satellites_are_no_trails(shared_frames):
-    given = list(reasons(shared_frames, list(FRAMES), ways=LINES))
-    assert len(given) == 8
-    assert [answer.reason for _, _, answer in given].count(Reason.NO_PATTERN_AGREED) >= 7, given
+    given = list(reasons(shared_frames, list(FRAMES[::2]), ways=LINES[:1]))
+    given += reasons(shared_frames, list(FRAMES[1::2]), ways=LINES[1:])
+    assert len(given) == 4
+    assert {answer.reason for _, _, answer in given} == {Reason.NO_PATTERN_AGREED}, given
 
 
 def reason_of(count, glare_share):
