@@ -34,7 +34,7 @@ def streaks_of(frame, stars=NONE):
     return find_streaks(frame, AutoDetector().detect(frame), stars)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_streak_is_found_with_its_ends_and_a_sky_of_stars_has_none(seed):
     rng = np.random.default_rng(seed)
     begin, end = rng.uniform(60, 500, 2), rng.uniform([1000, 600], [1550, 1050])
@@ -55,10 +55,10 @@ def test_a_streak_is_found_with_its_ends_and_a_sky_of_stars_has_none(seed):
 def test_streaks_are_found_that_are_as_bright_as_the_noise_of_a_pixel():
     found = {}
     for bright in (60.0, 8.0):  # 17 electrons of noise a pixel, three pixels wide
-        seen = [streaks_of(*sky(seed, [((0, 200 + 30 * seed), (1599, 700 - 20 * seed), bright)])) for seed in range(6)]
+        seen = [streaks_of(*sky(seed, [((0, 200 + 30 * seed), (1599, 700 - 20 * seed), bright)])) for seed in range(3)]
         found[bright] = sum(len(one) == 1 for one in seen)
         assert max(map(len, seen)) <= 1
-    assert found[60.0] == 6
+    assert found[60.0] == 3
     assert found[8.0] == 0  # an eighth of that: nothing is seen by eye either
 
 
@@ -99,7 +99,7 @@ def test_the_satellite_of_a_real_series_is_found_and_nothing_else(repository):
     folder = repository.parent / "shared" / "series" / "tk"
     if not folder.is_dir():
         pytest.skip("no real series here")
-    found = {path.name: streaks_of(read_frame(path)) for path in sorted(folder.glob("*.png"))}
+    found = {path.name: streaks_of(read_frame(path)) for path in sorted(folder.glob("*.png"))[::2]}
     assert {name: len(streaks) for name, streaks in found.items() if streaks} == {"_00015.png": 1}
     (streak,) = found["_00015.png"]
     assert sorted(streak.ends[:, 0]) == pytest.approx([1669, 1681], abs=6)
@@ -115,7 +115,7 @@ def test_real_frames_have_none(repository):
     photographs = [name for name in names if not name.startswith(("aalign", "real_", "syn_")) and "IMG_0" not in name]
     assert len(photographs) > 20
     bad = {}
-    for name in photographs[::2]:
+    for name in photographs[::4]:
         streaks = streaks_of(read_frame(folder / name))
         if streaks:
             bad[name] = len(streaks)

@@ -17,7 +17,7 @@ def test_the_window_draws_and_tracks_what_it_is_given(ring, monkeypatch) -> None
     pytest.importorskip("PySide6")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    row = live.window_row(ring, "small", 4.0)
+    row = live.window_row(ring, "small", 2.0)
     assert "trouble" not in row, row
     assert row["what"] == "small in the window at 32 frames a second"
     if sys.platform == "linux":

@@ -79,7 +79,7 @@ def test_an_alignment_ends_where_the_rig_says(monkeypatch):
     assert ended["rounds"] >= 2
 
 
-@pytest.mark.parametrize(("seed", "moves"), [(134, 6), (211, 7), (226, 7), (263, 6)])
+@pytest.mark.parametrize(("seed", "moves"), [(134, 6), (226, 7), (263, 6)])
 def test_few_moves_are_enough_where_hands_went_too_far(seed, moves):
     """A bolt a little too far was turned back at once, its thread learned from two degrees, a sweep forgotten (226)."""
     ended = bench.align_once(seed)
@@ -92,7 +92,7 @@ def test_it_runs_and_reports(monkeypatch):
     # How near an alignment ends is tried above.
     monkeypatch.setattr(bench, "ALIGN", replace(bench.ALIGN, goal_arcsec=600.0, sweep=bench.MEASURE))
     monkeypatch.setattr(polar_rig, "PLACES", 4)
-    monkeypatch.setattr(bench, "WORN_QUICK", (2, 1))
+    monkeypatch.setattr(bench, "WORN_QUICK", (1, 1))
     monkeypatch.setattr(polar_frames, "QUICK", 1)
     monkeypatch.setattr(polar_moved, "QUICK", 1)
     monkeypatch.setattr(polar_guided, "QUICK", 1)
@@ -101,6 +101,9 @@ def test_it_runs_and_reports(monkeypatch):
     drawn = ("healthy, 3 frames", "kick, 3 frames", "clock an hour wrong")
     monkeypatch.setattr(polar_faults, "KINDS", {kind: polar_faults.KINDS[kind] for kind in drawn})
     monkeypatch.setattr(polar_frames, "FIELDS_DEG", (8.0, 15.0))
+    # Each kind of log is measured in test_polar_guided.
+    logs = {kind: polar_guided.KINDS[kind] for kind in list(polar_guided.KINDS)[:2]}
+    monkeypatch.setattr(polar_guided, "KINDS", logs)
     said = []
     result = bench.run(True, said.append)
     assert result.bench == "polar"
@@ -123,7 +126,7 @@ def test_it_runs_and_reports(monkeypatch):
 def test_rows_are_measured_one_by_one_with_the_goals_they_tell(monkeypatch):
     for part in (polar_moved, polar_guided, polar_faults, polar_frames, polar_hands):
         monkeypatch.setattr(part, "QUICK", 1)
-    monkeypatch.setattr(bench, "QUICK", 2)
+    monkeypatch.setattr(bench, "QUICK", 1)
     monkeypatch.setattr(polar_frames, "FIELDS_DEG", (15.0, 24.0))
     names = [
         "measure",

@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -71,6 +72,8 @@ def test_rows_are_measured_alone_and_with_everybodys_variables(monkeypatch) -> N
     asked = []
     for name in serve.LEFT_OUT:
         monkeypatch.setenv(name, "1")
+    monkeypatch.setattr(serve, "_worker", lambda folder: nullcontext())
+    monkeypatch.setattr(serve, "rendered", lambda file, *shape: file)
     monkeypatch.setattr(serve, "batch", lambda files, busy: asked.append((busy, dict(os.environ))) or [])
     serve.run(True, lambda line: None, Only(("batch",)))
     serve.run(True, lambda line: None, Only(("batch beside",)))

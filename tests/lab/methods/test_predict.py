@@ -35,14 +35,13 @@ def grid_of_stars(camera, attitude, n=60, seed=2):
 @pytest.mark.parametrize(("fov", "radius"), [(5.0, 1.0), (25.0, 3.0)])
 def test_a_place_and_a_scale_are_enough(fov, radius) -> None:
     catalogue, rng = open_catalogue(), np.random.default_rng(5)
-    for _ in range(2):
-        field = random_field(catalogue, rng, FieldPlan(fov))
-        hint = hint_near(field, 0.6 * radius, radius, rng)
-        found = run(Predict().identify(field.detections, hint))
-        assert isinstance(found, Identification)
-        assert found.attitude.boresight @ field.attitude.boresight > np.cos(np.radians(fov / 200))
-        assert found.camera.mirrored == field.camera.mirrored
-        assert found.log10_false_alarm < -5
+    field = random_field(catalogue, rng, FieldPlan(fov))
+    hint = hint_near(field, 0.6 * radius, radius, rng)
+    found = run(Predict().identify(field.detections, hint))
+    assert isinstance(found, Identification)
+    assert found.attitude.boresight @ field.attitude.boresight > np.cos(np.radians(fov / 200))
+    assert found.camera.mirrored == field.camera.mirrored
+    assert found.log10_false_alarm < -5
 
 
 @pytest.mark.parametrize("scales", [(0.82, 0.99), (1.01, 1.19)])
@@ -58,12 +57,11 @@ def test_a_scale_just_outside_its_range_is_found(scales) -> None:
 
 def test_points_and_other_places_are_refused() -> None:
     rng, catalogue = np.random.default_rng(7), open_catalogue()
-    for _ in range(2):
-        field = random_field(catalogue, rng, FieldPlan(8.0))
-        hint = hint_near(field, 30.0, 1.5, rng)
-        assert isinstance(run(Predict().identify(field.detections, hint)), NoSolution)
-        points = random_points(rng, 40)
-        assert isinstance(run(Predict().identify(points, hint)), NoSolution)
+    field = random_field(catalogue, rng, FieldPlan(8.0))
+    hint = hint_near(field, 30.0, 1.5, rng)
+    assert isinstance(run(Predict().identify(field.detections, hint)), NoSolution)
+    points = random_points(rng, 40)
+    assert isinstance(run(Predict().identify(points, hint)), NoSolution)
 
 
 def test_what_it_needs_is_said() -> None:
