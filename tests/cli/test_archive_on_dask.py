@@ -26,9 +26,11 @@ from tests.cli.poisoned import ends_for_poison, told_as_lost
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 TOLD_AT_ONCE = (
-    "import sys, kochab.workflows.archive.run as run; run.STATE_S = 0\n"
+    "import sys, time, kochab.workflows.archive.run as run; run.STATE_S, take = 0, run.Run.take\n"
+    "run.Run.take = lambda self, outcome: (take(self, outcome), time.sleep(0.3))\n"
     "from kochab.__main__ import main; sys.exit(main())"
 )
+"""A run that tells of each chunk when it has it, and then takes its time: it must still be at work when that is seen."""
 KOCHAB = [sys.executable, "-c", TOLD_AT_ONCE, "archive"]
 
 
@@ -67,7 +69,7 @@ def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list
 ) -> None:
     """A terminal sends it to the workers too; people press it twice."""
     lists, out = tmp_path / "lists.parquet", tmp_path / "out"
-    times = 2 if while_it == "starts" else 50  # it must still be at work when it has told of its first rows
+    times = 2 if while_it == "starts" else 4
     count = times * len(CENTRES)
     write_lists(lists, CENTRES * times)
     process = begun(out, lists, "--workers", "2")
