@@ -20,8 +20,8 @@ from kochab.solver.cone_search import Cone, cone_stars
 from kochab.solver.pipeline import solve_detections
 from tests.sky import user_files
 
-PLACE, DENSITY, HALF_DEG = (359.9, -35.0), 3000, 2.0
-"""Across 0 h."""
+PLACE, DENSITY, HALF_DEG = (359.9, -75.0), 3000, 2.0
+"""Across 0 h, and so far south that an index of two bands has few cells to read."""
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 """When the frames are taken: the shipped stars as they are stored."""
 
@@ -97,7 +97,8 @@ def no_big_index(monkeypatch):
 
 def deep_field(stars, rng, fov_deg, size=1024):
     """Detections of a field of the deep stars, a tenth missing and a tenth false, and the truth."""
-    ra, dec = PLACE[0] + rng.uniform(-0.6, 0.6), PLACE[1] + rng.uniform(-0.6, 0.6)
+    ra = PLACE[0] + rng.uniform(-0.6, 0.6) / np.cos(np.radians(PLACE[1]))
+    dec = PLACE[1] + rng.uniform(-0.6, 0.6)
     attitude = attitude_from(ra % 360.0, dec, float(rng.uniform(-180, 180)))
     focal = size / 2.0 / np.tan(np.radians(fov_deg) / 2.0)
     camera = Camera.centred(size, size, float(focal), bool(rng.integers(2)))
