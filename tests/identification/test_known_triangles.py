@@ -51,9 +51,18 @@ def test_the_bins_hold_all_pairs_of_an_angle(table, angle, error) -> None:
     assert set(inside.tolist()) <= set(range(*found.indices(len(table.angle))))
 
 
+RING = np.arange(40, dtype=np.int32)
+
+
+@pytest.fixture(scope="module")
+def gap(table):
+    """Angles (40, N), rad, from the first stars of the table to each of it."""
+    return apart(table.vectors[RING, None], table.vectors[None])
+
+
 @given(st.floats(0.01, 0.19), st.floats(1e-4, 5e-3), st.floats(0.0, 0.02))
-def test_the_rings_hold_all_neighbours_at_a_distance(table, wanted, error, more) -> None:
-    stars = np.arange(40, dtype=np.int32)
+def test_the_rings_hold_all_neighbours_at_a_distance(table, gap, wanted, error, more) -> None:
+    stars = RING
     wanted = min(wanted, table.reach_rad - more - error)
     add = np.full(len(stars), more)
     for first, last in (
@@ -62,7 +71,6 @@ def test_the_rings_hold_all_neighbours_at_a_distance(table, wanted, error, more)
     ):
         row, entry = table.neighbours(first, last, wanted + more, error)
         star = table.neighbour[entry]
-        gap = apart(table.vectors[stars, None], table.vectors[None])
         expected = {(int(i), int(j)) for i, j in np.argwhere(np.abs(gap - wanted - more) < error)}
         off = expected ^ set(zip(row.tolist(), star.tolist(), strict=True))
         # single precision may put one on the edge on either side
