@@ -94,6 +94,7 @@ def test_ctrl_c_leaves_whole_parts_and_no_worker_and_the_next_run_does_each_list
     assert left == []
     assert list(out.glob("_kochab/*.draft")) == []
     done = len(rows_of(out)) if while_it == "works" else 0
+    assert (0 < done < count) is (while_it == "works")
     went_on = archive(capsys, lists, "--out", out, "--workers", "1")
     assert (went_on["before"], went_on["done"]) == (done, count - done)
     assert len(rows_of(out)) == count
