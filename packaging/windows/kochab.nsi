@@ -136,4 +136,7 @@ Section Uninstall
     RMDir /r "$LOCALAPPDATA\kochab"
   ${EndIf}
   RMDir "$LOCALAPPDATA\kochab" ; if nothing is in it
+  ; astropy makes these; other programs may keep something in them, and then they stay.
+  RMDir "$PROFILE\.astropy\config"
+  RMDir "$PROFILE\.astropy"
 SectionEnd
