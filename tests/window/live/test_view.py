@@ -17,6 +17,7 @@ from kochab.core.solution import NoSolution, Reason
 from kochab.frames.fits_write import write_fits
 from kochab.gear.session import CameraSelection
 from kochab.solver.camera_profile import new_profile
+from kochab.window.live import frame_display
 from kochab.window.live.camera_panel import CameraPanel
 from kochab.window.live.status_text import NOTHING
 from kochab.window.live.view import LiveView
@@ -162,12 +163,15 @@ def test_names_stay_until_the_next_frame_is_solved(qtbot, live):
     assert overlay.solution is None
 
 
-def test_a_fast_camera_is_drawn_thirty_times_a_second_and_not_more(qtbot, live):
+def test_a_fast_camera_is_drawn_thirty_times_a_second_and_not_more(qtbot, live, monkeypatch):
+    """Half a second in place of a thirtieth, which a busy machine takes to draw without being told to wait."""
+    assert 1.0 / 34.0 < frame_display.SHORTEST_S < 1.0 / 29.0
+    monkeypatch.setattr(frame_display, "SHORTEST_S", 0.5)
     view, _ = live
-    run(view, Stars(0.002))
-    wait_drawn(qtbot, view, 25)
+    run(view, Stars(0.05))
+    wait_drawn(qtbot, view, 6)
     gaps = np.diff(view.display.moments)
-    assert np.median(gaps) >= 0.025
+    assert np.median(gaps) >= 0.45
     view.write()
     assert "drawn" in view.pointing.values["Frame rate"].toolTip()
 
@@ -175,7 +179,7 @@ def test_a_fast_camera_is_drawn_thirty_times_a_second_and_not_more(qtbot, live):
 def test_a_camera_faster_than_the_drawing_leaves_the_window_answering(qtbot, live, monkeypatch):
     """No timer ticked, no key was heard, while frames came faster than they were drawn."""
     view, commands = live
-    picture, ticks, source = commands.presenter.panes.view, [], Stars(0.002)
+    picture, ticks, source = commands.presenter.panes.view, [], Stars(0.01)
     draw = picture.repaint
 
     def draw_slowly():
