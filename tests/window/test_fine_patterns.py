@@ -75,8 +75,9 @@ def test_an_ended_process_leaves_its_step_without_an_exception(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows ends a process without asking it")
-def test_an_ended_process_leaves_nothing_half_made(tmp_path, monkeypatch, capfd):
+def test_an_ended_process_leaves_nothing_half_made(tmp_path, monkeypatch, capfd, elsewhere):
     monkeypatch.setenv("KOCHAB_CACHE", str(tmp_path / "cache"))
+    elsewhere(makers.of_bright_stars)
     task = fine_patterns.make_elsewhere()
     while not next(task).fraction:
         pass
