@@ -111,3 +111,10 @@ def opened(qtbot, make_window, engine, a_file):
     with qtbot.waitSignal(commands.session.idle):
         commands.files.open(a_file)
     return window, commands
+
+
+@pytest.fixture
+def unpainted(opened):
+    """The same, for what is no matter of painting: the charts of a connected mount are most of such a test's work."""
+    opened[0].setUpdatesEnabled(False)
+    return opened

@@ -15,16 +15,9 @@ from kochab.workflows.session.alignment_state import AlignmentState
 from tests.window.polar_cases import error
 
 
-@pytest.fixture
-def opened(opened):
-    """Not painted: what has room is a matter of layouts, and half of the work was to paint 3840 x 2160 pixels."""
-    opened[0].setUpdatesEnabled(False)
-    return opened
-
-
-def use_letters(qtbot, opened, size):
-    """Letters of a size, with which a window paints itself again."""
-    window, commands = opened
+def use_letters(qtbot, unpainted, size):
+    """Letters of a size, with which a window would paint itself again."""
+    window, commands = unpainted
     commands.appearance.use_theme(text_size=size)
     qtbot.waitUntil(lambda: commands.appearance.settled)
     window.setUpdatesEnabled(False)
@@ -35,17 +28,17 @@ def resize(qtbot, window, width, height=600):
     qtbot.wait(30)
 
 
-def beside(qtbot, opened, name, width, height):
+def beside(qtbot, unpainted, name, width, height):
     """The window in a mode, as small as that, and the dock of what stands beside the image."""
-    window, commands = opened
+    window, commands = unpainted
     commands.views.show(name)
     for _ in range(2):
         resize(qtbot, window, width, height)
     return window, commands.views.docks[name]
 
 
-def test_each_tool_beside_a_frame_fits_on_1024_by_600(qtbot, opened):
-    window, commands = opened
+def test_each_tool_beside_a_frame_fits_on_1024_by_600(qtbot, unpainted):
+    window, commands = unpainted
     for name in VIEWS:
         resize(qtbot, window, 1024)
         commands.views.show(name)
@@ -62,9 +55,9 @@ def whole(window, shown):
     return shown.isVisible() and inside and shown.visibleRegion().boundingRect() == shown.rect()
 
 
-def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, opened):
+def test_a_screen_of_1024_by_700_suffices_at_a_scale_of_one_and_a_half(qtbot, unpainted):
     """Live needed 776 x 467 px, the Polar room 730 x 474, and the rail lost Night and Settings."""
-    window, commands = opened
+    window, commands = unpainted
     for name in ("image", *VIEWS):
         commands.views.show(name)
         qtbot.wait(50)
@@ -95,10 +88,10 @@ def no_larger_than(qtbot, window, screen):
 
 
 @pytest.mark.parametrize("letters", ["normal", "huge"])
-def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, letters):
+def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, unpainted, letters):
     """At a scale of two 1024 x 700 is 512 x 350: details, Live, Mount, Polar and Lab needed 635 to 674 px."""
-    window, commands = opened
-    use_letters(qtbot, opened, letters)
+    window, commands = unpainted
+    use_letters(qtbot, unpainted, letters)
     for screen in SCREENS:
         if letters == "huge" and screen[0] < 683:
             continue
@@ -107,17 +100,17 @@ def test_no_mode_needs_more_than_a_small_screen_at_any_scale(qtbot, opened, lett
             commands.views.show("image")
             commands.views.show(name)
             no_larger_than(qtbot, window, screen)
-    use_letters(qtbot, opened, "normal")
+    use_letters(qtbot, unpainted, "normal")
 
 
-def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtbot, opened):
+def test_what_has_no_room_beside_the_image_takes_its_place_and_gives_it_back(qtbot, unpainted):
     for name in ("details", *VIEWS):
-        takes_its_place_and_gives_it_back(qtbot, opened, name)
+        takes_its_place_and_gives_it_back(qtbot, unpainted, name)
 
 
-def takes_its_place_and_gives_it_back(qtbot, opened, name):
-    _, commands = opened
-    window, dock = beside(qtbot, opened, name, 500, 350)
+def takes_its_place_and_gives_it_back(qtbot, unpainted, name):
+    _, commands = unpainted
+    window, dock = beside(qtbot, unpainted, name, 500, 350)
     if name == "last_night":  # as narrow as it is, both have room
         assert window.pages.isVisible()
         assert dock.side.area.isVisible()
@@ -140,9 +133,9 @@ def takes_its_place_and_gives_it_back(qtbot, opened, name):
     assert window.pages.isVisible()
 
 
-def test_a_room_has_the_width_that_it_needs_beside_its_side(qtbot, opened):
+def test_a_room_has_the_width_that_it_needs_beside_its_side(qtbot, unpainted):
     """The side kept the width of the view before: the Polar room was 312 px wide of 352."""
-    window, commands = opened
+    window, commands = unpainted
     for _ in range(2):
         resize(qtbot, window, 683, 384)
     for name in ("live", "polar"):
@@ -152,9 +145,9 @@ def test_a_room_has_the_width_that_it_needs_beside_its_side(qtbot, opened):
     qtbot.waitUntil(lambda: window.pages.width() >= window.pages.page_px)
 
 
-def test_the_mount_s_frame_is_shown_from_a_side_in_its_place(qtbot, opened):
+def test_the_mount_s_frame_is_shown_from_a_side_in_its_place(qtbot, unpainted):
     """The side spoke of an image that nobody saw, and its button showed the chart in place of the frame."""
-    window, dock = beside(qtbot, opened, "mount", 500, 350)
+    window, dock = beside(qtbot, unpainted, "mount", 500, 350)
     view, side = dock.view, dock.side
     assert side.area.isVisible()
     assert not view.picture.isVisible()
@@ -167,8 +160,8 @@ def test_the_mount_s_frame_is_shown_from_a_side_in_its_place(qtbot, opened):
     assert view.room.isVisible()
 
 
-def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbot, opened):
-    _, dock = beside(qtbot, opened, "polar", 911, 512)
+def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbot, unpainted):
+    _, dock = beside(qtbot, unpainted, "polar", 911, 512)
     view = dock.view
     text = view.room.strip.text
     for sentence in SENTENCES.values():
@@ -177,8 +170,8 @@ def test_the_set_up_is_one_line_on_1366_by_768_at_a_scale_of_one_and_a_half(qtbo
             assert text.fontMetrics().horizontalAdvance(said) <= text.width(), said
 
 
-def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, opened):
-    _, dock = beside(qtbot, opened, "polar", 500, 350)
+def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, unpainted):
+    _, dock = beside(qtbot, unpainted, "polar", 500, 350)
     view, side = dock.view, dock.side
     assert not view.setup.isVisible()
     view.buttons.set_up.trigger()
@@ -187,8 +180,8 @@ def test_the_room_s_menu_shows_a_side_that_is_folded_away(qtbot, opened):
     assert view.room.isVisible()
 
 
-def test_the_number_stays_whole_in_a_room_of_a_few_lines_and_the_cards_scroll(qtbot, opened):
-    window, dock = beside(qtbot, opened, "polar", 512, 350)
+def test_the_number_stays_whole_in_a_room_of_a_few_lines_and_the_cards_scroll(qtbot, unpainted):
+    window, dock = beside(qtbot, unpainted, "polar", 512, 350)
     view = dock.view
     view.alignment.state = AlignmentState("done", "12″", error=error(10.0, 5.0))
     view._show()
@@ -199,26 +192,26 @@ def test_the_number_stays_whole_in_a_room_of_a_few_lines_and_the_cards_scroll(qt
     qtbot.waitUntil(lambda: whole(window, room.strip) or not room.strip.isVisible())
 
 
-def test_a_window_fits_a_screen_that_is_smaller_than_what_it_shows(qtbot, opened):
-    window, commands = opened
+def test_a_window_fits_a_screen_that_is_smaller_than_what_it_shows(qtbot, unpainted):
+    window, commands = unpainted
     commands.views.show("mount")
     window.keep_within(QRect(0, 0, 512, 350))
     assert (window.frameGeometry().width(), window.frameGeometry().height()) <= (512, 350)
     assert window.height() <= 350
 
 
-def test_the_rail_is_whole_on_1024_by_700_at_a_scale_of_two(qtbot, opened):
+def test_the_rail_is_whole_on_1024_by_700_at_a_scale_of_two(qtbot, unpainted):
     """Settings was a strip of 12 px."""
-    window, _ = opened
+    window, _ = unpainted
     window.resize(512, 350)
     qtbot.waitUntil(lambda: window.height() == 350)
     preferences = window.rail.widgetForAction(window.actions_by_name["preferences"])
     qtbot.waitUntil(lambda: whole(window, preferences))
 
 
-def test_buttons_that_have_no_room_in_one_line_are_in_the_menu(qtbot, opened):
+def test_buttons_that_have_no_room_in_one_line_are_in_the_menu(qtbot, unpainted):
     """The menu's own button stood alone in a second line at 683 px."""
-    window, commands = opened
+    window, commands = unpainted
     commands.views.show("polar")
     buttons = commands.views.docks["polar"].view.buttons
     shown = (buttons.start, buttons.at_bolts, buttons.sound, buttons.phone, buttons.more)
@@ -235,8 +228,8 @@ def test_buttons_that_have_no_room_in_one_line_are_in_the_menu(qtbot, opened):
     assert row.text() == buttons.phone.text()
 
 
-def test_the_card_is_short_where_the_whole_of_it_would_hide_the_image(qtbot, opened):
-    window, commands = opened
+def test_the_card_is_short_where_the_whole_of_it_would_hide_the_image(qtbot, unpainted):
+    window, commands = unpainted
     card = window.workspace.card
     commands.views.show("live")
     resize(qtbot, window, 911, 512)
@@ -249,11 +242,11 @@ def test_the_card_is_short_where_the_whole_of_it_would_hide_the_image(qtbot, ope
 
 
 @pytest.mark.parametrize("letters", ["normal", "huge"])
-def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, opened, letters):
+def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, unpainted, letters):
     """At 1024 x 700 no RA and Dec could be seen after a solve; at 1600 the image was 390 px wide."""
-    window, commands = opened
+    window, commands = unpainted
     panes, card = window.workspace, window.workspace.card
-    use_letters(qtbot, opened, letters)
+    use_letters(qtbot, unpainted, letters)
     sizes = (1024, 700), (1600, 1000), (3840, 2160)
     for size, name in product(sizes, ("image", "details", *VIEWS)):
         commands.views.show(name)
@@ -287,15 +280,15 @@ def test_the_pointing_is_whole_in_every_mode_and_the_image_the_largest(qtbot, op
         beside = [commands.views.docks[n].width() for n in commands.views.docked]
         if letters == "normal" and name != "laboratory":
             assert window.pages.width() > max(beside, default=0), name
-    use_letters(qtbot, opened, "normal")
+    use_letters(qtbot, unpainted, "normal")
 
 
 @pytest.mark.parametrize("letters", ["normal", "huge"])
 @pytest.mark.parametrize("name", [None, "mount"])
-def test_stop_is_whole_however_much_the_bars_have_to_say(qtbot, opened, name, letters, monkeypatch):
+def test_stop_is_whole_however_much_the_bars_have_to_say(qtbot, unpainted, name, letters, monkeypatch):
     """At scale 2 the window grew to 1,673 x 700 on a screen of 1024 x 700, and Stop was outside."""
-    window, commands = opened
-    use_letters(qtbot, opened, letters)
+    window, commands = unpainted
+    use_letters(qtbot, unpainted, letters)
     if name is not None:
         commands.views.show(name)
     status = window.findChild(MountStatus)
@@ -320,11 +313,11 @@ def test_stop_is_whole_however_much_the_bars_have_to_say(qtbot, opened, name, le
     assert status.text.width() >= status.text.sizeHint().width()  # the alarm is never cut
     monkeypatch.undo()
     status._show()
-    use_letters(qtbot, opened, "normal")
+    use_letters(qtbot, unpainted, "normal")
 
 
-def test_a_page_that_is_not_seen_takes_no_room(opened):
-    window, _ = opened
+def test_a_page_that_is_not_seen_takes_no_room(unpainted):
+    window, _ = unpainted
     wide = window.welcome.minimumSizeHint().width()
     window.welcome.setMinimumWidth(wide + 800)
     assert window.pages.minimumSizeHint() == window.workspace.minimumSizeHint()
@@ -332,9 +325,9 @@ def test_a_page_that_is_not_seen_takes_no_room(opened):
     assert window.pages.minimumSizeHint() == window.welcome.minimumSizeHint()
 
 
-def test_the_list_of_keys_is_whole_with_huge_letters(qtbot, opened):
-    window, commands = opened
-    use_letters(qtbot, opened, "huge")
+def test_the_list_of_keys_is_whole_with_huge_letters(qtbot, unpainted):
+    window, commands = unpainted
+    use_letters(qtbot, unpainted, "huge")
     commands.actions["keys"].trigger()
     (dialog,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
     qtbot.wait(50)

@@ -130,8 +130,8 @@ def test_an_alignment_by_hand_is_on_the_practice_telescope_that_is_there(qtbot, 
     assert nights.made[0].rig.frame(0.1) is not None
 
 
-def test_one_order_at_a_time_whoever_gives_it(qtbot, opened):
-    _, commands = opened
+def test_one_order_at_a_time_whoever_gives_it(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         commands.views.show("polar")
         view = commands.views.docks["polar"].view
@@ -150,8 +150,8 @@ def test_one_order_at_a_time_whoever_gives_it(qtbot, opened):
         qtbot.waitUntil(lambda: not mount.control.known.busy, timeout=10_000)
 
 
-def test_an_task_ends_with_the_line(qtbot, opened):
-    _, commands = opened
+def test_an_task_ends_with_the_line(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         heard = []
 
@@ -169,8 +169,8 @@ def test_an_task_ends_with_the_line(qtbot, opened):
             mount.control.order("goto", waits)
 
 
-def test_a_stop_that_fails_while_disconnecting_is_told_and_stays(qtbot, opened):
-    _, commands = opened
+def test_a_stop_that_fails_while_disconnecting_is_told_and_stays(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
 
         def fails():
@@ -185,8 +185,8 @@ def test_a_stop_that_fails_while_disconnecting_is_told_and_stays(qtbot, opened):
         assert corner(commands).text.text() == ALARM
 
 
-def test_stop_still_goes_out_while_a_mount_is_being_disconnected(qtbot, opened):
-    _, commands = opened
+def test_stop_still_goes_out_while_a_mount_is_being_disconnected(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         begun, answers = threading.Event(), threading.Event()
 
@@ -208,8 +208,8 @@ def test_stop_still_goes_out_while_a_mount_is_being_disconnected(qtbot, opened):
         assert mount.said[-1] == "Disconnected, mount stopped. Good night."
 
 
-def test_a_connection_that_is_cancelled_tells_of_no_stop(qtbot, opened):
-    _, commands = opened
+def test_a_connection_that_is_cancelled_tells_of_no_stop(qtbot, unpainted):
+    _, commands = unpainted
     commands.views.show("mount")
     view = commands.views.docks["mount"].view
     with simulated("lx200") as bench:
@@ -220,9 +220,9 @@ def test_a_connection_that_is_cancelled_tells_of_no_stop(qtbot, opened):
 
 
 @pytest.mark.parametrize("where", ["profile", "hints"])
-def test_a_new_site_waits_for_the_next_connection_and_that_is_said(qtbot, opened, where):
+def test_a_new_site_waits_for_the_next_connection_and_that_is_said(qtbot, unpainted, where):
     """Motor boards and NexStar reckon by the site that their driver was opened with: the guard must not by another."""
-    _, commands = opened
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         hints = commands.window.workspace.hints
         for site in (SITE, Site(48.0, 11.0)):
@@ -244,9 +244,9 @@ def test_a_mount_without_a_site_says_how_it_gets_one():
 
 
 @pytest.mark.parametrize("lost", [False, True])
-def test_limits_drawn_while_the_mount_is_busy_hold_after_a_stop_and_without_a_cable(qtbot, opened, lost):
+def test_limits_drawn_while_the_mount_is_busy_hold_after_a_stop_and_without_a_cable(qtbot, unpainted, lost):
     """The profile has kept them and the picture shows them: the guard must not keep the old ones."""
-    _, commands = opened
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
 
         def waits(guard):
@@ -268,9 +268,9 @@ def test_limits_drawn_while_the_mount_is_busy_hold_after_a_stop_and_without_a_ca
 
 
 @pytest.mark.parametrize("ending", ["plugged", "stopped"])
-def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, opened, ending):
+def test_an_order_that_stands_waits_for_a_loose_cable(qtbot, unpainted, ending):
     """Bolts are turned for minutes: the measurement is not lost with the cable."""
-    _, commands = opened
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         seen, told = [], []
 
@@ -323,9 +323,9 @@ def test_an_task_ends_like_a_job(qtbot, word, signal):
     assert told == [signal, "finished"]
 
 
-def test_escape_at_the_bolts_only_leaves_them_while_the_mount_stands(qtbot, opened):
+def test_escape_at_the_bolts_only_leaves_them_while_the_mount_stands(qtbot, unpainted):
     """The axis is followed with eyes on the bolts: a key that leaves the screen loses nothing."""
-    _, commands = opened
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         commands.views.show("polar")
         view = commands.views.docks["polar"].view

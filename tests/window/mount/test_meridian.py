@@ -21,8 +21,8 @@ def go_across(mount):
     mount.view.go.goto.click()
 
 
-def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, settings):
-    _, commands = opened
+def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, unpainted, settings):
+    _, commands = unpainted
     with connected(qtbot, commands, "nexstar", at=None) as mount:
         go_across(mount)
         qtbot.waitUntil(lambda: any("flip" in s for s in mount.said), timeout=20_000)
@@ -36,8 +36,8 @@ def test_a_fork_that_tells_a_side_goes_across_once_it_is_said(qtbot, opened, set
         assert current_profile(settings).meridian is Meridian.CROSSES
 
 
-def test_a_person_is_asked_before_a_flip_and_may_have_it_by_one_click(qtbot, opened):
-    _, commands = opened
+def test_a_person_is_asked_before_a_flip_and_may_have_it_by_one_click(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "nexstar", at=None) as mount:
         go_across(mount)
         qtbot.waitUntil(lambda: mount.view.flip.isVisible(), timeout=20_000)
