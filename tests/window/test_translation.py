@@ -491,6 +491,7 @@ def solved_abroad(qtbot, abroad, make_window, engine, a_file):
     window, commands = make_window(engine)
     with qtbot.waitSignal(commands.session.idle):
         commands.files.open(a_file)
+    window.setUpdatesEnabled(False)  # texts and their room are no matter of painting
     return window, commands
 
 
