@@ -16,7 +16,9 @@ FRAME = 13
 EAST, WEST, NORTH, SOUTH = 0x01, 0x02, 0x04, 0x08
 STOP, PARK, ASK_SITE, HANG_UP, GOTO, SYNC, SITE, CLOCK = 0x1D, 0x1E, 0x1F, 0x22, 0x23, 0x24, 0x25, 0x26
 SITE_REPORT, PLACE_REPORT = 0xFE, 0xFF
-COUNT_DEG = 1.1 / 3600.0  # of the motors, not a part of what the sky turns in a second: no place is told twice alike
+COUNT_DEG = 2.1 / 3600.0
+"""Of the motors. From one report to the next, 1 to 1.1 s, the sky turns by 7.2 to 7.9 of them, never by a whole number of
+them: INDI's driver takes a place that is told twice alike for that of a mount that stands."""
 REPORT_S = 1.0
 STEP_S, STEP_DEG_S = 0.2, 0.25  # of a step, which is what a message of motion is; a host sends ten a second
 WAYS = {EAST: (0, -1.0), WEST: (0, 1.0), NORTH: (1, 1.0), SOUTH: (1, -1.0)}
