@@ -6,9 +6,11 @@ from typing import Any
 from PySide6.QtCore import QObject, QTimer
 
 from kochab.core.mount import Direction
+from kochab.core.progress import Task
 from kochab.gear.mount_events import OrderDone, OrderFailed
 from kochab.text.translation import tr, tr_noop
 from kochab.window.devices.mount_control import MountControl
+from kochab.window.job import Job
 from kochab.window.mount.actions import MountActions
 from kochab.window.mount.controls import HINT, NudgePad
 
@@ -25,17 +27,23 @@ HINTS = {
 }
 
 
-def load_sdl() -> Any:
-    """SDL's functions with its controllers begun, or None."""
+def _imported() -> Task[Any]:
+    """PySDL2, or None without it: it asks the system's programs where SDL is, for half a second and more."""
+    yield from ()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it warns of where its library is
             import sdl2
     except ImportError:
         return None
+    return sdl2
+
+
+def _begun(sdl: Any) -> bool:
+    """Whether SDL has begun to look for controllers."""
     for name, value in HINTS.items():
-        sdl2.SDL_SetHint(name, value)
-    return None if sdl2.SDL_InitSubSystem(sdl2.SDL_INIT_GAMECONTROLLER) else sdl2
+        sdl.SDL_SetHint(name, value)
+    return bool(sdl.SDL_InitSubSystem(sdl.SDL_INIT_GAMECONTROLLER) == 0)
 
 
 class Gamepad(QObject):
@@ -45,6 +53,7 @@ class Gamepad(QObject):
         super().__init__(pad)
         self._pad, self._control, self._orders = pad, control, orders
         self._sdl: Any = None
+        self._importing: Job | None = None
         self._controller: Any = None
         self._way: Direction | None = None  # held now
         self._down: set[str] = set()
@@ -58,17 +67,27 @@ class Gamepad(QObject):
     def _follow(self) -> None:
         """Poll only while a mount is connected."""
         on = self._control.known.phase not in ("off", "leaving")
-        if on and not self._timer.isActive():
-            self._sdl = load_sdl()
-            if self._sdl is None:
-                self._control.changed.disconnect(self._follow)
-                self._pad.hint.setText(f"{tr(HINT)} {tr(PACKAGE)}")
-            else:
-                self._timer.start(LOOK_MS)
+        if on and self._importing is None:
+            self._importing = Job(_imported(), "gamepad")
+            self._importing.succeeded.connect(self._have)
+            self._importing.start()
+        elif on and not self._timer.isActive() and self._importing is not None and not self._importing.waits:
+            self._have(self._sdl)
         elif not on and self._timer.isActive():
             self._timer.stop()
             self._close()
             self._sdl.SDL_QuitSubSystem(self._sdl.SDL_INIT_GAMECONTROLLER)
+
+    def _have(self, sdl: Any) -> None:
+        """Go on with PySDL2, or without."""
+        self._sdl = sdl
+        if self._control.known.phase in ("off", "leaving"):
+            return
+        if sdl is not None and _begun(sdl):
+            self._timer.start(LOOK_MS)
+        else:
+            self._control.changed.disconnect(self._follow)
+            self._pad.hint.setText(f"{tr(HINT)} {tr(PACKAGE)}")
 
     def _poll(self) -> None:
         sdl = self._sdl
