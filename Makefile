@@ -50,12 +50,12 @@ run: system $(RUN_STAMP)
 	@$(BIN)/python -m app $(ARGS)
 
 # Quick checks first, so that a slip is told within seconds; with -j the slow one goes on beside the
-# making of patterns. Then ten processes more than there are cores: many tests wait for lines, screens
+# making of patterns. Then eight processes more than there are cores: many tests wait for lines, screens
 # and exposures. A process that is done takes over from the others.
 test: SYSTEM = test
 test: system style types $(if $(filter tests,$(TESTS)),patterns)
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
-	  -n auto --maxprocesses 12 --dist worksteal $(TESTS)
+	  -n auto --maxprocesses 10 --dist worksteal $(TESTS)
 
 smoke: $(STAMP)
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m tests.smoke
@@ -87,7 +87,7 @@ resolve: $(STAMP)
 coverage: SYSTEM = test
 coverage: system $(STAMP) patterns
 	@QT_QPA_PLATFORM=$${QT_QPA_PLATFORM:-offscreen} $(BIN)/python -m pytest \
-	  -n auto --maxprocesses 12 --dist worksteal --cov=kochab --cov-report= $(TESTS)
+	  -n auto --maxprocesses 10 --dist worksteal --cov=kochab --cov-report= $(TESTS)
 	@for room in app/kochab/[a-z]*/; do \
 	  printf '%-16s%3s %%\n' $$(basename $$room) $$($(BIN)/coverage report --include="$$room*" --format=total); done
 	@printf '%-16s%3s %%\n' everything $$($(BIN)/coverage report --format=total)

@@ -106,16 +106,17 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """Ten processes more than there are cores, as far as the memory goes.
+    """Eight processes more than there are cores, as far as the memory goes.
 
-    All tests compute for 1,100 s on a machine where 1,700 s were needed before they were made lighter, and wait for about
-    4,500 s: for lines, exposures, screens and INDI's drivers. Two cores that served eight processes of such were idle for
-    a third of the time. Each costs a second of processor before its first test, and up to 0.7 GB.
+    All tests compute for 1,150 s on a machine where 1,700 s were needed before they were made lighter, and wait for about
+    4,500 s: for lines, exposures, screens and INDI's drivers. With six more than its two cores a run took 13:45, with ten
+    12:24, but those compete: each test then takes a third longer, and on a slow machine waits overrun. Each costs a second
+    of processor before its first test, and up to 0.7 GB.
     """
     import psutil
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores + 10, int(psutil.virtual_memory().available / 0.7e9)))
+    return max(1, min(cores + 8, int(psutil.virtual_memory().available / 0.7e9)))
 
 
 @pytest.hookimpl(optionalhook=True)
