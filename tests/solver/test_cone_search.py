@@ -11,8 +11,10 @@ from kochab.core.attitude import apart_deg, attitude_from, unit, unit_vectors
 from kochab.core.camera import Camera
 from kochab.core.frame import Detections, Hint
 from kochab.core.progress import run
-from kochab.core.solution import NoSolution, Solution
+from kochab.core.solution import NoSolution, Reason, Solution
 from kochab.identification import index, index_build
+from kochab.identification.patterns import Patterns
+from kochab.identification.verification import ACCEPT_LOG10
 from kochab.simulate.random_fields import FieldPlan, random_field, random_points
 from kochab.sky import open_catalogue, user_catalogues
 from kochab.solver import SolveOptions, cone_search
@@ -180,6 +182,31 @@ def test_points_near_a_place_are_no_frame_of_it(in_use, no_big_index, count):
         scale = 3600.0 * fov_deg / 1024
         hint = Hint(scale_arcsec_px=(scale / sureness, scale * sureness), centre_deg=(*PLACE, 0.3))
         assert isinstance(solved(random_points(rng, count), hint), NoSolution)
+
+
+@pytest.mark.parametrize(("below", "accepted"), [(0.25, False), (0.35, True)])
+def test_every_search_before_is_one_more_chance_of_a_false_alarm(
+    in_use, no_big_index, catalogue, monkeypatch, below, accepted
+):
+    """The second search's answer is twice as likely to be one by chance as it would be alone: 0.301 in log10."""
+    rng, identify, searches = np.random.default_rng(3), Patterns.identify, []
+    field = random_field(catalogue, rng, FieldPlan(0.8))
+    hint = hint_near(field.camera, field.attitude, rng, 1.0)
+
+    def second_alone(self, detections, hint, year):
+        searches.append(hint)
+        if len(searches) != 2:
+            return NoSolution(Reason.NO_PATTERN_AGREED, "", "nothing")
+        found = yield from identify(self, detections, hint, year)
+        return replace(found, log10_false_alarm=ACCEPT_LOG10 - below)
+
+    monkeypatch.setattr(Patterns, "identify", second_alone)
+    known = cone_search.narrow(field.detections, hint)
+    found = run(cone_search.search_cone(field.detections, hint, known, 2000.0, []))
+    assert len(searches) > 1
+    assert isinstance(found, NoSolution) is not accepted
+    if accepted:
+        assert found.log10_false_alarm == pytest.approx(ACCEPT_LOG10 - below + np.log10(2.0))
 
 
 def test_a_damaged_catalogue_leaves_the_shipped_stars_and_a_sentence(
