@@ -370,7 +370,10 @@ def told(command: list[object]) -> str:
 def run(command: list[object], cwd: Path) -> None:
     """Run to the end, or stop with what it said."""
     environment = os.environ | {"UV_LINK_MODE": "copy"}  # what is changed here must not change uv's cache
-    done = subprocess.run([str(word) for word in command], cwd=cwd, capture_output=True, text=True, env=environment)
+    words = [str(word) for word in command]
+    if shutil.which(words[0]) is None:
+        sys.exit(f"{words[0]} is not installed: apt-get install binutils binutils-aarch64-linux-gnu dpkg")
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, env=environment)
     if done.returncode:
         sys.exit(f"{command[0]} failed:\n{done.stdout}{done.stderr}")
 

@@ -76,7 +76,9 @@ def test_after_a_few_solves_the_counts_alone_lead_within_five_minutes_of_arc(see
 @pytest.mark.parametrize("seed", range(8))
 def test_two_solves_show_counts_and_sense_of_both_axes(seed) -> None:
     mount, model = Mount(seed, lean_deg=0.0, cone_deg=0.0), EncoderModel()  # the frame's z axis is the mount's
+    assert model.counts_in_a_turn == (None, None)
     model.see(mount.attitude, mount.counts)
+    assert model.counts_in_a_turn == (None, None)
     assert off_deg(model, mount) < 0.01
     mount.push(12.0, 8.0)
     assert model.sigma_deg(mount.counts) > 5.0  # nobody knows yet how far that was

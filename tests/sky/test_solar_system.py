@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from catalogs.making.solar_system import read_spk, write_ephemeris
-from kochab.core.attitude import apart_deg, unit, unit_vectors
+from kochab.core.attitude import apart_deg, east_north, unit, unit_vectors
 from kochab.core.errors import CatalogueError
 from kochab.core.frame import Site
 from kochab.sky import solar_system
@@ -115,6 +115,13 @@ def test_planets_are_as_bright_as_in_the_examples_of_mallama_and_hilton(name, fr
         name, np.array([from_earth_au, 0.0, 0.0]), np.array([from_sun_au, 0.0, 0.0]), phase_deg
     )
     assert found == pytest.approx(v, abs=6e-4)
+
+
+def test_saturn_with_its_ring_edge_on_fades_by_0_026_mag_a_degree_of_phase_angle():
+    """Mallama and Hilton 2018, equation 10, whose other terms are those of the ring."""
+    edge_on = 10.0 * east_north(solar_system.SATURN_POLE)[0]
+    full, partly = (solar_system.magnitude("saturn", edge_on, edge_on, phase_deg) for phase_deg in (0.0, 6.0))
+    assert partly - full == pytest.approx(0.156, abs=1e-6)
 
 
 def test_dates_that_the_ephemeris_does_not_reach_are_known():
