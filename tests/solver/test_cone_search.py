@@ -174,6 +174,17 @@ def test_four_stars_of_a_known_camera_are_enough(nothing_in_use, no_big_index, c
     assert sum(found) >= 11
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_a_cone_comes_before_the_index_only_of_a_catalogue_of_the_user_s(monkeypatch, own):
+    """Of the shipped stars the index, once it is made, has all that a cone has."""
+    monkeypatch.setattr(cone_search, "fine", lambda: "an index")
+    monkeypatch.setattr(cone_search, "opened", lambda: "a catalogue" if own else None)
+    detections = random_points(np.random.default_rng(1), 20)
+    scale = 3600.0 * 0.9 * cone_search.OWN_DEG / 1024
+    hint = Hint(scale_arcsec_px=(scale / 1.01, scale * 1.01), centre_deg=(*PLACE, 0.3))
+    assert cone_search.narrow(detections, hint).first is own
+
+
 @pytest.mark.parametrize("count", [4, 6, 9, 20, 60])
 def test_points_near_a_place_are_no_frame_of_it(in_use, no_big_index, count):
     """A hint makes few pointings possible, and no list of points one of them."""

@@ -261,7 +261,7 @@ class SteadyError:
     error: PolarError
     frames: int
     settled: bool
-    noise_arcsec: tuple[float, float] = (0.0, 0.0)
+    noise_arcsec: tuple[float, float]
 
 
 class Steady:
