@@ -129,6 +129,21 @@ def test_an_abandoned_job_says_nothing(qtbot):
     assert heard.said == []
 
 
+def test_a_job_that_begins_after_its_window_has_closed_says_nothing(qtbot):
+    """A camera's last frame is solved then, and asks what it shows."""
+
+    class Window(QObject):
+        closing = Signal()
+
+    window = Window()
+    jobs = Jobs(window, window.closing)
+    window.closing.emit()
+    heard = Heard(jobs.run(count(3), "late"))
+    assert jobs.join()
+    qtbot.wait(50)
+    assert not heard.said
+
+
 def test_signals_arrive_in_the_thread_of_the_window(qtbot):
     where = []
     job = Job(count(2))

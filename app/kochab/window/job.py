@@ -135,18 +135,22 @@ class Jobs(QObject):
     def __init__(self, window: QObject, window_closing: SignalInstance) -> None:
         super().__init__(window)
         self._jobs: list[Job] = []
+        self._closed = False
         window_closing.connect(self._close)
 
     def run(self, task: Task[Any], name: str) -> Job:
         """Start ``task`` in a thread; signals connected after this are not missed: they are queued."""
         job = Job(task, name)
         self._jobs = [j for j in self._jobs if j.waits] + [job]
+        if self._closed:  # a camera's last frame may be solved after its window has closed
+            job.abandon()
         job.start()
         return job
 
     def _close(self) -> None:
         # First of all, since the joins below may take seconds.
         self.closing.emit()  # a view may want to stop a mount first
+        self._closed = True
         for job in self._jobs:
             job.abandon()
         self.join()

@@ -1,6 +1,5 @@
 """What of the sky the open frame shows, found out in jobs: names and figures, bodies, its place and its height."""
 
-from contextlib import suppress
 from functools import partial
 
 from PySide6.QtCore import QObject, Signal
@@ -77,8 +76,7 @@ class SkyField(QObject):
         # A running camera's field keeps its name from frame to frame.
         if self._session.known is known and (known.result is solution or self._session.streams):
             self.place = named[0]
-            with suppress(RuntimeError):  # the window is gone: nobody listens any more
-                self.placed.emit(*named)
+            self.placed.emit(*named)
 
 
 def _place(frame: Frame, solution: Solution, site: Site | None) -> Task[tuple[str, str]]:
