@@ -28,7 +28,7 @@ HINTS = {
 
 
 def _imported() -> Task[Any]:
-    """PySDL2, or None without it: it asks the system's programs where SDL is, for half a second and more."""
+    """PySDL2, or None if it is not installed; finding SDL runs system programs, for half a second or more."""
     yield from ()
     try:
         with warnings.catch_warnings():
@@ -40,7 +40,7 @@ def _imported() -> Task[Any]:
 
 
 def _begun(sdl: Any) -> bool:
-    """Whether SDL has begun to look for controllers."""
+    """Whether SDL could start looking for controllers."""
     for name, value in HINTS.items():
         sdl.SDL_SetHint(name, value)
     return bool(sdl.SDL_InitSubSystem(sdl.SDL_INIT_GAMECONTROLLER) == 0)
@@ -66,22 +66,25 @@ class Gamepad(QObject):
 
     def _follow(self) -> None:
         """Poll only while a mount is connected."""
-        on = self._control.known.phase not in ("off", "leaving")
-        if on and self._importing is None:
-            self._importing = Job(_imported(), "gamepad")
-            self._importing.succeeded.connect(self._have)
-            self._importing.start()
-        elif on and not self._timer.isActive() and self._importing is not None and not self._importing.waits:
-            self._have(self._sdl)
-        elif not on and self._timer.isActive():
+        polls = self._timer.isActive()
+        if self._is_on() and self._importing is None:
+            self._importing = job = Job(_imported(), "gamepad")
+            job.succeeded.connect(self._begin)
+            job.start()
+        elif self._is_on() and not polls and self._importing and not self._importing.waits:
+            self._begin(self._sdl)
+        elif polls and not self._is_on():
             self._timer.stop()
             self._close()
             self._sdl.SDL_QuitSubSystem(self._sdl.SDL_INIT_GAMECONTROLLER)
 
-    def _have(self, sdl: Any) -> None:
-        """Go on with PySDL2, or without."""
+    def _is_on(self) -> bool:
+        return self._control.known.phase not in ("off", "leaving")
+
+    def _begin(self, sdl: Any) -> None:
+        """Poll with PySDL2 if the mount is still connected, or say how to get it."""
         self._sdl = sdl
-        if self._control.known.phase in ("off", "leaving"):
+        if not self._is_on():
             return
         if sdl is not None and _begun(sdl):
             self._timer.start(LOOK_MS)
