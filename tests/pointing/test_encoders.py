@@ -100,7 +100,7 @@ def test_the_uncertainty_grows_with_the_way_and_the_time_since_the_last_solve() 
 
 
 def test_most_errors_lie_within_the_uncertainty() -> None:
-    """Of 40 pushes after three to six solves about 99 % should be within 3 sigma of a two-dimensional error."""
+    """After three to six solves, about 99 % of 40 pushes should end within 3 sigma; the error is two-dimensional."""
     within = []
     for seed in range(20, 30):
         mount, model = Mount(seed, polar=seed % 2 == 0), EncoderModel(LATITUDE)

@@ -112,6 +112,12 @@ def cross_product(a: Floats | Sequence[float], b: Floats | Sequence[float]) -> F
     return made
 
 
+def cross_matrix(vector: Floats | Sequence[float]) -> Floats:
+    """The matrix (3, 3) that takes ``v`` to ``vector x v``."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def east_north(direction: Floats) -> Floats:
     """Unit vectors (2, 3) to the east and to the north of a direction (3,); at a pole, those of RA 0."""
     ra = np.arctan2(direction[1], direction[0])
@@ -161,6 +167,11 @@ def small_rotation(angles_rad: Floats) -> Floats:
             [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
         ]
     )
+
+
+def small_rotations(angles_rad: Floats) -> Floats:
+    """Matrices (..., 3, 3) that turn by ``angles_rad`` (..., 3)."""
+    return np.stack([small_rotation(each) for each in angles_rad.reshape(-1, 3)]).reshape(*angles_rad.shape, 3)
 
 
 def rotation_vector(matrix: Floats) -> Floats:

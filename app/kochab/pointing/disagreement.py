@@ -17,7 +17,7 @@ from math import cos, exp, log, pi, radians, sin
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import Degrees, apart_deg, radec_deg, unit_vectors, wrapped
+from kochab.core.attitude import Degrees, apart_deg, cross_matrix, radec_deg, unit_vectors, wrapped
 from kochab.core.frame import Site
 from kochab.core.mount import SIDEREAL_DEG_S, Epoch, PierSide, Pointing, SiteReport
 from kochab.core.values import frozen
@@ -298,18 +298,16 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways
     off = np.stack([wrapped(np.degrees(at - lon) - first) * level, np.degrees(high - lat) - terms[1] * ways], axis=1)
     slopes = np.zeros((len(there), 2, 5))
     slopes[:, 0, 0], slopes[:, 1, 1], slopes[:, 0, 4] = level, ways, side * level / narrow
-    # A small turn about x or y moves what it turns by their cross product; here is how far, east and north.
-    sin, cos = np.sin(lon), np.cos(lon)
-    rise = there[:, 2] * level / narrow
-    slopes[:, 0, 2], slopes[:, 1, 2] = rise * cos, -sin
-    slopes[:, 0, 3], slopes[:, 1, 3] = rise * sin, cos
+    # How far east and north a small turn about x, and about y, moves a direction: the cross product of both.
+    s, c, rise = np.sin(lon), np.cos(lon), there[:, 2] * level / narrow
+    slopes[:, 0, 2], slopes[:, 1, 2] = rise * c, -s
+    slopes[:, 0, 3], slopes[:, 1, 3] = rise * s, c
     return off, slopes
 
 
 def turned(there: Floats, terms: Floats) -> Floats:
-    """Directions (..., 3) as seen from a first axis tilted by two of the terms, to the second order."""
-    x, y = np.radians(terms[2]), np.radians(terms[3])
-    cross = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    """Directions (..., 3) in the axes of a mount whose first axis is tilted by two of the terms, to second order."""
+    cross = cross_matrix(np.radians([*terms[2:4], 0.0]))
     return np.asarray(there @ (np.eye(3) - cross + 0.5 * cross @ cross).T)
 
 

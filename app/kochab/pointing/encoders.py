@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import cross_product, rotation_vectors, separation_deg, small_rotation, unit, wrapped
+from kochab.core.attitude import cross_product, rotation_vectors, separation_deg, small_rotations, unit, wrapped
 from kochab.core.values import frozen
 
 Counts = tuple[float, float]
@@ -32,7 +32,7 @@ KILO = 1000.0
 METHOD: Literal["lm"] = "lm"
 """MINPACK's Levenberg and Marquardt; SciPy's own method needs its LAPACK, which the .deb leaves out."""
 STEP = math.sqrt(np.finfo(np.float64).eps)
-"""Of a slope by differences, of a value of 1."""
+"""The step of a numerical derivative, for a parameter of size 1."""
 NEW_PLACE_DEG, MOST_SIGHTINGS = 1.0, 20
 SLIP_DEG, SLIP_SIGMAS = 10.0 / 60.0, 4.0
 CREEP_DEG_S = 1.0 / 3600.0
@@ -61,18 +61,18 @@ class _Fit:
     cost: float = math.inf
 
     def attitudes(self, counts: Floats, values: Floats | None = None) -> Floats:
-        """Modelled attitudes (..., N, 3, 3) at counts (N, 2), of each of the values (..., 8)."""
+        """Modelled attitudes (..., N, 3, 3) at counts (N, 2), for each set of parameters (..., 8)."""
         v = self.values if values is None else values
         first = v[..., :1] * counts[:, 0] / KILO + v[..., 4:5]
         second = v[..., 1:2] * counts[:, 1] / KILO
         c, s, cc, ss, nil = np.cos(first), np.sin(first), np.cos(second), np.sin(second), np.zeros_like(first)
         axes = np.stack([cc * c, cc * s, ss, -s, c, nil, -ss * c, -ss * s, cc], axis=-1).reshape(*first.shape, 3, 3)
         leans = np.concatenate([v[..., 2:4], np.zeros_like(v[..., :1])], axis=-1)
-        lean, turn = (_turns(angles)[..., None, :, :] for angles in (leans, v[..., 5:]))
+        lean, turn = (small_rotations(angles)[..., None, :, :] for angles in (leans, v[..., 5:]))
         return np.asarray(turn @ self.mounting @ axes @ lean @ self.base)
 
     def anchored(self, last: _Sighting, counts: Counts, values: Floats | None = None) -> Floats:
-        """The attitudes (..., 3, 3) at ``counts``, by each of the values (..., 8), that meet the last sighting."""
+        """Attitudes (..., 3, 3) at ``counts`` that fit the last sighting, for each set of parameters (..., 8)."""
         there, here = np.moveaxis(self.attitudes(np.array([last.counts, counts]), values), -3, 0)
         return np.asarray(last.attitude @ there.swapaxes(-1, -2) @ here)
 
@@ -206,10 +206,10 @@ class EncoderModel:
 
         def solved(start: _Fit) -> _Fit:
             def left(values: Floats) -> Floats:
-                """What each of the values (..., 8) leaves."""
+                """Residuals (..., M) for each set of parameters (..., 8)."""
                 off = seen @ start.attitudes(counts, values).swapaxes(-1, -2)
                 off = rotation_vectors(off.reshape(-1, 3, 3)).reshape(*off.shape[:-1]) * weight
-                cone = (_turns(values[..., 5:]) @ start.mounting)[..., 2, 1:2]
+                cone = (small_rotations(values[..., 5:]) @ start.mounting)[..., 2, 1:2]
                 priors = [
                     values[..., :2] / widest,
                     np.degrees(values[..., 2:4]) / LEAN_DEG,
@@ -218,7 +218,7 @@ class EncoderModel:
                 return np.concatenate([off.reshape(*off.shape[:-2], -1), *priors, values[..., 4:] * 1e-3], axis=-1)
 
             def slopes(values: Floats) -> Floats:
-                """By all eight at once: SciPy would ask for one after the other."""
+                """The Jacobian (M, 8), all columns at once: SciPy would compute them one by one."""
                 steps = STEP * np.maximum(np.abs(values), 1.0)
                 return np.asarray(((left(values + np.diag(steps)) - left(values)) / steps[:, None]).T)
 
@@ -228,11 +228,6 @@ class EncoderModel:
 
         starts = [_begun(base, seen, counts), *before]
         return min((solved(start) for start in starts), key=lambda fit: fit.cost)
-
-
-def _turns(angles: Floats) -> Floats:
-    """Matrices (..., 3, 3) that turn by ``angles`` (..., 3), radians."""
-    return np.stack([small_rotation(each) for each in angles.reshape(-1, 3)]).reshape(*angles.shape, 3)
 
 
 def _begun(base: Floats, seen: Floats, counts: Floats) -> _Fit:

@@ -16,14 +16,14 @@ from dataclasses import replace
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, cross_product, rotation_vector, small_rotation
+from kochab.core.attitude import ARCSEC, cross_matrix, cross_product, rotation_vector, small_rotation
 from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.core.values import frozen
 from kochab.polar.camera_axis import CameraAxis, camera_axis_of
 from kochab.polar.error import PolarError, angle_in_words, finer_in_words
 from kochab.polar.measure import Measurement, PolarFinding, PolarFindingKind
 from kochab.polar.pole import tracking_rad_s
-from kochab.polar.rotations import about, alt_az, cross_matrix, tangents, wrapped_rad
+from kochab.polar.rotations import about, alt_az, tangents, wrapped_rad
 from kochab.polar.sighting import LocalAttitude, seen_by
 from kochab.text.translation import tr
 

@@ -3,18 +3,12 @@
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import small_rotation
+from kochab.core.attitude import cross_matrix, small_rotation
 
 
 def wrapped_rad(angle: float) -> float:
     """An angle in [-pi, pi)."""
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-def cross_matrix(vector: Floats) -> Floats:
-    """The matrix (3, 3) that takes ``v`` to ``vector x v``."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def about(axis: Floats, angle_rad: float) -> Floats:

@@ -37,7 +37,7 @@ class Paths:
     sky: LocalSky
 
     def lengths_px(self) -> Floats:
-        """How long each star's path is (N,), px; NaN where it comes from behind the camera."""
+        """Length of each star's trail (N,), px; NaN where part of it lies behind the camera."""
         return np.asarray(np.linalg.norm(np.diff(self.xy, axis=0), axis=2).sum(axis=0))
 
     def cores(self, spacing_px: float, most: int = 400) -> Floats:
@@ -45,8 +45,7 @@ class Paths:
         whole = self.xy[:, np.isfinite(self.xy).all(axis=(0, 2))]
         if np.linalg.norm(np.ptp(whole, axis=0), axis=1).max(initial=0.0) < 0.5 * spacing_px:
             return np.asarray(self.xy.mean(axis=0)[None])  # no star moves so far that it would show
-        length_px = np.median(np.linalg.norm(np.diff(whole, axis=0), axis=2).sum(axis=0))
-        count = int(np.clip(np.ceil(length_px / spacing_px), 2, most))
+        count = int(np.clip(np.ceil(np.nanmedian(self.lengths_px()) / spacing_px), 2, most))
         at = (np.arange(count) + 0.5) / count * (len(self.times) - 1)
         low = np.minimum(at.astype(np.intp), len(self.times) - 2)
         part = (at - low)[:, None, None]

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from kochab.core.arrays import Floats
-from kochab.core.attitude import ARCSEC, cross_product, small_rotation, unit
+from kochab.core.attitude import ARCSEC, cross_product, small_rotation, small_rotations, unit
 from kochab.core.frame import Site
 from kochab.core.values import frozen
 from kochab.lab.bench import ALL_ROWS, Goal, Only, Report, Row, column, reported, summary
@@ -60,7 +60,7 @@ def turn(rng: np.random.Generator) -> Turn:
         boresight, sideways = unit(rng.normal(size=3)), rng.normal(size=3)
         across = unit(cross_product(boresight, sideways))
         first = np.stack([across, cross_product(boresight, across), boresight], axis=1)
-        matrices = np.stack([small_rotation(axis * angle) for angle in turns]) @ first
+        matrices = small_rotations(turns[:, None] * axis) @ first
         if matrices[:, 2, 2].min() > np.sin(np.radians(15.0)):
             return Turn(latitude, axis, turns, share, matrices)
 
@@ -78,7 +78,7 @@ def nothing(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
 def droop(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """The tube sinks by 120 arcsec between zenith and horizon."""
     sinks = cross_product(UP, t.matrices[:, :, 2]) * 120.0 * ARCSEC
-    return np.stack([small_rotation(v) for v in sinks]) @ t.matrices, t.axis
+    return small_rotations(sinks) @ t.matrices, t.axis
 
 
 def sinking(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -97,7 +97,7 @@ def wobble(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
     phase = rng.uniform(1.0, 4.0) * t.turns_rad + rng.uniform(0.0, 2.0 * np.pi)
     across = unit(cross_product(t.axis, UP))
     tilts = np.cos(phase)[:, None] * across + np.sin(phase)[:, None] * cross_product(t.axis, across)
-    return np.stack([small_rotation(v * 40.0 * ARCSEC) for v in tilts]) @ t.matrices, t.axis
+    return small_rotations(tilts * 40.0 * ARCSEC) @ t.matrices, t.axis
 
 
 def dec_play(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -116,7 +116,7 @@ def periodic(t: Turn, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 def small_towards(vector_arcsec: Floats, shares: Floats) -> Floats:
     """Rotations (N, 3, 3) by shares (N,) of a vector (3,), arcsec."""
-    return np.stack([small_rotation(vector_arcsec * share * ARCSEC) for share in shares])
+    return small_rotations(shares[:, None] * vector_arcsec * ARCSEC)
 
 
 FAULTS: dict[str, Fault] = {
