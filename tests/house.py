@@ -44,7 +44,7 @@ def sources() -> dict[str, str]:
 
 
 def parsed(text: str) -> ast.Module:
-    """What Python makes of a module's text; to collect garbage meanwhile takes three times as long as to parse."""
+    """The syntax tree of a text; collecting garbage meanwhile would take three times as long as parsing."""
     collects = gc.isenabled()
     gc.disable()
     try:
@@ -58,6 +58,13 @@ def parsed(text: str) -> ast.Module:
 def tree(module: str) -> ast.Module:
     """The same of a module of the package, kept for the next who asks."""
     return parsed(sources()[module])
+
+
+def trees_with(*words: str) -> Iterator[tuple[str, ast.Module]]:
+    """The modules whose text holds any of the words, and their trees; others need not be parsed."""
+    for module, text in sources().items():
+        if any(word in text for word in words):
+            yield module, tree(module)
 
 
 @cache
@@ -113,8 +120,8 @@ def classes_twice() -> list[str]:
 
 def array_types_elsewhere() -> Iterator[str]:
     """Names for types of arrays outside ``kochab.core.arrays``."""
-    for module in sources():
-        for node in tree(module).body if "NDArray[" in sources()[module] else ():
+    for module, whole in trees_with("NDArray["):
+        for node in whole.body:
             plain = isinstance(node, ast.Assign) and ast.unparse(node.value).startswith("NDArray[")
             if plain and module != "kochab.core.arrays":
                 yield f"{module}:{ast.unparse(node.targets[0])}"

@@ -87,6 +87,10 @@ class Indi:
         """Whether it reads back this place soon."""
         until(lambda: apart_deg(self.says_deg(), place_deg) < self.rounded_deg, f"INDI does not say {place_deg}", ASK_S)
 
+    def is_ok(self, vector, why):
+        """Whether INDI soon shows this vector's state as Ok."""
+        until(lambda: self.get(f"{vector}._STATE") == "Ok", why, ASK_S)
+
     def tell(self, board):
         """Tell the driver where the board is."""
         if board.kind == "starbook":
@@ -103,7 +107,7 @@ class Indi:
         if board.kind not in BEHIND_INDI:  # whose drivers are asked by the second
             self.set("POLLING_PERIOD.PERIOD_MS=250")
         if board.kind == "exos2":  # until it has seen that the mount tracks, an order breaks its table of states
-            until(lambda: self.get(f"{PLACE}._STATE") == "Ok", "INDI does not see that the mount tracks", ASK_S)
+            self.is_ok(PLACE, "INDI does not see that the mount tracks")
 
 
 @contextmanager

@@ -56,7 +56,7 @@ def test_indi_goes_where_the_tube_truly_arrives_and_reads_it_back(mount):
     until(lambda: board.orders and not board.moving, "no slew")
     assert apart_deg(board.radec_deg(), target) < indi.rounded_deg
     indi.says(target)
-    until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends", ASK_S)
+    indi.is_ok(PLACE, "INDI's slew never ends")
 
 
 def test_indi_stops_a_slew_where_the_tube_then_stands(mount):
@@ -111,7 +111,7 @@ def test_indis_eqmod_reads_the_home_of_a_skywatcher_and_reaches_its_target(tmp_p
             target = ((sidereal_deg(board.clock.unix(), SITE.longitude_deg) - hour_angle) % 360.0, 45.0)
             indi.goto(*target)
             until(lambda target=target: apart_deg(board.radec_deg(), target) < 0.1, "it goes elsewhere")
-            until(lambda: indi.get(f"{PLACE}._STATE") == "Ok", "INDI's slew never ends", ASK_S)
+            indi.is_ok(PLACE, "INDI's slew never ends")
             until(lambda: not board.moving, "it runs on")
             assert apart_deg(board.radec_deg(), indi.says_deg()) < 0.02
 
@@ -121,7 +121,7 @@ def test_indi_goes_home_with_an_am5_and_sees_it_there(mount):
     board, indi = mount
     indi.set("GO_HOME.GO=On")
     until(lambda: board.at_home, "not home")
-    until(lambda: indi.get("GO_HOME._STATE") == "Ok", "INDI does not see it at home", ASK_S)
+    indi.is_ok("GO_HOME", "INDI does not report the mount at home")
     assert board.radec_deg()[1] == pytest.approx(90.0)
 
 
@@ -130,7 +130,7 @@ def test_indi_parks_and_unparks_an_ioptron(mount):
     board, indi = mount
     indi.set("TELESCOPE_PARK.PARK=On")
     until(lambda: board.parked, "not parked")
-    until(lambda: indi.get("TELESCOPE_PARK._STATE") == "Ok", "INDI does not see it parked", ASK_S)
+    indi.is_ok("TELESCOPE_PARK", "INDI does not report the mount as parked")
     assert board.radec_deg()[1] == pytest.approx(90.0)
     indi.set("TELESCOPE_PARK.UNPARK=On")
     until(lambda: not board.parked, "not unparked")

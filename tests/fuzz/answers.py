@@ -126,7 +126,7 @@ def check_frame(data: bytes, folder: Path) -> None:
 
 
 TARGETS = [
-    Target("list of noise", _noise, check_noise, _list_change, 3000, 2),
-    Target("list of Orion", _orion, check_orion, _list_change, 3000, 4),
-    Target("frame of Orion", _frames, check_frame, _frame_change, 1500, 2, sandboxed="orion.png"),
+    Target("list of noise", _noise, check_noise, _list_change, 3000, 1),
+    Target("list of Orion", _orion, check_orion, _list_change, 3000, 2),
+    Target("frame of Orion", _frames, check_frame, _frame_change, 1500, 1, sandboxed="orion.png"),
 ]

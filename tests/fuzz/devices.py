@@ -552,16 +552,16 @@ def check_phone(data: bytes, folder: Path) -> None:
 
 
 TARGETS = [
-    Target("serial reply", _replies, check_parsers, mutate.raw, 60_000, 400),
+    Target("serial reply", _replies, check_parsers, mutate.raw, 60_000, 200),
     *(
-        Target(f"mount {name}", lambda folder: [b""], partial(check_driver, name), _number, 4000, 6)
+        Target(f"mount {name}", lambda folder: [b""], partial(check_driver, name), _number, 4000, 3)
         for name in (*RESPONDERS, *DIALECT_RESPONDERS)
     ),
-    Target("mount over UDP", lambda folder: [b""], check_wifi, _number, 4000, 6),
-    Target("mount probe", lambda folder: [b""], check_probe, _number, 3000, 6),
-    Target("Alpaca answer", _alpaca, check_http, mutate.raw, 8000, 20),
-    Target("Alpaca camera", lambda folder: [json.dumps(ALPACA).encode()], check_alpaca, _alpaca_values, 5000, 20),
-    Target("INDI picture", _blobs, check_blob, mutate.raw, 2000, 6, sandboxed="frame.jpg"),
+    Target("mount over UDP", lambda folder: [b""], check_wifi, _number, 4000, 3),
+    Target("mount probe", lambda folder: [b""], check_probe, _number, 3000, 3),
+    Target("Alpaca answer", _alpaca, check_http, mutate.raw, 8000, 10),
+    Target("Alpaca camera", lambda folder: [json.dumps(ALPACA).encode()], check_alpaca, _alpaca_values, 5000, 10),
+    Target("INDI picture", _blobs, check_blob, mutate.raw, 2000, 3, sandboxed="frame.jpg"),
     Target("INDI messages", _indi, check_indi, mutate.raw, 150, 1),
     Target("INDI telescope", lambda folder: [(_TELESCOPE + _REPORTS).encode()], check_indi_mount, mutate.raw, 150, 1),
     Target(
@@ -570,7 +570,7 @@ TARGETS = [
         check_alpaca_mount,
         _alpaca_values,
         5000,
-        20,
+        10,
     ),
-    Target("phone request", lambda folder: PHONE, check_phone, mutate.raw, 8000, 40),
+    Target("phone request", lambda folder: PHONE, check_phone, mutate.raw, 8000, 20),
 ]

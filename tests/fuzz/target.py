@@ -17,7 +17,7 @@ class WrongAnswerError(AssertionError):
 class Target:
     """``seeds`` writes into a folder what it needs; ``check`` raises for anything but a sentence of the package.
 
-    ``count`` is its part of a run; the ordinary tests try half of ``quick``. What is
+    ``count`` is its part of a run; ``quick`` how many of them the ordinary tests try. What is
     ``sandboxed`` is read in a process of its own: there a decoder may crash or hang.
     """
 
@@ -26,7 +26,7 @@ class Target:
     check: Callable[[bytes, Path], None]
     mutate: Mutate = raw
     count: int = 1000
-    quick: int = 10
+    quick: int = 5
     sandboxed: str = ""
 
 

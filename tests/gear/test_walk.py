@@ -19,8 +19,8 @@ def test_a_sync_imports_no_solver(repository):
 
 def test_what_a_mount_may_offer_stands_in_its_protocol():
     """Nobody finds out by getattr or hasattr what a driver has."""
-    for module in [module for module, text in house.sources().items() if "getattr" in text or "hasattr" in text]:
-        for node in ast.walk(house.parsed(house.sources()[module])):
+    for module, tree in house.trees_with("getattr", "hasattr"):
+        for node in ast.walk(tree):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "hasattr"):
                 owner = ast.unparse(node.args[0]).split(".")[-1]
                 assert owner not in ("mount", "guard", "source"), f"{module}:{node.lineno}"

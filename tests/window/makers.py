@@ -4,9 +4,6 @@ import os
 import signal
 import time
 
-import numpy as np
-
-from kochab import sky
 from kochab.core.progress import Progress
 from kochab.identification import index_build
 from kochab.identification.index import fine_folder
@@ -47,18 +44,7 @@ def deaf(steps):
 
 def of_bright_stars(steps):
     """Real patterns, of the brightest stars alone, and half made for as long as it takes."""
-    whole, build = sky.open_catalogue(), index_build.build_volume
-    bright = np.argsort(whole.mag(np.arange(len(whole))), kind="stable")[:BRIGHT]
-
-    class Bright:
-        def __len__(self):
-            return len(bright)
-
-        def mag(self, rows):
-            return whole.mag(bright[rows])
-
-        def vectors(self, rows, year):
-            return whole.vectors(bright[rows], year)
+    all_stars, build = index_build.by_brightness, index_build.build_volume
 
     def half(*arguments, **more):
         for step in build(*arguments, **more):
@@ -66,7 +52,8 @@ def of_bright_stars(steps):
             if step.fraction:
                 time.sleep(60)
 
-    sky.open_catalogue, index_build.build_volume = Bright, half
+    index_build.by_brightness = lambda: tuple(each[:BRIGHT] for each in all_stars())
+    index_build.build_volume = half
     make_here(steps)
 
 
