@@ -120,9 +120,9 @@ NEVER_CALLED_ON_WINDOWS: Mapping[str, tuple[str, ...]] = {
     "SciPy's linear programs": ("scipy/optimize/_highs/*.pyd", "scipy/optimize/_highspy/*.pyd"),
     "photutils' fitted profiles": ("photutils/psf/*",),
 }
-"""Why -> modules that are imported and never called, whose names alone are installed; and their libraries."""
+"""Reason -> modules that are imported but never called, so that only their names are installed; and their libraries."""
 
-# What stands in the place of such a module: it has every name, and nothing behind it.
+# What is installed in place of such a module: it has every name, and nothing behind it.
 ABSENT = """
 class _Names(type):
     def __getattr__(cls, name):

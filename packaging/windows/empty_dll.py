@@ -1,4 +1,4 @@
-"""A DLL whose functions do nothing, in the place of one that is linked and never used.
+"""A DLL whose functions do nothing, to replace one that is linked but never used.
 
 The layout is Microsoft's "PE Format" (learn.microsoft.com/windows/win32/debug/pe-format): PE32+, one section.
 """
@@ -11,7 +11,7 @@ _PAGE, _BLOCK = 0x1000, 0x200
 
 
 def empty_dll(name: str, functions: Collection[str]) -> bytes:
-    """A DLL for x64 whose functions all return 0 at once."""
+    """An x64 DLL whose functions do nothing but return 0."""
     section = _RETURNS_ZERO
     exported = sorted(functions)
     count = len(exported)

@@ -83,7 +83,7 @@ def test_lookup_is_the_same_as_looking_at_every_quad(toy_volume):
     tree = cKDTree(codes.code)
 
     def within(reach):
-        """What a look at every quad finds, as ``got``."""
+        """What comparing every quad finds, as ``got``."""
         near = tree.query_ball_point(asked, reach, p=np.inf)
         return np.concatenate([k * len(everything) + np.array(one, dtype=int) for k, one in enumerate(near)])
 
@@ -271,7 +271,7 @@ def test_a_missing_or_damaged_index_is_one_sentence(tmp_path, toy_volume):
 
 @cache
 def brightest():
-    """The brightest stars, read once: to turn all 1.9 million into vectors takes longer than a small volume."""
+    """The brightest stars, read once: the vectors of all 1.9 million take longer than building a small volume."""
     vectors, rows = by_brightness()
     return vectors[:BRIGHT].copy(), rows[:BRIGHT].copy()
 

@@ -57,7 +57,7 @@ def test_a_cone_may_be_empty(small):
 
 @pytest.fixture(scope="module")
 def vectors(catalogue):
-    """All shipped stars in the middle of 2025: a third of a second."""
+    """Vectors of all shipped stars at epoch 2025.5, a third of a second's work."""
     return catalogue.vectors(np.arange(len(catalogue)), 2025.5)
 
 

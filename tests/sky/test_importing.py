@@ -147,9 +147,9 @@ def test_stars_in_several_index_files_count_once(tmp_path):
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory, catalogue):
-    """A table of a new star, one the shipped list has, and a ghost that is too bright, and what the command tells of it.
+    """A table with a new star, one of the shipped list and a ghost that is too bright, and what the import reports.
 
-    To write 1.9 million stars beside them takes three seconds of processor.
+    Writing 1.9 million stars along with them takes three seconds of processor time.
     """
     table = tmp_path_factory.mktemp("imported") / "g.csv"
     ra, dec = radec_deg(catalogue.vectors([1_500_000], 2016.0)[0])
@@ -166,7 +166,7 @@ def imported(tmp_path_factory, catalogue):
 
 
 def test_an_imported_catalogue_holds_both(imported, catalogue):
-    """The new star is moved to J2000."""
+    """The new star is stored at its J2000 position."""
     _, told = imported
     assert told["counts"] == {"stars read": 2, "stars added to the shipped ones": 1}
     both = open_catalogue(user_folder("mine") / "deep.kcat")

@@ -23,7 +23,7 @@ from kochab.solver.pipeline import solve_detections
 from tests.sky import user_files
 
 PLACE, DENSITY, HALF_DEG = (359.9, -75.0), 3000, 2.0
-"""Across 0 h, and so far south that an index of two bands has few cells to read."""
+"""Straddling 0 h, and so far south that an index of two bands has only a few cells."""
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 """When the frames are taken: the shipped stars as they are stored."""
 

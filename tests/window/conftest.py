@@ -115,6 +115,6 @@ def opened(qtbot, make_window, engine, a_file):
 
 @pytest.fixture
 def unpainted(opened):
-    """The same, for what is no matter of painting: the charts of a connected mount are most of such a test's work."""
+    """The same window, never repainted, where no pixel matters: a connected mount's charts would be most of the work."""
     opened[0].setUpdatesEnabled(False)
     return opened

@@ -396,7 +396,7 @@ SEEN: list[object] = []
 
 @pytest.fixture(autouse=True)
 def widgets_stay_in_sight():
-    """PySide 6.7 takes a widget for deleted when nothing holds the objects by which one came to what it lies in."""
+    """PySide 6.7 treats a widget as deleted when nothing holds a reference to the objects through which it was reached."""
     yield
     SEEN.clear()
 

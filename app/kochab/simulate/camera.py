@@ -18,7 +18,7 @@ from kochab.sky import Catalogue
 FWHM_STEP = 0.04
 """px: stars of one width are drawn together."""
 LONG_TRAIL = 64
-"""Cores a star: from here on faint stars are left out, whose light is lost along their trails."""
+"""Stamps per star: above this, stars are left out whose light, spread along the trail, is lost in the noise."""
 
 
 @frozen
@@ -82,7 +82,7 @@ class SkyCamera:
         return float(min(self.config.faintest, np.ceil(2.0 * mag) / 2.0))
 
     def _half_lost_e(self, exposure_s: float, trail_px: Floats) -> Floats:
-        """Electrons (N,) of stars with trails so long (N,), px, that are half lost in the noise of a dark night."""
+        """Signal (N,), electrons, of stars with trails this long (N,), px, that are half lost in a dark sky's noise."""
         pixel = self.optics.scale_arcsec_px**2
         dark = electrons(np.array(DARK_MAG), self.config.zero_point_e_s, exposure_s) * pixel
         # the noise-equivalent area of a Gaussian, 4 pi sigma^2 px, and of a line as wide, 2 sqrt(pi) sigma px a pixel

@@ -45,14 +45,14 @@ def julian_date_tt(time_utc: datetime) -> float:
     return JD_UNIX + days + (TT_MINUS_UTC_S - leaps_to_come) / 86400.0
 
 
-# Series of thousands of terms are kept: each look at a mount under way asks ten times for those of one moment.
+# These series have thousands of terms, and each look at a moving mount needs those of one moment ten times over.
 
 
 @lru_cache(maxsize=64)
 def earth(jd_tt: float) -> tuple[Floats, Floats]:
     """Heliocentric position (3,), au, and barycentric velocity (3,), au a day, of the Earth (ERFA ``epv00``).
 
-    On ICRS axes, at a Julian date in TT, which is taken for TDB. Both are read only.
+    ICRS axes, for a Julian date in TT, which is used as TDB. Both arrays are read-only.
     """
     import erfa
 
@@ -69,14 +69,14 @@ def _of_date(jd_tt: float) -> Floats:
 
 @lru_cache(maxsize=64)
 def greenwich_deg(jd_ut1: float, jd_tt: float) -> float:
-    """Apparent sidereal time at Greenwich, degrees in [0, 360) (ERFA ``gst06a``), of Julian dates in UT1 and TT."""
+    """Greenwich apparent sidereal time, degrees in [0, 360) (ERFA ``gst06a``), for Julian dates in UT1 and TT."""
     import erfa
 
     return float(np.degrees(erfa.gst06a(jd_ut1, 0.0, jd_tt, 0.0)))
 
 
 def _kept(values: object) -> Floats:
-    """Float64 that nobody changes."""
+    """A read-only float64 copy."""
     own = np.array(values, dtype=np.float64)
     own.setflags(write=False)
     return own
@@ -109,7 +109,7 @@ def without_aberration(vectors: Floats, time_utc: datetime) -> Floats:
 
 
 def of_date_matrix(time_utc: datetime) -> Floats:
-    """Rotation (3, 3) from ICRS axes to the true equator and equinox of date (ERFA ``pnm06a``); read only."""
+    """Rotation (3, 3) from ICRS axes to the true equator and equinox of date (ERFA ``pnm06a``), read-only."""
     return _of_date(julian_date_tt(time_utc))
 
 

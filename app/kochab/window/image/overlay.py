@@ -84,7 +84,7 @@ class Brush:
             self.draw(placed.topLeft(), text, colour)
 
     def box(self, text: str) -> QRectF:
-        """The box of a text from its base line."""
+        """The bounding box of a text, relative to the start of its baseline."""
         return _box(text, self._font)
 
     def draw(self, corner: QPointF, text: str, colour: str) -> None:
@@ -102,7 +102,7 @@ def _written(font: str) -> tuple[QFont, QFontMetricsF]:
 
 @lru_cache(maxsize=4096)
 def _box(text: str, font: str) -> QRectF:
-    """Of a text from its base line: most that are measured find no room, and are never drawn."""
+    """The same, cached apart from the drawing: most texts that are measured find no room and are never drawn."""
     return _written(font)[1].boundingRect(text)
 
 
