@@ -84,7 +84,7 @@ class PhyphoxPhone:
     ) -> None:
         self.attitude, self.rate_hz, self.scale, self.range_deg_s = attitude, rate_hz, np.array(scale), range_deg_s
         self.noise_deg_s_rt_hz, self.bias_walk, self.step_deg_s = noise_deg_s_rt_hz, bias_walk, step_deg_s
-        self.bias_deg_s: np.ndarray | tuple[float, ...] = bias_deg_s
+        self.bias_deg_s = np.array(bias_deg_s)
         self.android, self.says, self.refuses = flavour == "android", None, False
         self.lag_s, self._intent = 0.0, (math.inf, False)  # when to start or stop
         self.requests: list[str] = []  # the paths that were asked for, with their queries
@@ -194,7 +194,8 @@ class PhyphoxPhone:
                                 self.buffers[name].append(float(value))
 
     def _rate(self, turn: np.ndarray, dt: float) -> np.ndarray:
-        self.bias_deg_s = np.array(self.bias_deg_s) + self._random.normal(0.0, self.bias_walk * math.sqrt(dt), 3)
+        # in place: what a test sets in this moment would be lost otherwise
+        self.bias_deg_s += self._random.normal(0.0, self.bias_walk * math.sqrt(dt), 3)
         noise = self._random.normal(0.0, self.noise_deg_s_rt_hz / math.sqrt(2.0 * dt), 3)
         rate = np.degrees(turn / dt) * self.scale + self.bias_deg_s + noise
         if self.step_deg_s:

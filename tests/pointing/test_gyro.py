@@ -124,6 +124,19 @@ def test_under_a_cap_a_minute_of_pushes_and_rests_grows_no_more_than_its_sigma()
     assert np.median(sigma) > 5.0  # and "there" is not
 
 
+def test_a_push_as_slow_as_a_last_nudge_is_felt_or_doubted() -> None:
+    """Taken for rest it would be 36 minutes of arc off, with a sigma of two."""
+    way = 3.0**-0.5 * 0.6  # along both axes, in 30 s
+
+    def nudge(tube: Tube, _: float, __: float) -> None:
+        tube.rest(30.0)
+        tube.push(way / np.cos(np.radians(tube.alt)), -(2.0**0.5) * way, 30.0)
+
+    off, sigma = _alone(nudge, tubes=12)
+    assert np.median(off) < 12.0
+    assert np.mean(off < 2.0 * sigma) >= 0.8
+
+
 def test_one_turn_does_not_tell_how_it_sits() -> None:
     """About the same axis it leads, about another it knows that it does not."""
     tube = Tube(1)

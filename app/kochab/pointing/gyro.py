@@ -10,7 +10,8 @@ gives the mounting ``K`` (a rotation) and the symmetric ``S`` (6 numbers: whatev
 soon as two such turns were about different axes. They are fitted by least squares, ``S`` with the chips'
 tolerance as prior. The newest solve is met exactly. While it rests nothing is added up, so the error grows with the
 time in motion alone (zero velocity update). The start of a push, which still looks like rest, is added up once the push
-is noticed: else each would lose a minute of arc.
+is noticed: else each would lose a minute of arc. A slow push is noticed by the mean of seconds, in which the noise is
+small: from about 0.015 deg/s on. One slower still, such as a hand that follows a star (0.004), is taken for rest.
 """
 
 import math
@@ -37,6 +38,10 @@ LAG_S = 0.05
 """How late a rate is known: over the network, and until the next one."""
 STEADY_S, STEADY_DEG_S, RESTING_DEG_S = 0.8, 0.15, 0.03
 """It rests when within the window rates scatter no more than that, and their mean is that near the rate at rest."""
+SLOW_S, SLOW_SIGMAS = 5.0, 3.0
+"""And when so much longer a mean is no farther from the rate at rest than its noise explains."""
+TRUSTED_S = 15.0
+"""Rest is believed after so long: a slow push begins still slower, and would be taken for the rate at rest."""
 WANDER_DEG_S, REST_SEEN_DEG_S = 0.001, 0.01
 """Of the rate at rest: how far it goes in a second (root of time), and how well one window shows it."""
 BREAK_S = 0.5
@@ -82,7 +87,10 @@ class GyroModel:
         self._rest = np.zeros(3)
         self._rest_variance = math.inf
         self._window: deque[tuple[float, Floats]] = deque()
-        self._skipped: deque[tuple[Floats, float]] = deque()
+        self._skipped: deque[tuple[Floats, float]] = deque()  # rates taken for rest, not yet trusted to be it
+        self._skipped_s = 0.0
+        self._slow: deque[tuple[Floats, float]] = deque()  # since the last quick movement
+        self._slow_turn, self._slow_s = np.zeros(3), 0.0  # what these add up to
         self._past: deque[_Felt] = deque()
         self._anchor: _Sighting | None = None
         self._place: _Sighting | None = None
@@ -111,14 +119,15 @@ class GyroModel:
             assert before is not None
             self._window.append((moment, rate))
             self._skipped.append((rate, step_s))
+            self._skipped_s += step_s
             while moment - self._window[0][0] > STEADY_S:
                 self._window.popleft()
-            while len(self._skipped) > len(self._window):
-                self._skipped.popleft()
+            self._add_slow(rate, step_s)
             steady, resting = self._look_at_window(step_s)
             turned, moved_s = before.turned, before.moved_s
             while self._skipped and not resting:  # what began before it was noticed counts, too
                 felt, seconds = self._skipped.popleft()
+                self._skipped_s -= seconds
                 turned = small_rotation(-self._axes @ (felt - self._rest) * seconds) @ turned
                 moved_s += seconds
             self.rate_deg_s = 0.0 if resting else math.degrees(float(np.linalg.norm(rate - self._rest)))
@@ -131,26 +140,57 @@ class GyroModel:
         self._past.clear()
         self._window.clear()
         self._skipped.clear()
+        self._skipped_s = 0.0
+        self._forget_slow()
         self._anchor = self._place = None
 
+    def _add_slow(self, rate: Floats, step_s: float) -> None:
+        self._slow.append((rate, step_s))
+        self._slow_turn, self._slow_s = self._slow_turn + rate * step_s, self._slow_s + step_s
+        while self._slow_s > SLOW_S:
+            old, seconds = self._slow.popleft()
+            self._slow_turn, self._slow_s = self._slow_turn - old * seconds, self._slow_s - seconds
+
+    def _forget_slow(self) -> None:
+        self._slow.clear()
+        self._slow_turn, self._slow_s = np.zeros(3), 0.0
+
     def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
-        """Whether the rates are steady, and whether the gyroscope is at rest; if it is, its bias is updated."""
+        """Whether the rates are steady, and whether the gyroscope is at rest; what surely was rest gives its bias."""
+        steady, quick = self._is_steady(step_s)
+        if not steady or quick:
+            # a quick push begins in the newest alone: what lies before it was rest
+            self._trust_rest(STEADY_S)
+            self._forget_slow()
+            return steady, False
+        noise = NOISE_DEG_RT_S / math.sqrt(self._slow_s)
+        limit = SLOW_SIGMAS * math.hypot(noise, math.degrees(math.sqrt(self._rest_variance)))
+        if math.degrees(float(np.abs(self._slow_turn / self._slow_s - self._rest).max())) > limit:
+            return True, False
+        self._trust_rest(TRUSTED_S)
+        return True, True
+
+    def _is_steady(self, step_s: float) -> tuple[bool, bool]:
+        """Whether the rates scatter little, and whether it turns all the same so quickly that a short mean shows it."""
         if self._window[-1][0] - self._window[0][0] < 0.9 * STEADY_S:
             return False, False
         seen = np.array([rate for _, rate in self._window])
-        mean = seen.mean(axis=0)
         if np.degrees(seen.std(axis=0).max()) > STEADY_DEG_S:
             return False, False
-        if not math.isinf(self._rest_variance):
-            self._rest_variance += math.radians(WANDER_DEG_S) ** 2 * step_s
-            if math.degrees(float(np.abs(mean - self._rest).max())) > RESTING_DEG_S:
-                return True, False
-        variance = math.radians(REST_SEEN_DEG_S) ** 2
+        mean = seen.mean(axis=0)
         if math.isinf(self._rest_variance):
-            self._measure_rest(mean, variance)
-        else:  # by the oldest alone: a push may be beginning in the newest
-            self._measure_rest(seen[0], variance * STEADY_S / step_s)
-        return True, True
+            self._measure_rest(mean, math.radians(REST_SEEN_DEG_S) ** 2)
+        else:
+            self._rest_variance += math.radians(WANDER_DEG_S) ** 2 * step_s
+        return True, math.degrees(float(np.abs(mean - self._rest).max())) > RESTING_DEG_S
+
+    def _trust_rest(self, but_s: float) -> None:
+        """What was skipped before the newest ``but_s`` seconds was rest, and gives the bias."""
+        while self._skipped_s > but_s:
+            rate, seconds = self._skipped.popleft()
+            self._skipped_s -= seconds
+            if not math.isinf(self._rest_variance):
+                self._measure_rest(rate, math.radians(REST_SEEN_DEG_S) ** 2 * STEADY_S / seconds)
 
     def _measure_rest(self, mean: Floats, variance: float) -> None:
         gain = 1.0 if math.isinf(self._rest_variance) else self._rest_variance / (self._rest_variance + variance)
