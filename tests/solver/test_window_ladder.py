@@ -139,6 +139,14 @@ def test_whole_skies_of_four_projections_are_found(projection, field_deg):
         assert len(answer.stars) > 60
 
 
+def test_a_whole_sky_is_found_though_a_perspective_fit_of_it_goes_astray():
+    """To a focal length of one pixel, at which all places lie in one direction of a fisheye."""
+    detections, middle = whole_sky("equisolid", 180.0, np.random.default_rng([20261127, 2, 180]))
+    answer = run(solve_detections(detections))
+    assert isinstance(answer, Solution)
+    assert apart_deg(answer.ra_dec_deg, radec_deg(middle)) < 0.3
+
+
 def test_every_window_asked_is_one_more_chance_of_a_false_alarm(monkeypatch):
     detections, _ = spoilt("captions", 1)
     bounds, searches = [], []

@@ -23,7 +23,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, StarCatalogue
 from kochab.core.values import frozen
 from kochab.identification.verification import ACCEPT_LOG10
-from kochab.solver.matches import field_centre, fitted_anew
+from kochab.solver.matches import field_centre, fitted_anew, is_astray
 from kochab.solver.window_ladder import MOST_WINDOWS
 from kochab.text.translation import tr
 
@@ -118,6 +118,8 @@ def _unbent(matches: Matches, fit: Fit) -> Iterator[tuple[Camera, Attitude]]:
     """The camera without the distortion that may have bent to the stretch, then with its optical axis unmoved too."""
     camera = fit.camera
     yield replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0), fit.attitude
+    if is_astray(camera):
+        return
     centred = type(camera).centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
     yield centred, wahba(centred.unproject(matches.xy), matches.vectors)
 
@@ -238,7 +240,9 @@ def _settled(grow: Grow, detections: Detections, found: Identification, aspect: 
 
 
 def _ratio(matches: Matches, fit: Fit) -> float:
-    """How much the image is stretched along rows relative to columns: 1 for square pixels."""
+    """How much the image is stretched along rows relative to columns: 1 for square pixels and a fit gone astray."""
+    if is_astray(fit.camera):
+        return 1.0
     left = _linear(fit.camera.project(matches.vectors @ fit.attitude.matrix.T), matches.xy)
     across, down = np.hypot(*left[:2])
     return float(across / down)

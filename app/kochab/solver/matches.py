@@ -141,7 +141,7 @@ def behind_its_lens(
     matches, fit = grow(found)
     camera, side = fit.camera, max(fit.camera.width, fit.camera.height)
     poor = fit.rms_px >= POOR_LENS * side
-    if isinstance(camera, FisheyeCamera):
+    if isinstance(camera, FisheyeCamera) or is_astray(camera):
         return matches, fit
     if poor and side > AXIS_SHOWS * camera.focal_px and len(found.matches) >= FEWEST_FOR_AXIS:
         crop, matrix = off_axis(found.matches, found.camera, found.attitude.matrix)
@@ -158,6 +158,11 @@ def behind_its_lens(
     closer = other.rms_px < BETTER * fit.rms_px and len(more) >= AS_MANY * len(matches)
     fuller = len(more) * AS_MANY > len(matches) and other.rms_px * AS_MANY < fit.rms_px
     return (more, other) if closer or fuller else (matches, fit)
+
+
+def is_astray(camera: Camera) -> bool:
+    """Whether a fit went so far astray that the frame's edge lies more than 180 deg off a fisheye's axis."""
+    return max(camera.width, camera.height) > 2.0 * np.pi * camera.focal_px
 
 
 def fitted_anew(matches: Matches, camera: Camera) -> Fit:
