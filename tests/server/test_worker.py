@@ -372,6 +372,20 @@ def test_a_child_that_was_forked_ahead_does_the_command(worker):
     assert worker.poll() is None
 
 
+@pytest.mark.skipif("glibc" not in (os.confstr("CS_GNU_LIBC_VERSION") or ""), reason="another library's memory")
+def test_memory_that_was_taken_ahead_is_not_asked_from_the_system_again():
+    code = """
+import resource
+from kochab.server.worker import make_room
+make_room()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+parts = [bytearray(size << 10) for size in (3000, 3000, 800, 200, 100, 1500, 1500)]
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 100  # of 2500 pages
+
+
 def test_one_that_is_killed_costs_nothing(worker):
     child = ready_ahead(worker)
     os.kill(child, signal.SIGKILL)

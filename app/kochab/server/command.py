@@ -249,9 +249,8 @@ def _serve(where: Place, main: "Run", idle_min: float) -> int:
     samples = data_folder("resources") / "samples"
     commands = [["solve", "--json", str(samples / name)] for name in SAMPLES]
     warm(main, commands)
-    worker = Worker(
-        where, main, 60.0 * idle_min, commands[-1:]
-    )  # listens from here on: nobody waits for one that still loads
+    # It listens from here on: nobody waits for one that still loads.
+    worker = Worker(where, main, 60.0 * idle_min, [commands[0], commands[-1]])
     try:
         print("The worker is ready. Ctrl-C ends it.", flush=True)
         worker.serve()
