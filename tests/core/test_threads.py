@@ -1,5 +1,6 @@
 """Parts of a large array done in threads: the same outcome as one after another."""
 
+import os
 import threading
 
 import numpy as np
@@ -8,9 +9,10 @@ from astropy.io import fits
 
 from kochab.core import threads
 from kochab.core.errors import FrameError
-from kochab.core.threads import behind, in_threads, keep_to_one, thread_count
+from kochab.core.threads import in_threads, keep_to_one, thread_count
 from kochab.detection.background import Halving, measure_mesh
 from kochab.detection.peaks import LARGE_PX, find_peaks
+from kochab.frames import fits as frames_fits
 from kochab.frames import read_frame
 
 
@@ -36,18 +38,6 @@ def test_a_fault_in_a_thread_is_raised_where_the_work_was_asked_for(several):
 
     with pytest.raises(ValueError, match="7"):
         in_threads(fails, [7])
-    with pytest.raises(ValueError, match="8"), behind(fails, True) as follow:
-        follow(8)
-
-
-def test_what_follows_is_done_at_the_end_of_the_block(several):
-    done = []
-    for useful in (True, False):
-        with behind(done.append, useful) as follow:
-            for part in range(50):
-                follow(part)
-        assert done == list(range(50))
-        done.clear()
 
 
 def test_a_process_among_several_uses_no_threads(monkeypatch):
@@ -71,11 +61,18 @@ def test_a_large_frame_has_the_same_peaks_with_threads_and_without(monkeypatch):
     np.testing.assert_array_equal(*found)
 
 
-def test_a_large_file_is_read_the_same_and_a_short_one_refused(tmp_path, several):
-    pixels = np.random.default_rng(6).integers(0, 65536, (2100, 2100), dtype=np.uint16)
+@pytest.mark.parametrize("places", [True, False])
+@pytest.mark.parametrize("kind", [np.uint16, np.int16, np.float32])
+def test_a_large_file_is_read_the_same_and_a_short_one_refused(tmp_path, several, monkeypatch, kind, places):
+    monkeypatch.setattr(frames_fits, "thread_count", lambda: 3)
+    if not places:  # as on Windows
+        monkeypatch.delattr(os, "preadv", raising=False)
+    pixels = np.random.default_rng(6).integers(0, 32768, (2100, 2100)).astype(kind)
     path = tmp_path / "large.fits"
     fits.PrimaryHDU(pixels).writeto(path)
     np.testing.assert_array_equal(read_frame(path).pixels, pixels)
-    path.write_bytes(path.read_bytes()[: pixels.size])
-    with pytest.raises(FrameError, match="cut short"):
-        read_frame(path)
+    whole = path.read_bytes()
+    for share in (10, 50, 90):
+        path.write_bytes(whole[: 2880 + pixels.nbytes * share // 100 + 1])
+        with pytest.raises(FrameError, match=f"cut short: {share} %"):
+            read_frame(path)

@@ -5,14 +5,9 @@ shares the processors with as many others.
 """
 
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
-if TYPE_CHECKING:
-    from concurrent.futures import Future
-
-Part = TypeVar("Part")
 Outcome = TypeVar("Outcome")
 
 MOST = 4  # the work is bounded by memory: more gain nothing
@@ -46,18 +41,3 @@ def in_threads(work: Callable[..., Outcome], *parts: Iterable[Any]) -> list[Outc
 
     with ThreadPoolExecutor(thread_count()) as pool:
         return list(pool.map(work, *parts))
-
-
-@contextmanager
-def behind(work: Callable[[Part], None], useful: bool) -> Iterator[Callable[[Part], None]]:
-    """A function that hands a part to ``work`` in a second thread, if ``useful``; all are done when the block ends."""
-    if not useful or thread_count() == 1:
-        yield work
-        return
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(1) as pool:
-        given: list[Future[None]] = []
-        yield lambda part: given.append(pool.submit(work, part))
-        for future in given:
-            future.result()

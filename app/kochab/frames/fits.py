@@ -1,7 +1,7 @@
 """FITS: lenient headers, and the first image, plain, compressed (.fz), gzipped or bzipped.
 
-Plain images are read by hand, straight into the frame's memory and turned into native unsigned
-numbers strip by strip while they are in the processor's cache; tile compression is astropy's.
+Plain images are read by hand, in pieces that are turned into native unsigned numbers while they
+are in the processor's cache; tile compression is astropy's.
 A header card that breaks the standard (FITS 4.0, section 4) costs a warning, not the frame.
 """
 
@@ -15,6 +15,7 @@ import sys
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,7 +24,7 @@ import numpy as np
 from kochab.core.arrays import Array
 from kochab.core.errors import FrameError, printable
 from kochab.core.frame import Frame
-from kochab.core.threads import behind
+from kochab.core.threads import in_threads, thread_count
 from kochab.core.values import mutable
 from kochab.frames.hints import frame_with_keywords
 from kochab.frames.samples import MAX_BYTES, check_size, native
@@ -164,8 +165,8 @@ _MAX_HDUS = 1000
 _MOST_BYTES = 1 << 60  # of one part: beyond, no file can be positioned
 _MAX_FIELDS = 999  # FITS standard 4.0, section 7.3.1
 _MAX_TILE_PX = 1 << 24  # of a tile that spans several planes
-_CHUNK_BYTES = 1 << 19
-_LARGE_BYTES = 8 << 20  # of more, what is read is made native by a second thread
+_CHUNK_BYTES = 1 << 18  # with what it becomes, half of a processor's own cache
+_LARGE_BYTES = 8 << 20  # of more, each thread reads a part
 
 
 @mutable
@@ -310,43 +311,66 @@ def _choose(shape: tuple[int, ...], deep: int, packed_bytes: int | None) -> tupl
 def _read_plain(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Array:
     stored = np.dtype(_TYPES[image.bitpix])
     count = math.prod(wanted)
-    file.seek(image.offset)
     zero, scale = image.header.number("BZERO", 0.0), image.header.number("BSCALE", 1.0)
     offset_type = _unsigned(image.bitpix, zero, scale)
     out = np.empty(count, stored.newbyteorder("=") if offset_type is None else offset_type)
     half = np.array(1 << (8 * stored.itemsize - 1)).astype(out.dtype)
     step = _CHUNK_BYTES // stored.itemsize
+    readers = thread_count() if out.nbytes > _LARGE_BYTES and _has_places(file) else 1
+    into = partial(_read_at, file.fileno()) if readers > 1 else partial(_read_on, file)
+    file.seek(image.offset)
 
-    def made_native(part: Array) -> None:
-        _swap(part)
-        if offset_type is not None:
-            # Adding 2^15 to a signed 16-bit number flips its top bit: no wider type is needed.
-            part ^= half
-
-    with behind(made_native, out.nbytes > _LARGE_BYTES) as follow:
-        for start in range(0, count, step):
-            part = out[start : start + step]
-            filled = file.readinto(part.view(np.uint8).data)  # type: ignore[attr-defined]
+    def read(first: int, last: int) -> None:
+        raw = np.empty(min(step, last - first), out.dtype)
+        for start in range(first, last, step):
+            part = out[start : min(start + step, last)]
+            found = raw[: len(part)]
+            filled = into(found.view(np.uint8).data, image.offset + start * stored.itemsize)
             if filled != part.nbytes:
                 share = 100 * (start * stored.itemsize + filled) // out.nbytes
                 raise FrameError("is cut short: {share} % of its image is there.", share=share)
-            follow(part)
+            _make_native(found, part)
+            if offset_type is not None:
+                # Adding 2^15 to a signed 16-bit number flips its top bit: no wider type is needed.
+                part ^= half
+
+    ends = [count * k // readers for k in range(readers + 1)]
+    if readers > 1:
+        in_threads(read, ends[:-1], ends[1:])
+    else:
+        read(0, count)
     if offset_type is None and (zero != 0.0 or scale != 1.0):
         return _scaled(out, image.header, zero, scale)
     return out
 
 
-def _swap(part: Array) -> None:
-    """Turn big-endian numbers into native ones, in place; shifts outrun numpy's byteswap."""
-    if part.itemsize == 1 or sys.byteorder == "big":
+def _has_places(file: BinaryIO) -> bool:
+    """Whether several threads may read a file at once, each at its own place: one of the disk, where systems can."""
+    return isinstance(file, io.BufferedReader) and hasattr(os, "preadv")
+
+
+def _read_at(descriptor: int, buffer: memoryview, place: int) -> int:
+    """Fill the buffer from a place of the file; how many bytes there were."""
+    filled = 0
+    while more := os.preadv(descriptor, [buffer[filled:]], place + filled):
+        filled += more
+    return filled
+
+
+def _read_on(file: BinaryIO, buffer: memoryview, _: int) -> int:
+    """Fill the buffer from where the file stands; how many bytes there were."""
+    return int(file.readinto(buffer))  # type: ignore[attr-defined]
+
+
+def _make_native(found: Array, out: Array) -> None:
+    """Big-endian numbers as native ones in ``out``; what was found is overwritten. Shifts outrun numpy's byteswap."""
+    if out.itemsize != 2 or sys.byteorder == "big":
+        out[:] = found if out.itemsize == 1 or sys.byteorder == "big" else found.byteswap(inplace=True)
         return
-    if part.itemsize != 2:
-        part.byteswap(inplace=True)
-        return
-    words = part.view(np.uint16)
-    high = words << 8
+    words, native = found.view(np.uint16), out.view(np.uint16)
+    np.left_shift(words, 8, out=native)
     words >>= 8
-    words |= high
+    native |= words
 
 
 def _unsigned(bitpix: int, zero: float, scale: float) -> np.dtype[Any] | None:
