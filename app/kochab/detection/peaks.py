@@ -13,7 +13,11 @@ from kochab.core.threads import in_threads
 from kochab.core.values import frozen
 from kochab.detection.background import BROKEN, Halving, Mesh, Smoother
 
-STRIP = 160  # rows of the frame; what a strip needs fits the cache
+STRIP, STRIP_PX, FEWEST_ROWS = 160, 600_000, 32
+"""Rows of the frame in a strip at most, pixels in it as far as possible, and rows at least, for eight more are read.
+
+What a strip needs then fits the cache of one processor, and a thread that begins anew has little memory to ask for.
+"""
 LARGE_PX = 4_000_000  # a frame of more is done in threads
 
 
@@ -36,14 +40,15 @@ def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: in
         How many peaks are returned at most.
     """
     pixels = pixels[: pixels.shape[0] // 2 * 2]
-    tops = np.arange(0, len(pixels), STRIP)
+    strip = min(STRIP, max(FEWEST_ROWS, STRIP_PX // pixels.shape[1] // 2 * 2))
+    tops = np.arange(0, len(pixels), strip)
     smoother = Smoother(how, float(mesh.level.mean()))
     columns = 2.0 * np.arange(pixels.shape[1] // 2 + 2) - 1.5
-    lines = _lines(mesh, tops, columns, sigmas * how.noise_gain / how.gain)
+    lines = _lines(mesh, tops, strip, columns, sigmas * how.noise_gain / how.gain)
     lines *= how.gain
     lines = _as_thresholds(lines, smoother.dtype(pixels))
     in_turn = in_threads if pixels.size > LARGE_PX else map
-    found = list(in_turn(partial(_strip_peaks, pixels, smoother), lines, tops.tolist()))
+    found = list(in_turn(partial(_strip_peaks, pixels, smoother, strip), lines, tops.tolist()))
     counts = [len(hit) for hit, _ in found]
     hit, value = (np.concatenate(kind) for kind in zip(*found, strict=True))
     row, column = np.divmod(hit, len(columns))
@@ -54,11 +59,11 @@ def find_peaks(pixels: Array, how: Halving, mesh: Mesh, sigmas: float, limit: in
     return xy[high[np.lexsort((xy[high, 0], xy[high, 1], -heights[high]))][:limit]]
 
 
-def _lines(mesh: Mesh, tops: Indices, columns: Floats, rise: float) -> Floats:
-    """The lowest threshold (S, C) in each strip at ``columns`` (C,) px."""
+def _lines(mesh: Mesh, tops: Indices, strip: int, columns: Floats, rise: float) -> Floats:
+    """The lowest threshold (S, C) in each strip of so many rows at ``columns`` (C,) px."""
     grid = mesh.level + rise * mesh.noise
     knots = np.arange(len(mesh.rows))
-    ends = np.interp(np.stack([tops, tops + STRIP]), mesh.rows, knots)
+    ends = np.interp(np.stack([tops, tops + strip]), mesh.rows, knots)
     lowest = np.full((len(tops), grid.shape[1]), np.inf)
     for at in (ends[0], ends[1], ends.mean(axis=0)):
         i = np.minimum(at.astype(np.intp), max(0, len(grid) - 2))
@@ -67,18 +72,18 @@ def _lines(mesh: Mesh, tops: Indices, columns: Floats, rise: float) -> Floats:
     return np.stack([np.interp(columns, mesh.columns, line) for line in lowest])
 
 
-def _strip_peaks(pixels: Array, smoother: Smoother, line: Array, top: int) -> tuple[Indices, Array]:
-    """Flat indices and values of maxima in the rows from ``top``; neighbours are looked at too.
+def _strip_peaks(pixels: Array, smoother: Smoother, strip: int, line: Array, top: int) -> tuple[Indices, Array]:
+    """Flat indices and values of maxima in the ``strip`` rows from ``top``; neighbours are looked at too.
 
     The smoothed strip has one row more above and below, and one column more at each side.
     """
     height = pixels.shape[0]
     # Four rows of overlap: two halved rows for the kernel and the neighbours of the strip's edge.
-    first, last = max(0, top - 4), min(height, top + STRIP + 4)
+    first, last = max(0, top - 4), min(height, top + strip + 4)
     smoothed = smoother(pixels[first:last], (2 * (first == top), 2 * (last == height), 2))
     rows, columns = smoothed.shape
     hit = _where(smoother.above(smoothed, line))
-    a, b = np.searchsorted(hit, (columns, min(rows - 1, STRIP // 2 + 1) * columns))
+    a, b = np.searchsorted(hit, (columns, min(rows - 1, strip // 2 + 1) * columns))
     hit = hit[a:b]
     hit = hit[_is_maximum(smoothed, hit)]
     return hit, smoothed.ravel()[hit].astype(np.float64)
