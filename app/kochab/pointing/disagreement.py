@@ -253,11 +253,11 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
     geometry = cause.geometry(seen)
     prior = cause.scales()[:, None] ** -2.0  # (C, 1, 5)
     noise = np.asarray(cause.noise)[:, None] ** 2  # (S, 1)
-    terms, priors = np.zeros(5), np.log(prior).sum(axis=-1)
+    terms, priors, diagonal = np.zeros(5), np.log(prior).sum(axis=-1), prior[..., None] * np.eye(5)
     for _ in range(STEPS if cause.fitted else 1):
         left, slopes = residuals(terms, *geometry)
         y, a = left.ravel() + slopes.reshape(-1, 5) @ terms, slopes.reshape(-1, 5)
-        precision = prior[..., None] * np.eye(5) + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
+        precision = diagonal + (a.T @ a) / noise[..., None]  # (C, S, 5, 5)
         weighted = np.broadcast_to((a.T @ y) / noise, precision.shape[:-1])
         means = np.linalg.solve(precision, weighted[..., None])[..., 0]
         freedom = np.linalg.slogdet(precision)[1] - priors + len(y) * np.log(2.0 * pi * noise[:, 0])
@@ -265,11 +265,13 @@ def fit(seen: Seen, cause: Cause) -> tuple[float, Floats, Floats]:
         terms = means.reshape(-1, 5)[logs.argmax()]
         if np.abs(terms[2:4]).max() > FARTHEST_DEG:
             break  # no such place for a mount; and the slopes hold no longer
-    if not cause.fitted:
-        terms = np.zeros(5)
+    if cause.fitted:
+        left = residuals(terms, *geometry)[0]
+    else:
+        terms = np.zeros(5)  # those that ``left`` was taken with
     odds = 1.0 / (1.0 + noise[:, 0] / RARE_DEG**2)
     total = np.logaddexp.reduce(logs + np.log(odds / odds.sum()), axis=None)
-    return float(total) - log(len(logs)), terms, residuals(terms, *geometry)[0]
+    return float(total) - log(len(logs)), terms, left
 
 
 def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways: Floats) -> tuple[Floats, Floats]:
@@ -288,7 +290,7 @@ def residuals(terms: Floats, there: Floats, reported: Floats, side: Floats, ways
     ways : Floats
         1 or -1 (N,): which way the second axis' offset counts.
     """
-    there = turned(there, terms)
+    there = turned(there, terms) if terms[2:4].any() else there  # one cause in ten has its terms fitted
     (lon, lat), (at, high) = (
         (np.arctan2(v[:, 1], v[:, 0]), np.arctan2(v[:, 2], np.hypot(v[:, 0], v[:, 1]))) for v in (there, reported)
     )
