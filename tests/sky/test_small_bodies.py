@@ -19,6 +19,7 @@ from kochab.sky.landmarks import constellation_at
 from kochab.sky.orbits import carried, two_body
 from kochab.sky.small_bodies import (
     FRAGMENT,
+    KEPT_NIGHTS,
     LOST,
     SOLVED_JD,
     SmallBodies,
@@ -294,6 +295,25 @@ def test_two_nights_at_once_keep_their_own_places():
     np.testing.assert_allclose(run(first)[0], expected[0], rtol=1e-9)
     np.testing.assert_allclose(second, expected[1], rtol=1e-9)
     np.testing.assert_allclose(run(table.on_night(rows, dates[1]))[0], expected[1], rtol=1e-9)
+
+
+def test_two_nights_by_turns_are_carried_once_each_and_a_long_row_of_nights_is_not_kept(monkeypatch):
+    """The atlas shows tonight, the image the night of a frame: each threw the other's places away."""
+    keys = ("name", "epoch", "q", "e", "i", "node", "peri", "tp")
+    table = bodies_of([{"mag": 0.0, "slope": 0.15, **dict(zip(keys, TRUTH[0], strict=True))}])
+    row, asked = np.array([0]), []
+
+    def counted(states, since_jd, until_jd, *ephemeris):
+        asked.extend([until_jd] * len(states))
+        return carried(states, since_jd, until_jd, *ephemeris)
+
+    monkeypatch.setattr("kochab.sky.small_bodies.carried", counted)
+    places = [run(table.on_night(row, date))[0] for date in (2461000.0, 2461030.0) * 3]
+    assert asked == [2461000.0, 2461030.0]
+    np.testing.assert_array_equal(places[:2], places[4:])
+    for date in 2461000.0 + np.arange(40.0):
+        run(table.on_night(row, date))
+    assert len(table._carried) == KEPT_NIGHTS
 
 
 def test_the_minor_planet_centers_comets_are_read(tmp_path):

@@ -72,6 +72,8 @@ RETURNS_JD = 2447892.5
 
 STRAY_DEG_PER_YEAR = 0.5
 """How far a body may stray from a two-body orbit: this times years to the power of 1.5; 99.9 % do less."""
+KEPT_NIGHTS = 3
+"""The atlas has tonight, the image the night of a frame: by turns, each would be carried again, for 0.2 s."""
 MOONS_WITHIN_RAD = math.radians(0.25)
 """Of their planet: Callisto and Iapetus come to 0.18 deg from the Earth."""
 
@@ -122,7 +124,7 @@ class SmallBodies:
     solved_jd: float = 0.0
     recent: Floats | None = None
     recent_jd: float = 0.0
-    _carried: tuple[int, dict[int, Floats]] = field(default_factory=lambda: (0, {}), init=False)
+    _carried: dict[int, dict[int, Floats]] = field(default_factory=dict, init=False)
 
     @property
     def comet(self) -> Bools:
@@ -158,10 +160,11 @@ class SmallBodies:
         return np.where(closer[:, None], self.recent, self.state), np.where(closer, self.recent_jd, self.epoch_jd)
 
     def on_night(self, rows: Indices, jd_tdb: float) -> Task[tuple[Floats, float]]:
-        """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; kept for that night."""
-        night, (kept, known) = round(jd_tdb), self._carried
-        if night != kept:  # another thread may look at another night meanwhile: each keeps to its own dictionary
-            night, known = self._carried = night, {}
+        """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; kept for some nights."""
+        night = round(jd_tdb)
+        if (known := self._carried.get(night)) is None:  # other threads replace the nights: this one keeps its own
+            others = list(self._carried.items())[1 - KEPT_NIGHTS :]
+            self._carried = {**dict(others), night: (known := {})}
         new = np.array([row for row in rows.tolist() if row not in known], dtype=np.intp)
         begun, since_jd = self.nearest(float(night))
         for some in (new[self.comet[new]], new[~self.comet[new]]):  # a comet at its perihelion takes small steps
