@@ -10,6 +10,7 @@ elsewhere a fork of a process that has loaded Qt is not safe, or there is none.
 
 import contextlib
 import gc
+import importlib
 import os
 import selectors
 import signal
@@ -17,7 +18,9 @@ import socket
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 
@@ -49,13 +52,18 @@ def fork(listening: int, paths: list[str]) -> bool:
 
     pytest.main(["--collect-only", "-p", "no:cacheprovider", *paths])
     if "kochab.window.application" in sys.modules:  # its windows name what a frame shows: 4.8 s for each process
+        from kochab.core.progress import run
         from kochab.sky.completion import completion
         from kochab.sky.finder import finder
-        from kochab.sky.sky_tables import sky_tables
+        from kochab.window.atlas.sky_reading import read_bodies, read_sky
 
         finder()
-        sky_tables()
         completion()
+        run(read_sky())
+        run(read_bodies(datetime.now(UTC), None))  # each chart shows those of tonight
+        with warnings.catch_warnings(), contextlib.suppress(ImportError):
+            warnings.simplefilter("ignore")  # it warns of where its library is
+            importlib.import_module("sdl2")  # runs system programs to find its library
     if "astropy.coordinates" in sys.modules:  # the first transformation reads where the pole was each day: 2 s
         from astropy.utils import iers
 
