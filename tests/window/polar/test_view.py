@@ -53,7 +53,7 @@ from tests.window.test_night import assert_red
 LIMIT_S = 200
 SITE = Site(47.0, 8.0, 450.0)
 MOST_CLICKS = 12  # the first is Begin
-QUICK = 6.0  # simulated seconds a second
+QUICK = 12.0  # simulated seconds a second: a frame of each that passes is solved, in waits as well
 
 
 class Nights:
