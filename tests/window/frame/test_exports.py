@@ -2,21 +2,29 @@ import json
 
 import pytest
 from astropy.io import fits
+from PySide6.QtCore import QEventLoop, QSettings
 from PySide6.QtWidgets import QMessageBox
 
 from kochab.sky.layer import AMOUNTS
 from kochab.window.application import build
+from kochab.window.settings import WindowSettings
 from kochab.window.themes import HUES
 from kochab.workflows.annotated_image import INKS
 from tests.window.fakes import FakeEngine, close_windows, no_solution
 
 
-@pytest.fixture
-def commands(qtbot, settings, engine, a_file):
-    window, commands = build(engine, settings, [])
-    qtbot.addWidget(window)
-    with qtbot.waitSignal(commands.session.idle, timeout=60_000):
-        commands.files.open(a_file)
+@pytest.fixture(scope="module")
+def commands(qapp, tmp_path_factory):
+    """One solved frame for all: an export leaves the window as it is, and each window takes a quarter of a second."""
+    folder = tmp_path_factory.mktemp("exports")
+    path = folder / "orion.fits"
+    path.write_bytes(b"not read by the fake engine")
+    settings = WindowSettings(QSettings(str(folder / "window.ini"), QSettings.Format.IniFormat))
+    _, commands = build(FakeEngine(), settings, [])
+    loop = QEventLoop()
+    commands.session.idle.connect(loop.quit)
+    commands.files.open(path)
+    loop.exec()
     yield commands
     close_windows(commands)
 
@@ -26,6 +34,14 @@ def write(qtbot, commands, name, path):
     with qtbot.waitSignal(exporter.wrote, timeout=20_000):
         exporter.write(exporter.kinds[name], path)
     return path
+
+
+def sentence(qtbot, commands):
+    """The box that is open."""
+    boxes = commands.window.findChildren
+    qtbot.waitUntil(lambda: any(box.isVisible() for box in boxes(QMessageBox)), timeout=5000)
+    (box,) = (box for box in boxes(QMessageBox) if box.isVisible())
+    return box
 
 
 def test_stars_as_csv(qtbot, commands, tmp_path):
@@ -55,8 +71,7 @@ def test_a_script_for_stellarium_has_its_picture_beside_it_and_writes_over_no_ot
     write(qtbot, commands, "stellarium", tmp_path / "a.ssc")  # the dialog has asked
     (tmp_path / "b.png").write_bytes(b"somebody's")
     commands.exporter.write(commands.exporter.kinds["stellarium"], tmp_path / "b.ssc")
-    qtbot.waitUntil(lambda: commands.window.findChildren(QMessageBox) != [])
-    (box,) = commands.window.findChildren(QMessageBox)
+    box = sentence(qtbot, commands)
     assert box.text() == "b.png already exists. Choose another name for the script."
     box.close()
     assert (tmp_path / "b.png").read_bytes() == b"somebody's"
@@ -85,8 +100,7 @@ def test_the_annotated_picture_is_what_is_seen(qtbot, commands, tmp_path):
 
 def test_a_place_that_cannot_be_written_is_one_sentence(qtbot, commands, tmp_path):
     commands.exporter.write(commands.exporter.kinds["csv"], tmp_path / "nowhere" / "a.csv")
-    qtbot.waitUntil(lambda: commands.window.findChildren(QMessageBox) != [], timeout=5000)
-    (box,) = commands.window.findChildren(QMessageBox)
+    box = sentence(qtbot, commands)
     assert box.text() == "Can't write a.csv: No such file or directory."
     box.close()
 
@@ -95,8 +109,7 @@ def test_the_open_frame_is_never_written_over(qtbot, commands, tmp_path):
     source = commands.session.known.path
     before = source.read_bytes()
     commands.exporter.write(commands.exporter.kinds["picture"], source)
-    qtbot.waitUntil(lambda: commands.window.findChildren(QMessageBox) != [], timeout=5000)
-    (box,) = commands.window.findChildren(QMessageBox)
+    box = sentence(qtbot, commands)
     assert "never overwritten" in box.text()
     assert source.read_bytes() == before
     box.close()
@@ -113,7 +126,7 @@ def test_the_menu_asks_for_a_name_beside_the_frame(qtbot, commands, tmp_path, mo
     menu = {a.objectName(): a for a in commands.window.menus.export.actions()}
     with qtbot.waitSignal(commands.exporter.wrote, timeout=60_000):
         menu["export_regions"].trigger()
-    assert asked == [tmp_path / "orion.reg"]
+    assert asked == [commands.session.known.path.with_suffix(".reg")]
     assert (tmp_path / "chosen.reg").exists()
 
 
