@@ -70,8 +70,8 @@ def test_a_port_that_is_not_there_is_one_sentence_with_advice(qtbot, opened, tmp
 
 
 @pytest.mark.parametrize("driver", ["lx200", "onstep", "nexstar", "synscan", "ioptron"])
-def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
-    _, commands = opened
+def test_where_the_mount_says_it_is_and_how(qtbot, unpainted, driver):
+    _, commands = unpainted
     with connected(qtbot, commands, driver) as mount:
         icrs = mount.control.known.report.icrs_deg
         of_date = mount.opening.guard.to_mount(*icrs)
@@ -87,8 +87,8 @@ def test_where_the_mount_says_it_is_and_how(qtbot, opened, driver):
             assert (item.isEnabled(), item.toolTip()) == (not reason, reason)
 
 
-def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, opened):
-    _, commands = opened
+def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "onstep") as mount:
         view, telescope = mount.view, mount.telescope
         assert view.buttons.rests["unpark"].explanation.reason == why.Need.IS_PARKED.value
@@ -106,8 +106,8 @@ def test_it_parks_unparks_goes_home_and_tracks_the_moon(qtbot, opened):
         assert telescope.tracking_deg_s == TrackingRate.LUNAR.deg_s
 
 
-def test_a_clock_that_contradicts_greys_the_slews_and_is_set_by_one_click(qtbot, opened):
-    _, commands = opened
+def test_a_clock_that_contradicts_greys_the_slews_and_is_set_by_one_click(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "onstep") as mount:
         view, conflict = mount.view, mount.view.conflict
         assert not conflict.isVisible()
@@ -138,9 +138,9 @@ def looking(guard):
     yield Progress("looking")
 
 
-def test_a_mount_taken_for_another_epoch_than_it_speaks_in_is_told(qtbot, opened, monkeypatch):
+def test_a_mount_taken_for_another_epoch_than_it_speaks_in_is_told(qtbot, unpainted, monkeypatch):
     monkeypatch.setattr("kochab.gear.mounts.drivers.nexstar.NexStar.default_epoch", Epoch.J2000)
-    _, commands = opened
+    _, commands = unpainted
     commands.views.show("mount")
     said = []
     control = commands.views.docks["mount"].view.control
@@ -150,8 +150,8 @@ def test_a_mount_taken_for_another_epoch_than_it_speaks_in_is_told(qtbot, opened
         assert "Choose the epoch date (--epoch date)" in said[-1][0]
 
 
-def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):
-    _, commands = opened
+def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "lx200") as mount:
         tracking = mount.view.tracking
         reason = mount.opening.guard.lacks[Ability.SIDEREAL]
@@ -166,9 +166,9 @@ def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, opened):
         assert not [e for e in mount.telescope.log if e[0] == "track"]
 
 
-def test_the_wheel_orders_and_sets_nothing_with_focus_or_without(qtbot, opened, settings):
+def test_the_wheel_orders_and_sets_nothing_with_focus_or_without(qtbot, unpainted, settings):
     """A page that is scrolled takes fields under the pointer: the tracking, the flip, the limits, the camera."""
-    _, commands = opened
+    _, commands = unpainted
     with connected(qtbot, commands, "onstep") as mount:
         view = mount.view
         limits = current_profile(settings).limits
@@ -189,8 +189,8 @@ def test_the_wheel_orders_and_sets_nothing_with_focus_or_without(qtbot, opened, 
         assert not [entry for entry in mount.telescope.log if entry[0] == "track"]
 
 
-def test_there_is_one_stop_in_every_mode_at_one_place(qtbot, opened):
-    window, commands = opened
+def test_there_is_one_stop_in_every_mode_at_one_place(qtbot, unpainted):
+    window, commands = unpainted
     with connected(qtbot, commands):
         places = set()
         for name in ("image", *VIEWS):
@@ -203,8 +203,8 @@ def test_there_is_one_stop_in_every_mode_at_one_place(qtbot, opened):
         assert len(places) == 1
 
 
-def test_goto_a_place_and_a_name_that_is_none(qtbot, opened):
-    _, commands = opened
+def test_goto_a_place_and_a_name_that_is_none(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         mount.view.go.target.setText("no such star")
         mount.view.go.goto.click()
@@ -217,8 +217,8 @@ def test_goto_a_place_and_a_name_that_is_none(qtbot, opened):
         assert [e[0] for e in mount.telescope.log] == ["goto"]
 
 
-def test_the_guard_refuses_in_one_sentence(qtbot, opened):
-    _, commands = opened
+def test_the_guard_refuses_in_one_sentence(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         mount.view.go.target.setText("83.8 -88")  # below the bench's horizon
         mount.view.go.goto.click()
@@ -228,8 +228,8 @@ def test_the_guard_refuses_in_one_sentence(qtbot, opened):
 
 
 @pytest.mark.parametrize("where", ["field", "frame", "button", "live", "polar"])
-def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
-    window, commands = opened
+def test_escape_stops_a_slew_from_anywhere(qtbot, unpainted, where):
+    window, commands = unpainted
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         far = place(-60.0, 40.0, mount.bench.clock)
         mount.view.go.target.setText(f"{far[0]:.4f} {far[1]:.4f}")
@@ -257,9 +257,9 @@ def test_escape_stops_a_slew_from_anywhere(qtbot, opened, where):
         assert any("topped" in s for s in mount.said)
 
 
-def test_escape_stops_a_slew_from_a_file_dialog_too(qtbot, opened):
+def test_escape_stops_a_slew_from_a_file_dialog_too(qtbot, unpainted):
     """The system's own dialog would keep the key to itself: Qt's is shown while a mount is connected."""
-    window, commands = opened
+    window, commands = unpainted
     native = Qt.ApplicationAttribute.AA_DontUseNativeDialogs
     assert not QApplication.testAttribute(native)
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
@@ -296,8 +296,8 @@ def test_a_key_that_goes_with_its_window_leaves_the_systems_dialogs(qtbot):
     assert QApplication.testAttribute(native) is before
 
 
-def test_stop_goes_out_while_an_answer_is_still_waited_for(qtbot, opened):
-    _, commands = opened
+def test_stop_goes_out_while_an_answer_is_still_waited_for(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         faults, heard = mount.bench.faults, mount.bench.line.transcript
         far = place(-60.0, 40.0, mount.bench.clock)
@@ -316,8 +316,8 @@ def test_stop_goes_out_while_an_answer_is_still_waited_for(qtbot, opened):
         qtbot.waitUntil(lambda: at_rest(mount), timeout=30_000)
 
 
-def test_a_pulled_cable_is_told_and_the_window_goes_on(qtbot, opened):
-    _, commands = opened
+def test_a_pulled_cable_is_told_and_the_window_goes_on(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         mount.bench.line.unplug()
         qtbot.waitUntil(lambda: mount.control.known.phase == "lost", timeout=15_000)
@@ -331,8 +331,8 @@ def test_a_pulled_cable_is_told_and_the_window_goes_on(qtbot, opened):
         qtbot.waitUntil(lambda: mount.view.go.goto.explanation.reason == "", timeout=15_000)
 
 
-def test_a_stop_that_does_not_help_is_said_in_capitals_until_the_mount_stands(qtbot, opened):
-    _, commands = opened
+def test_a_stop_that_does_not_help_is_said_in_capitals_until_the_mount_stands(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "nexstar", slew_deg_s=0.5) as mount:
         far = place(-60.0, 40.0, mount.bench.clock)
         mount.view.go.target.setText(f"{far[0]:.4f} {far[1]:.4f}")
@@ -353,8 +353,8 @@ def test_a_stop_that_does_not_help_is_said_in_capitals_until_the_mount_stands(qt
         assert capitals not in mount_status_text(mount.control.known)
 
 
-def test_a_cable_pulled_in_a_slew_ends_it_and_stops_it_when_it_is_back(qtbot, opened):
-    _, commands = opened
+def test_a_cable_pulled_in_a_slew_ends_it_and_stops_it_when_it_is_back(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         far = place(-60.0, 40.0, mount.bench.clock)
         mount.view.go.target.setText(f"{far[0]:.4f} {far[1]:.4f}")
@@ -370,8 +370,8 @@ def test_a_cable_pulled_in_a_slew_ends_it_and_stops_it_when_it_is_back(qtbot, op
         assert len([e for e in mount.telescope.log if e[0] == "goto"]) == 1, "nothing is repeated"
 
 
-def test_closing_the_window_stops_the_mount(qtbot, opened):
-    window, commands = opened
+def test_closing_the_window_stops_the_mount(qtbot, unpainted):
+    window, commands = unpainted
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         far = place(-60.0, 40.0, mount.bench.clock)
         mount.view.go.target.setText(f"{far[0]:.4f} {far[1]:.4f}")
@@ -383,8 +383,8 @@ def test_closing_the_window_stops_the_mount(qtbot, opened):
         assert mount.opening.closed
 
 
-def test_disconnect_stops_and_gives_the_port_back(qtbot, opened):
-    _, commands = opened
+def test_disconnect_stops_and_gives_the_port_back(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, slew_deg_s=1.0) as mount:
         mount.view.orders.nudge(Direction.NORTH, 18000.0)
         qtbot.waitUntil(lambda: bool(mount.telescope.log), timeout=15_000)
@@ -396,8 +396,8 @@ def test_disconnect_stops_and_gives_the_port_back(qtbot, opened):
         qtbot.waitUntil(lambda: not [t for t in threading.enumerate() if t.name == "kochab-mount"])
 
 
-def test_arrow_keys_nudge_while_the_pad_has_the_focus(qtbot, opened):
-    _, commands = opened
+def test_arrow_keys_nudge_while_the_pad_has_the_focus(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "onstep") as mount:
         pad = mount.view.pad
         pad.step.setCurrentText("30″")
@@ -410,8 +410,8 @@ def test_arrow_keys_nudge_while_the_pad_has_the_focus(qtbot, opened):
         assert 10.0 < moved * 3600.0 < 60.0
 
 
-def test_a_nudge_at_a_chosen_rate_is_one_bounded_move(qtbot, opened):
-    _, commands = opened
+def test_a_nudge_at_a_chosen_rate_is_one_bounded_move(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "ioptron") as mount:
         pad = mount.view.pad
         assert pad.rate.count() > 3, "the mount's own rates"
@@ -426,9 +426,9 @@ def test_a_nudge_at_a_chosen_rate_is_one_bounded_move(qtbot, opened):
         assert -30.0 < moved < -10.0
 
 
-def test_who_connects_is_told_what_to_do_first_and_the_name_has_the_line_to_itself(qtbot, opened):
+def test_who_connects_is_told_what_to_do_first_and_the_name_has_the_line_to_itself(qtbot, unpainted):
     """At 1366 px "Practice: Meade LX200 classic" stood in four lines beside its button."""
-    window, commands = opened
+    window, commands = unpainted
     window.resize(1366, 768)
     with connected(qtbot, commands) as mount:
         assert "Take a frame to see where it really points" in mount.view.message.text()
@@ -441,8 +441,8 @@ def test_who_connects_is_told_what_to_do_first_and_the_name_has_the_line_to_itse
         assert box.fontMetrics().horizontalAdvance(box.placeholderText()) < room
 
 
-def test_practice_is_not_begun_over_a_connected_mount(qtbot, opened):
-    _, commands = opened
+def test_practice_is_not_begun_over_a_connected_mount(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands) as mount:
         object.__setattr__(commands.services.wiring, "practice", lambda **_: 1 / 0)
         commands.views.practise()
@@ -452,8 +452,8 @@ def test_practice_is_not_begun_over_a_connected_mount(qtbot, opened):
         qtbot.waitUntil(lambda: any("Good night." in s for s in mount.said), timeout=15_000)
 
 
-def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
-    window, commands = opened
+def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, unpainted):
+    window, commands = unpainted
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         sky = fake_solution(600, 400).ra_dec_deg
         before = mount.control.known.report.icrs_deg
@@ -474,8 +474,8 @@ def test_sync_on_the_open_frame_is_previewed_done_and_undone(qtbot, opened):
         qtbot.waitUntil(lambda: apart_deg(mount.control.known.report.icrs_deg, before) * 3600.0 < 120.0, timeout=10_000)
 
 
-def test_a_sync_that_is_refused_offers_no_yes(qtbot, opened):
-    window, commands = opened
+def test_a_sync_that_is_refused_offers_no_yes(qtbot, unpainted):
+    window, commands = unpainted
     with connected(qtbot, commands) as mount:  # tens of degrees from the open frame's sky
         mount.view.buttons.sync.click()
         qtbot.waitUntil(lambda: bool(window.findChildren(SyncDialog)), timeout=15_000)
@@ -485,8 +485,8 @@ def test_a_sync_that_is_refused_offers_no_yes(qtbot, opened):
         assert not [e for e in mount.telescope.log if e[0] == "sync"]
 
 
-def test_two_clicks_in_the_frame_bring_a_star(qtbot, opened):
-    window, commands = opened
+def test_two_clicks_in_the_frame_bring_a_star(qtbot, unpainted):
+    window, commands = unpainted
     with connected(qtbot, commands, at=NEAR_ORION) as mount:
         before = mount.control.known.report.icrs_deg
         star = mount.control.solution.stars[3]
@@ -601,8 +601,8 @@ KINDS = (QAbstractButton, QComboBox, QLineEdit, QDoubleSpinBox)
 
 
 @pytest.mark.parametrize("phase", ["off", "on"])
-def test_the_keyboard_reaches_every_control_and_each_has_a_name(qtbot, opened, phase):
-    window, commands = opened
+def test_the_keyboard_reaches_every_control_and_each_has_a_name(qtbot, unpainted, phase):
+    window, commands = unpainted
     with connected(qtbot, commands) as mount:
         if phase == "off":
             mount.control.disconnect_mount()
@@ -648,11 +648,11 @@ def picture(widget):
     return bits.reshape(image.height(), image.bytesPerLine() // 4, 4)[:, : image.width(), :3]
 
 
-def test_a_pointing_model_is_made_of_what_diagnose_has_seen_and_ends_with_a_sync(qtbot, opened):
+def test_a_pointing_model_is_made_of_what_diagnose_has_seen_and_ends_with_a_sync(qtbot, unpainted):
     from tests.pointing.faulty_mounts import sightings
     from tests.pointing.test_pointing_model import bad_mount
 
-    _, commands = opened
+    _, commands = unpainted
     with connected(qtbot, commands, "onstep") as mount:
         mount.view.buttons.model.click()
         qtbot.waitUntil(lambda: "needs 4 sightings" in mount.view.message.text(), timeout=10_000)
@@ -665,8 +665,8 @@ def test_a_pointing_model_is_made_of_what_diagnose_has_seen_and_ends_with_a_sync
         assert mount.opening.guard.supervisor.aim is not None
 
 
-def test_a_spiral_search_is_one_press_and_stop_ends_it(qtbot, opened):
-    _, commands = opened
+def test_a_spiral_search_is_one_press_and_stop_ends_it(qtbot, unpainted):
+    _, commands = unpainted
     with connected(qtbot, commands, "onstep") as mount:
         mount.telescope.log.clear()
         mount.view.buttons.spiral.click()
