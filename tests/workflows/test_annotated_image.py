@@ -216,11 +216,10 @@ def test_what_is_off_is_not_drawn_and_the_colour_is_the_chosen_one():
 
     own = drawing_of(answer, layers=everything, detected=answer.stars_px).strokes
     assert INKS["detected"] not in {ink[:7] for _, ink, _ in own}  # an identified star has its own circle
-    drawn = inks(everything)
-    for layer in {*MARKS} - {"bodies", "compass"}:
-        chosen = inks(replace(everything, colour={layer: "#123456"}))
-        assert "#123456" in chosen, layer
-        assert "#123456" not in drawn
+    colours = {layer: f"#1234{k:02x}" for k, layer in enumerate(sorted({*MARKS} - {"bodies", "compass"}))}
+    assert not set(colours.values()) & inks(everything)
+    assert set(colours.values()) <= inks(replace(everything, colour=colours))
+    for layer in colours:
         off = replace(everything, on=everything.on | {layer: False}, colour={layer: "#123456"})
         assert "#123456" not in inks(off), layer
     assert inks(Layers(dict.fromkeys(MARKS, False))) == {INKS["dark"]}  # the credit
