@@ -15,6 +15,7 @@ from kochab.core.mount import SIDEREAL_RAD_S
 from kochab.polar import axis_fit
 from kochab.polar.axis_fit import axis_of_two, chance_of, find_movement, fit_axis, merge_frames_of_one_place
 from kochab.polar.rotations import alt_az, tangents
+from kochab.polar.seen_axis import Cause, fit_with_movement
 from tests.polar.mounts import ARCSEC, Mount
 from tests.polar.plane import axis_of_plane
 
@@ -180,6 +181,21 @@ def moved(mount, what, arcsec, after, rng=None, turns=(0, 20, 40, 60)):
         axis /= np.linalg.norm(axis)
     turn = Rotation.from_rotvec(axis * arcsec * ARCSEC).as_matrix()
     return mount.see(turns, rng, after=(after, turn))
+
+
+@pytest.mark.parametrize("rho", [15.0, 60.0])
+def test_the_frames_beside_a_wrong_one_know_the_axis_as_well_as_without_it(rho):
+    """Its own two unknowns take up all that it says: on the ground and in the camera, the others fit alone."""
+    mount = Mount(48.0, 1200.0, -900.0, rho_deg=rho)
+    frames = mount.see([0, 15, 30, 45, 60], np.random.default_rng(3))
+    frames[2] = replace(
+        frames[2], matrix=Rotation.from_euler("yz", [6.0, 9.0], degrees=True).as_matrix() @ frames[2].matrix
+    )
+    (found,) = (m for m in fit_with_movement(frames, mount.pole) if m.cause is Cause.FRAME and m.after == 2)
+    others = fit_axis(frames[:2] + frames[3:], mount.pole)
+    assert angle_between(found.axis, others.axis) < 0.01 * ARCSEC
+    assert found.covariance == pytest.approx(others.covariance, rel=2e-3)
+    assert found.camera_covariance == pytest.approx(others.camera_covariance, rel=2e-3)
 
 
 @pytest.mark.parametrize("what", ["declination", "camera"])
