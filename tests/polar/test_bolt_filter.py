@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kochab.polar.bolt_filter import CHANCES, PARTICLES, BoltFilter
+from kochab.polar.bolt_filter import CHANCES, PARTICLES, SAME_BOLT, SAME_SENSE, SAME_THREAD, BoltFilter
 
 
 def after(turns, believed=None):
@@ -29,6 +29,17 @@ def test_a_thread_of_any_scale_is_found_from_both_senses(scale):
         for _ in range(3):
             found = found.turned(0.25, sense * 500.0 * scale, 0.1 * scale, True)
         assert np.median(found.likely.arcsec_a_turn) == pytest.approx(sense * 2000.0 * scale, rel=0.1)
+
+
+def test_another_nights_thread_is_believed_as_surely_as_it_is_the_same_bolts():
+    """Eight in ten are that bolt, most of the same sense; the others lie evenly, up to e squared apart, of either sense."""
+    found = BoltFilter.other_night(2000.0)
+    apart = np.abs(np.log(np.abs(found.arcsec_a_turn) / 2000.0))
+    another = 1.0 - SAME_BOLT
+    assert np.mean(apart < SAME_THREAD) == pytest.approx(0.683 * SAME_BOLT + another * SAME_THREAD / 2.0, abs=0.03)
+    for near, far in ((0.5, 1.0), (1.0, 1.5), (1.5, 2.0)):
+        assert np.mean((apart > near) & (apart < far)) == pytest.approx(another * 0.25, abs=0.02)
+    assert found.clockwise_adds == pytest.approx(SAME_BOLT * SAME_SENSE + another / 2.0, abs=0.03)
 
 
 def test_before_anything_moved_there_is_no_thread_and_more_backlash_with_every_turn():
