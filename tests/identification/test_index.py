@@ -326,6 +326,7 @@ def test_a_volume_that_was_damaged_is_made_again(small_plan, name):
     again = run(index_build.make_fine())
     assert np.array_equal(cells, again.cells)
     assert index.fine() is not None
+    assert list(small_plan.iterdir()) == [damaged.parent], "hundreds of megabytes are not kept twice"
 
 
 def test_a_damaged_volume_that_cannot_be_removed_is_made_beside(small_plan, monkeypatch):
