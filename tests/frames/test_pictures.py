@@ -4,6 +4,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from PIL import Image
 from xisf import XISF
 
 from kochab.core.errors import FrameError
-from kochab.frames import read_frame
+from kochab.frames import read_frame, samples
 from kochab.frames.samples import MAX_PIXELS, luminance
 from tests.frames.files import colours, dng, heic, sky
 
@@ -118,6 +119,21 @@ def test_a_picture_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path)
     assert MAX_PIXELS < 90000 * 90000
     with pytest.raises(FrameError, match="million"):
         read_frame(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "opens"),
+    [
+        *((2, 2, True), (3, 1, False), (1, 3, False)),
+        *((20_000, 15_000, True), (20_000, 15_001, False)),
+        *((100_000, 2, True), (2, 100_000, True), (100_001, 2, False), (2, 100_001, False)),
+    ],
+)
+def test_the_largest_and_the_smallest_picture_that_opens(monkeypatch, width, height, opens):
+    """From 2 x 2 to 300 million pixels, and no side of more than 100,000."""
+    monkeypatch.setattr(samples, "free_bytes", lambda: None)
+    with nullcontext() if opens else pytest.raises(FrameError, match=f"{width} x {height} pixels"):
+        samples.check_size(width, height)
 
 
 def test_one_pixel_is_no_picture(tmp_path):
