@@ -184,6 +184,12 @@ def test_the_same_sources_give_the_same_bytes(sky, built, tmp_path):
         assert (tmp_path / name).read_bytes() == (built[2] / name).read_bytes(), name
 
 
+def test_the_inventory_counts_the_bright_stars_that_have_a_number_or_a_parallax(built):
+    """Of Vega alone a parallax is written, and SAO and HR; two components are one star of Hipparcos."""
+    bright = run(inventory(built[2]))["bright"]
+    assert bright == {"rows": 6, "hip": 5, "hd": 2, "hr": 1, "sao": 1, "with_parallax": 1}
+
+
 def test_the_inventory_sees_what_was_altered(built, tmp_path):
     for file in built[2].iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
