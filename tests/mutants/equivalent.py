@@ -10,6 +10,7 @@ SHRINKS = "how fast a radius shrinks to the residuals, not where it ends"
 SMALL_CONE = "a cone, which the prior holds far below the farthest place of an axis"
 BEGINS = "where a search for the least begins"
 WEAK = "a prior that only keeps an undetermined number finite"
+MANY_LEFT = "one degree of freedom is never left: an odd number of terms is free from eight stars on"
 NEVER_EQUAL = "an angle and a magnitude as measured, which are never quite at the limit"
 
 EQUIVALENT: dict[tuple[str, ...], str] = {
@@ -36,6 +37,8 @@ EQUIVALENT: dict[tuple[str, ...], str] = {
     ("kochab.pointing.disagreement", "hours > 0  ->  hours >= 0"): "no zone is 0 hours off",
     ("kochab.pointing.disagreement", "terms[4] * side  ->  terms[4] / side"): "a side is 1 or -1",
     ("kochab.pointing.disagreement", "4  ->  8", "terms[2:4]).max()"): SMALL_CONE,
+    ("kochab.attitude.fit", "1  ->  2", "max(freedom, 1)"): MANY_LEFT,
+    ("kochab.frames.avi", "4  ->  8", "_DEEPEST = "): "lists lie three deep in an AVI; more only ends a hostile one",
     ("kochab.frames.stretch", "16384  ->  32768"): "a finer table than the 256 greys of a screen need",
     ("kochab.sky.frame_bodies", "2000  ->  4000", "COMPARED = "): WORK,
     ("kochab.sky.frame_bodies", "100  ->  200", "BRIGHTEST = "): WORK,
