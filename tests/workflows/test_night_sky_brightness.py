@@ -22,15 +22,17 @@ from kochab.workflows.night.summary import night_of
 
 SIZE, SCALE, FWHM, GAIN_E, BLACK = 800, 12.0, 3.0, 1.5, 512.0
 SKY_MAG, AIRMASS, ZERO_E = 20.7, 1.4, 4e8
+HALO_PX = 4.5
 NOON = datetime(2026, 3, 1, 22, tzinfo=UTC)
 SHARED = Path(__file__).parents[3] / "shared" / "frames"
 
 
-def rendered(seed, mosaic=False, mag=SKY_MAG, per_colour=-0.2, vignette=0.5, extra=()):
+def rendered(seed, mosaic=False, mag=SKY_MAG, per_colour=-0.2, vignette=0.5, halo=0.0, extra=()):
     """A frame of the sky around (120, 25) deg, its detections and its solution.
 
     Electrons of a star are ``ZERO_E 10^(-0.4 (V + 0.2 X + k (B-V - 0.8)))``, of a pixel of sky
-    ``ZERO_E 10^(-0.4 mag) area``: the air dims stars alone, and both are vignetted.
+    ``ZERO_E 10^(-0.4 mag) area``: the air dims stars alone, and both are vignetted. ``halo``
+    is the share of a star's light that is spread over ``HALO_PX``.
     """
     rng, catalogue = np.random.default_rng(seed), open_catalogue()
     camera = Camera.centred(SIZE, SIZE, 206264.8 / SCALE)
@@ -47,7 +49,9 @@ def rendered(seed, mosaic=False, mag=SKY_MAG, per_colour=-0.2, vignette=0.5, ext
     stars_e = ZERO_E * 10.0 ** (-0.4 * (mags + 0.2 * AIRMASS + per_colour * (colours - 0.8)))
     for (px, py), e in zip([*xy, *extra_xy[:, :2]], [*stars_e, *extra_xy[:, 2]], strict=True):
         here = np.s_[max(int(py) - 20, 0) : int(py) + 21, max(int(px) - 20, 0) : int(px) + 21]
-        light[here] += e / (2 * np.pi * s**2) * np.exp(-((x[here] - px) ** 2 + (y[here] - py) ** 2) / (2 * s**2))
+        far2 = (x[here] - px) ** 2 + (y[here] - py) ** 2
+        for share, wide in ((1.0 - halo, s), (halo, HALO_PX)) if halo else ((1.0, s),):
+            light[here] += share * e / (2 * np.pi * wide**2) * np.exp(-far2 / (2 * wide**2))
     light *= flat
     if mosaic:
         light *= np.tile([[0.6, 1.0], [1.0, 0.7]], (SIZE // 2, SIZE // 2))
@@ -77,6 +81,13 @@ def test_the_brightness_of_a_rendered_sky_is_found(mosaic, per_colour, mag):
     assert found.sigma < 0.2
     wrong = sky.brightness_of(stars, Measure(0.0, 2.0), AIRMASS)
     assert abs(wrong.value - mag) > 0.2, "black is what it hangs on"
+
+
+def test_a_halo_beyond_the_aperture_is_part_of_the_stars_light():
+    """Of a Gaussian of 4.5 px, 22 % lie between the aperture's 2.5 FWHM and 4 FWHM; half of the light is in it."""
+    stars = sky.stars_on_sky(*rendered(3, halo=0.5))
+    assert stars.left_out_mag == pytest.approx(-2.5 * np.log10(1.0 - 0.5 * 0.22), abs=0.02)
+    assert sky.brightness_of(stars, Measure(BLACK, 2.0), AIRMASS).value == pytest.approx(SKY_MAG, abs=0.04)
 
 
 def test_cloud_dims_the_stars_and_not_the_sky():
