@@ -164,7 +164,7 @@ def _times(first: datetime | None, span: tuple[float, float], y: float) -> str:
 def _range(values: Floats, least: float) -> tuple[float, float]:
     """What a strip shows: all but lone extremes, at least so much."""
     low, high = (float(one) for one in np.percentile(values, [1, 99]))
-    spare = max(0.12 * (high - low), (least - (high - low)) / 2.0, 0.0)
+    spare = max(0.12 * (high - low), (least - (high - low)) / 2.0)
     return low - spare, high + spare
 
 
