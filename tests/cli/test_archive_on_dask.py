@@ -16,7 +16,9 @@ from types import SimpleNamespace
 import psutil
 import pytest
 
-from kochab.cli.cluster import SETTINGS, WAITING, _result, cluster, on_cluster
+from kochab.cli import cluster as cluster_module
+from kochab.cli.cluster import SETTINGS, WAITING, Workers, _result, cluster, on_cluster
+from kochab.core.errors import UsageError
 from kochab.solver import SolveOptions
 from kochab.workflows.archive.inputs import Item
 from kochab.workflows.archive.row import Recipe
@@ -180,3 +182,27 @@ def test_an_outcome_that_goes_with_its_worker_is_waited_for_while_workers_are_ke
     answers[:], future.status = [TimeoutError], "error"  # of the work itself
     with pytest.raises(TimeoutError):
         _result(future, workers)
+
+
+def test_a_worker_that_stays_away_is_replaced_and_a_run_without_any_ends(monkeypatch) -> None:
+    """Dask has ten seconds to start it again; a spare that does not come either is followed by another."""
+    there, asked = {"one": 1}, []
+    here = SimpleNamespace(worker_spec={"one": 0, "two": 0}, scale=asked.append)
+    workers, began_s = Workers(SimpleNamespace(nthreads=lambda: there), here, 2), time.monotonic()
+
+    def look_at(*times_s: float) -> list[int]:
+        asked.clear()
+        for after_s in times_s:
+            monkeypatch.setattr(cluster_module, "time", SimpleNamespace(monotonic=lambda now=began_s + after_s: now))
+            workers.keep()
+        return list(asked)
+
+    assert look_at(2.0, 9.0) == []
+    assert look_at(11.0, 19.0) == [3]
+    assert look_at(21.0) == [3]
+    there["two"] = 1
+    assert look_at(23.0) == []
+    there.clear()
+    assert look_at(30.0, 34.0, 322.0) == [4, 4]
+    with pytest.raises(UsageError, match="none could be started again"):
+        look_at(324.0)
