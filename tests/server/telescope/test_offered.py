@@ -89,12 +89,14 @@ def test_a_goto_of_lx200_is_of_date_and_one_of_stellarium_j2000(program, telesco
 
 def test_stellarium_is_told_the_same_place_in_j2000_twice_a_second(program, telescope) -> None:
     telescope.see_mount(PLACES[0])
-    stellarium = program("stellarium")
-    for _ in range(2):
+    stellarium, at_s = program("stellarium"), []
+    while len(at_s) < 2 or (at_s[-1] - at_s[-2] > 0.8 and len(at_s) < 10):  # a busy machine is late now and then
         size, kind, at, ra, dec, status = struct.unpack("<HHqIii", stellarium.hear(24))
         assert (size, kind, status) == (24, 0, 0)
-        assert abs(at / 1e6 - time.time()) < 60.0
+        at_s.append(at / 1e6)
+        assert abs(at_s[-1] - time.time()) < 60.0
         assert apart_deg((ra / 2**32 * 360, dec / 2**32 * 360), PLACES[0]) * 3600.0 < 0.001
+    assert at_s[-1] - at_s[-2] == pytest.approx(0.5, abs=0.3)
 
 
 def test_low_precision_and_back(program, telescope) -> None:
