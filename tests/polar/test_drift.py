@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from kochab.core.attitude import Attitude
+from kochab.core.attitude import Attitude, angle_between
 from kochab.core.errors import FrameError
 from kochab.core.frame import Site
 from kochab.polar.drift import CREEP_ARCSEC_H, Stretch, measure_drift, stretches_of, tracked
@@ -129,6 +129,19 @@ def test_what_guiding_took_away_is_put_back(tmp_path):
     assert guided.error.azimuth_arcsec == pytest.approx(free.error.azimuth_arcsec, rel=0.05)
     sigmas = [each.error.with_systematics.knob_sigma_arcsec(Knob.AZIMUTH) for each in (guided, free)]
     assert sigmas[0] > 0.19 * abs(free.error.azimuth_arcsec) > sigmas[1]  # a pulse is known to a fifth
+
+
+@pytest.mark.parametrize("dec", [0.0, 60.0])
+def test_a_star_beside_its_place_in_ra_is_as_far_from_it_on_the_sky_at_any_declination(tmp_path, dec):
+    """PHD2's distances are pixels: 40 arcsec of them are 80 of right ascension at 60 degrees, and 40 on the sky."""
+    path, looks = tmp_path / "PHD2_GuideLog.txt", []
+    for ra_arcsec in (0.0, 40.0):
+        path.write_text(log_text([(ra_arcsec, 0.0)] * 60, dec=dec))
+        (found,) = guide_log(path, settings(Site(47.0, 8.0)))
+        assert found.ra_rad / ARCSEC == pytest.approx(ra_arcsec, abs=0.01)
+        looks.append(found.attitudes[0].boresight)
+    assert angle_between(*looks) / ARCSEC == pytest.approx(40.0, abs=0.01)
+    assert looks[1][0] > looks[0][0], "west pulses are to answer it, so that the mount looks east"
 
 
 def test_a_dither_is_no_drift_and_lost_stars_are_left_out(tmp_path):

@@ -197,8 +197,9 @@ def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> St
     bins = [bin_of.ravel() == n for n in range(int(bin_of.max()) + 1)]
     at = np.array([time[b].mean() for b in bins])
     north = declination + np.array([north_of * dec[b].mean() for b in bins]) * scale
-    lag = np.array([east_of * ra[b].mean() for b in bins]) * scale / np.cos(declination)
-    seen = observed_at(settings.site, settings.refraction, hour + SIDEREAL_RAD_S * at - lag, north)
+    behind = np.array([east_of * ra[b].mean() for b in bins]) * scale
+    turned = hour + SIDEREAL_RAD_S * at - behind / np.cos(declination)
+    seen = observed_at(settings.site, settings.refraction, turned, north)
     if seen[:, 2].min() < 0.0:
         return None
     pole = pole_direction(settings.site, settings.pole, settings.refraction)
@@ -222,7 +223,7 @@ def _stretch(section: GuidedRun, settings: MeasureSettings, dec_sign: int) -> St
         pulses_rad=moved,
         pulse_share=share,
         calibration=f"{section.y_rate:.3f}",
-        ra_rad=lag * np.cos(declination),
+        ra_rad=behind,
         steps=steps,
     )
 
