@@ -115,7 +115,7 @@ def _request(file: str, numbers: Sequence[str], regions: str = "1") -> PlateRequ
         return PlateRequest(file, None, width if 0.0 < width < 180.0 else None)
     # The regions lie around the first in a square.
     reach = max(width, height, 0.0) * (math.sqrt(count) + 1.0) / 2.0
-    place = (ra % 360.0, dec, min(max(reach, LEAST_RADIUS_DEG), 180.0))
+    place = (ra, dec, min(max(reach, LEAST_RADIUS_DEG), 180.0))
     return PlateRequest(file, place, width if 0.0 < width < 180.0 else None)
 
 
