@@ -1,7 +1,7 @@
 """The search palette: three groups from the first letter, and what each Enter does."""
 
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, QRect, Qt
 from PySide6.QtGui import QColor, QImage, QRegion
 from PySide6.QtWidgets import QWidget
 
@@ -26,8 +26,11 @@ def titles(box, group):
     return [result.title for result in box.results if result.group == group]
 
 
-def test_enter_shows_what_is_in_the_frame(qtbot, palette):
+def test_it_opens_over_the_middle_of_the_window_and_enter_shows_what_is_in_the_frame(qtbot, palette):
     box, commands = palette
+    around = QRect(commands.window.mapToGlobal(QPoint(0, 0)), commands.window.size())
+    assert around.contains(box.geometry())
+    assert abs(box.geometry().center().x() - around.center().x()) <= 1
     qtbot.keyClicks(box.field, "alnit")
     assert box.chosen.title == "Alnitak"
     assert box.chosen.group == FRAME
