@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shiboken6
 from PySide6.QtCore import QPoint, QPointF, Qt, QTimer
-from PySide6.QtGui import QWheelEvent
+from PySide6.QtGui import QColor, QWheelEvent
 from PySide6.QtWidgets import (
     QAbstractButton,
     QApplication,
@@ -29,6 +29,7 @@ from kochab.window.devices.mount_status import MountStatus, StopKey, mount_statu
 from kochab.window.dialogs import ask_frames
 from kochab.window.mount.pointing import Offset, OffsetArrow, SyncDialog
 from kochab.window.shell.views import VIEWS
+from kochab.window.themes import theme_colours
 from kochab.window.widgets import field_value
 from tests.gear.mounts.bench import SITE, place, simulated
 from tests.window.fakes import fake_solution
@@ -157,6 +158,8 @@ def test_what_a_mount_cannot_do_is_greyed_and_told_on_focus(qtbot, unpainted):
         reason = mount.opening.guard.lacks[Ability.SIDEREAL]
         assert tracking.toolTip() == tracking.explanation.reason == reason
         assert reason in tracking.accessibleDescription()
+        assert tracking.palette().buttonText().color() == QColor(theme_colours().faint)
+        assert mount.view.stop.palette().buttonText().color() != QColor(theme_colours().faint)
         tracking.setFocus()
         assert mount.view.why.isVisible()
         assert mount.view.why.text() == reason
