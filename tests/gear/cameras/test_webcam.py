@@ -1,6 +1,7 @@
 """Video cameras through FFmpeg. No webcam is at hand where this was written: a network camera
 stands in for the stream, and a made-up driver for exposure and gain."""
 
+import threading
 import time
 from datetime import UTC, datetime
 
@@ -71,6 +72,15 @@ def test_colour_is_kept_and_its_luminance_is_that_of_files(network_camera) -> No
     assert r > g > b
     assert np.array_equal(frame.pixels, luminance(frame.colour))
     assert frame.saturation == 1020
+
+
+def test_a_closed_camera_has_been_given_back(network_camera) -> None:
+    """Its reader is over with it when ``close`` returns: a device can be opened once at a time."""
+    before = {*threading.enumerate()}
+    camera = open_camera("webcam", network_camera.url)
+    taken(camera)
+    camera.close()
+    assert [thread.name for thread in {*threading.enumerate()} - before if thread.name == "kochab-webcam"] == []
 
 
 def test_unplugged_in_the_middle(network_camera, camera) -> None:
