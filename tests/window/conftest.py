@@ -5,7 +5,7 @@ import os
 from functools import wraps
 
 import pytest
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QEventLoop, QSettings, QTimer
 from pytestqt.qtbot import QtBot
 
 from kochab.window.application import build
@@ -33,6 +33,7 @@ def patience():
     """A busy machine may take longer than pytest-qt's five seconds; what never comes is still told."""
     for name in ("waitUntil", "waitSignal", "waitSignals"):
         setattr(QtBot, name, patient(getattr(QtBot, name)))
+    QtBot.wait = waits_lightly
 
 
 def patient(wait):
@@ -44,6 +45,21 @@ def patient(wait):
         return wait(bot, *arguments, timeout=max(timeout, shortest), **more)
 
     return waits
+
+
+def waits_lightly(bot, ms):
+    """As pytest-qt's, which makes a loop, a timer and a blocker of signals at each of ``waitUntil``'s looks.
+
+    0.24 ms of processor every ten, here 0.10.
+    """
+    kept = vars(bot).pop("loop_and_timer", None)  # gone meanwhile: what waits within this wait makes its own
+    loop, timer = kept or (QEventLoop(), QTimer())
+    if kept is None:
+        timer.setSingleShot(True)
+        timer.timeout.connect(loop.quit)
+    timer.start(ms)
+    loop.exec()
+    bot.loop_and_timer = loop, timer
 
 
 @pytest.fixture(autouse=True)
