@@ -42,6 +42,8 @@ CLOSER, SURE, KEPT = 2, 8, 0.5
 """Square pixels are improved on when twice as many stars and eight lie as close as the new fit's usually do, and half
 stay: of nine stars in whole pixels, seven lay so close by a ratio that was none."""
 ASPECT_ROUNDS, SETTLED = 4, 2e-5
+BESIDE = 1.04
+"""A pattern is found through so much of a stretch, so that the ratio may lie as far beside the one it was found by."""
 HIDDEN = 0.005
 """Where the residuals leave room for no larger stretch than this, no ratio is tried; and a smaller one is a lens's."""
 
@@ -180,8 +182,10 @@ def fitted(
     if ratio is not None:
         return *_as_recorded(matches, fit, detections, ratio), None
     if aspect != 1.0:  # near enough to be seen by, but one of a few that were tried
-        again, other, ratio = _settled(grow, detections, replace(found, matches=_recorded(matches, detections)), aspect)
-        return *_as_recorded(again, other, detections, ratio), None
+        again, other, ratio = _settled_best(grow, detections, replace(found, matches=_recorded(matches, detections)))
+        stretched = Stretch(np.diag([ratio, 1.0]), again, sure=True)
+        poor = other.rms_px > POORER_FIT * max(detections.width, detections.height)
+        return *_as_recorded(again, other, detections, ratio), stretched if poor else None
     return matches, fit, left if left is not None and left.sure else None
 
 
@@ -237,6 +241,19 @@ def _settled(grow: Grow, detections: Detections, found: Identification, aspect: 
         if abs(ratio - 1.0) < SETTLED:
             break
     return matches, fit, aspect
+
+
+def _settled_best(grow: Grow, detections: Detections, found: Identification) -> tuple[Matches, Fit, float]:
+    """The same from the ratio that the stars were found by, and from those beside it where its fit stays poor."""
+    side, best = max(detections.width, detections.height), None
+    for beside in (1.0, BESIDE, 1.0 / BESIDE):
+        trial = _settled(grow, detections, found, found.camera.aspect * beside)
+        if best is None or len(trial[0]) > len(best[0]):
+            best = trial
+        if best[1].rms_px < POOR_FIT * side:
+            break
+    assert best is not None
+    return best
 
 
 def _ratio(matches: Matches, fit: Fit) -> float:
