@@ -95,16 +95,23 @@ def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
                 found = commands(file, shape[2], worker)
                 if quick and shape is LARGE:
                     found = {name: command for name, command in found.items() if name not in OTHERS}
-                rows += compared(label, found, turns if shape is not LARGE else min(turns, 7))
+                rows += _reported(compared(label, found, turns if shape is not LARGE else min(turns, 7)), report)
         for label, busy in BATCHES.items():
             if not only(label):
                 continue
-            report(f"batch of {BATCH}, {busy} busy loops ...")
+            report(f"{label} ...")
             file = folder / "1.5 MP.fits"
             if not file.exists():
                 rendered(file, *SMALL)
-            rows += batch([file] * (BATCH // 4 if quick else BATCH), busy)
+            rows += _reported(batch([file] * (BATCH // 4 if quick or busy else BATCH), busy), report)
     return BenchResult("serve", rows, goals(rows))
+
+
+def _reported(rows: list[dict[str, Any]], report: Report) -> list[dict[str, Any]]:
+    """The same rows, told at once: what follows takes minutes."""
+    for row in rows:
+        report(f"{row['frame']}, {row['command']}: {row['wall_s']:.3f} s, of the processor {row['cpu_s']:.2f} s")
+    return rows
 
 
 def rendered(path: Path, width: int, height: int, fov_deg: float) -> Path:
@@ -292,7 +299,6 @@ def goals(rows: Sequence[Mapping[str, Any]]) -> list[Goal]:
     return [
         Goal.at_most("cold 1.5 MP, of an older Kochab's processor time", ratio(cold, before, "cpu_s"), COLD_RATIO),
         Goal.at_most("warm 1.5 MP, of an older Kochab's wall time", ratio(warm, before), WARM_RATIO),
-        Goal.at_most("warm 1.5 MP, of cold on the wall", ratio(warm, cold), WARM_RATIO),
         Goal.at_most("warm 61 MP, s on the wall", None if large is None else large["wall_s"], WARM_LARGE_S),
         Goal.at_least("frames a second of one processor, batch of 1.5 MP", rates[0] if rates else None, BATCH_FRAMES),
         Goal.at_least("two workers, times as fast as one", two.get(0), BATCH_RATIO),
