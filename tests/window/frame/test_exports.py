@@ -25,6 +25,7 @@ def commands(qapp, tmp_path_factory):
     commands.session.idle.connect(loop.quit)
     commands.files.open(path)
     loop.exec()
+    assert commands.session.jobs.join(60.0)  # another window that closes meanwhile counts the threads of all
     yield commands
     close_windows(commands)
 
