@@ -62,32 +62,52 @@ def run_batch(work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json
     """
     if len(items) > 1:
         gc.enable()  # a short command starts without
-    with closing(outcomes_of(work, items, workers)) as outcomes:
-        return max((_print(outcome, as_json) for outcome in outcomes), default=0)
+    with closing(outcomes_of(work, items, workers, partial(_rendered, as_json=as_json))) as outcomes:
+        return max((_print(**rendered) for rendered in outcomes), default=0)
 
 
 def outcomes_of(
-    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int = 1
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int = 1, then: Callable[[Json], Json] = dict
 ) -> Generator[Json, None, None]:
-    """The outcome of every item, in order; close it to stop. An item that failed gives ``{"file", "error"}``."""
+    """The outcome of every item, in order; close it to stop. An item that failed gives ``{"file", "error"}``.
+
+    Parameters
+    ----------
+    work : Callable[[Item], Task[Json]]
+        A task that returns the outcome of one item; picklable where there are several workers.
+    items : Sequence[Item]
+        What to work on; picklable where there are several workers.
+    workers : int
+        Processes at most; with 1 the work is done in this one.
+    then : Callable[[Json], Json]
+        What is made of an outcome in the process that has it, by default nothing else; likewise picklable.
+    """
     many = workers > 1 and len(items) > 1
-    return _in_processes(work, items, workers) if many else _one_by_one(work, items)
+    return _in_processes(work, items, workers, then) if many else _one_by_one(work, items, then)
 
 
-def _print(outcome: Json, as_json: bool) -> int:
-    """Print one outcome and return the exit code it asks for."""
+def _rendered(outcome: Json, as_json: bool) -> Json:
+    """What :func:`_print` is given of an outcome: a line of hundreds of stars is text where they were found."""
     failures = outcome.pop("failures", [])
+    text = None
     if as_json:
         if failures:
             outcome["warnings"] = [*outcome["warnings"], *failures]
-        print(to_line(outcome), flush=True)
+        text = to_line(outcome)
     elif "error" in outcome:
         failures = [with_file_name(outcome["file"], outcome["error"])]
     else:
-        print(card(outcome), flush=True)
-    for sentence in failures:
+        text = card(outcome)
+    return {"text": text, "sentences": failures, "code": 2 if failures else _code(outcome)}
+
+
+def _print(text: str | None, sentences: Sequence[str], code: int) -> int:
+    """Print one outcome and return the exit code it asks for."""
+    if text is not None:
+        print(text, flush=True)
+    for sentence in sentences:
         say(sentence)
-    return 2 if failures else _code(outcome)
+    return code
 
 
 def with_file_name(file: str, sentence: str) -> str:
@@ -111,14 +131,17 @@ def attempt(file: str, work: Callable[[], Json]) -> Json:
         return {"file": file, "error": fault(error)}
 
 
-def _one_by_one(work: Callable[[Item], Task[Json]], items: Sequence[Item]) -> Generator[Json, None, None]:
+def _one_by_one(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], then: Callable[[Json], Json]
+) -> Generator[Json, None, None]:
     for item in items:
-        yield attempt(item.file, partial(with_progress, item.file, work(item)))
+        yield then(attempt(item.file, partial(with_progress, item.file, work(item))))
 
 
 def _in_processes(
-    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int, then: Callable[[Json], Json]
 ) -> Generator[Json, None, None]:
+    """As :func:`outcomes_of` where there are several workers."""
     from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
     root = logging.getLogger("kochab")
@@ -127,7 +150,7 @@ def _in_processes(
     finished = False
     try:
         with signals_handled([signal.SIGINT], signal.SIG_IGN):  # processes leave Ctrl-C to us from their first moment
-            jobs = [pool.submit(_attempt_in_worker, work, item) for item in items]
+            jobs = [pool.submit(_attempt_in_worker, work, item, then) for item in items]
         # In the order given, not as they end: the lines of a batch do not depend on the number of workers.
         for number, (item, job) in enumerate(zip(items, jobs, strict=True)):
             try:
@@ -136,9 +159,9 @@ def _in_processes(
                 # Nobody knows whose process it was, and the others' work is lost with it. Alone, a file ends its own.
                 if len(items) > 1:
                     for again in filter(None, ([item], items[number + 1 :])):
-                        yield from _in_processes(work, again, workers)
+                        yield from _in_processes(work, again, workers, then)
                     break
-                outcome, records = {"file": item.file, "error": "Its process was ended from outside."}, []
+                outcome, records = then({"file": item.file, "error": "Its process was ended from outside."}), []
             for record in records:
                 logging.getLogger(record.name).handle(record)
             yield outcome
@@ -168,9 +191,11 @@ _records: "SimpleQueue[logging.LogRecord]" = SimpleQueue()
 """What a worker process has logged and not yet handed to its parent."""
 
 
-def _attempt_in_worker(work: Callable[[Item], Task[Json]], item: Item) -> tuple[Json, list[logging.LogRecord]]:
+def _attempt_in_worker(
+    work: Callable[[Item], Task[Json]], item: Item, then: Callable[[Json], Json]
+) -> tuple[Json, list[logging.LogRecord]]:
     """The outcome, and what was logged: the parent writes it, as one process alone can rotate a file."""
-    outcome = attempt(item.file, lambda: run(work(item)))
+    outcome = then(attempt(item.file, lambda: run(work(item))))
     return outcome, [_records.get() for _ in range(_records.qsize())]
 
 
