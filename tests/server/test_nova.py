@@ -364,7 +364,7 @@ def test_the_command_tells_the_address_and_keeps_the_key(tmp_path, monkeypatch) 
 
 
 # Of astroquery 0.4.11: what it makes of the argument is its default from then on, and before it was not.
-@pytest.mark.filterwarnings("ignore:.*force_image_upload")
+@pytest.mark.filterwarnings("ignore:.*force_image_upload", "ignore:The WCS transformation has more axes")
 def test_astroquery_solves_with_its_address_changed_alone(server) -> None:
     astrometry_net = pytest.importorskip("astroquery.astrometry_net", reason="astroquery is not installed")
     client = astrometry_net.AstrometryNet()
