@@ -10,8 +10,8 @@ gives the mounting ``K`` (a rotation) and the symmetric ``S`` (6 numbers: whatev
 soon as two such turns were about different axes. They are fitted by least squares, ``S`` with the chips'
 tolerance as prior. The newest solve is met exactly. While it rests nothing is added up, so the error grows with the
 time in motion alone (zero velocity update). The start of a push, which still looks like rest, is added up once the push
-is noticed: else each would lose a minute of arc. A slow push is noticed by the mean of seconds, in which the noise is
-small: from about 0.015 deg/s on. One slower still, such as a hand that follows a star (0.004), is taken for rest.
+is noticed: else each would lose a minute of arc. A slow push shows in the mean over several seconds, in which the noise
+averages out: from about 0.015 deg/s. A slower one, such as following a star by hand (0.004), is taken for rest.
 """
 
 import math
@@ -21,7 +21,7 @@ import numpy as np
 
 from kochab.attitude import wahba
 from kochab.core.arrays import Floats
-from kochab.core.attitude import cross_product, rotation_vector, separation_deg, small_rotation, unit
+from kochab.core.attitude import cross_matrix, cross_product, rotation_vector, separation_deg, small_rotation, unit
 from kochab.core.values import frozen
 from kochab.pointing.encoders import CREEP_DEG_S, POINTING_DEG, SLIP_SIGMAS
 
@@ -39,9 +39,9 @@ LAG_S = 0.05
 STEADY_S, STEADY_DEG_S, RESTING_DEG_S = 0.8, 0.15, 0.03
 """It rests when within the window rates scatter no more than that, and their mean is that near the rate at rest."""
 SLOW_S, SLOW_SIGMAS = 5.0, 3.0
-"""And when so much longer a mean is no farther from the rate at rest than its noise explains."""
+"""And while the mean over this many seconds lies within so many sigmas of the rate at rest."""
 TRUSTED_S = 15.0
-"""Rest is believed after so long: a slow push begins still slower, and would be taken for the rate at rest."""
+"""Only rates this old count as the rate at rest: a slow push starts even more slowly, and would be absorbed in it."""
 WANDER_DEG_S, REST_SEEN_DEG_S = 0.001, 0.01
 """Of the rate at rest: how far it goes in a second (root of time), and how well one window shows it."""
 BREAK_S = 0.5
@@ -80,6 +80,27 @@ class _Turn:
     sigma: float
 
 
+class _Rates:
+    """Rates (3,), rad/s, and how long each held, oldest first; ``turn`` (3,) and ``seconds`` are their sums."""
+
+    def __init__(self) -> None:
+        self._kept: deque[tuple[Floats, float]] = deque()
+        self.turn, self.seconds = np.zeros(3), 0.0
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    def append(self, rate: Floats, seconds: float) -> None:
+        self._kept.append((rate, seconds))
+        self.turn, self.seconds = self.turn + rate * seconds, self.seconds + seconds
+
+    def popleft(self) -> tuple[Floats, float]:
+        """The oldest rate, and how long it held."""
+        rate, seconds = self._kept.popleft()
+        self.turn, self.seconds = self.turn - rate * seconds, self.seconds - seconds
+        return rate, seconds
+
+
 class GyroModel:
     """Takes rates and solves, and tells attitudes. Attitudes take Earth-fixed directions to camera axes."""
 
@@ -87,10 +108,8 @@ class GyroModel:
         self._rest = np.zeros(3)
         self._rest_variance = math.inf
         self._window: deque[tuple[float, Floats]] = deque()
-        self._skipped: deque[tuple[Floats, float]] = deque()  # rates taken for rest, not yet trusted to be it
-        self._skipped_s = 0.0
-        self._slow: deque[tuple[Floats, float]] = deque()  # since the last quick movement
-        self._slow_turn, self._slow_s = np.zeros(3), 0.0  # what these add up to
+        self._skipped = _Rates()  # taken for rest, not yet trusted to be it
+        self._slow = _Rates()  # since the last quick movement
         self._past: deque[_Felt] = deque()
         self._anchor: _Sighting | None = None
         self._place: _Sighting | None = None
@@ -118,16 +137,16 @@ class GyroModel:
                 continue
             assert before is not None
             self._window.append((moment, rate))
-            self._skipped.append((rate, step_s))
-            self._skipped_s += step_s
+            self._skipped.append(rate, step_s)
             while moment - self._window[0][0] > STEADY_S:
                 self._window.popleft()
-            self._add_slow(rate, step_s)
+            self._slow.append(rate, step_s)
+            while self._slow.seconds > SLOW_S:
+                self._slow.popleft()
             steady, resting = self._look_at_window(step_s)
             turned, moved_s = before.turned, before.moved_s
             while self._skipped and not resting:  # what began before it was noticed counts, too
                 felt, seconds = self._skipped.popleft()
-                self._skipped_s -= seconds
                 turned = small_rotation(-self._axes @ (felt - self._rest) * seconds) @ turned
                 moved_s += seconds
             self.rate_deg_s = 0.0 if resting else math.degrees(float(np.linalg.norm(rate - self._rest)))
@@ -139,21 +158,8 @@ class GyroModel:
         """Rates are missing: where it points, only the next solve tells."""
         self._past.clear()
         self._window.clear()
-        self._skipped.clear()
-        self._skipped_s = 0.0
-        self._forget_slow()
+        self._skipped, self._slow = _Rates(), _Rates()
         self._anchor = self._place = None
-
-    def _add_slow(self, rate: Floats, step_s: float) -> None:
-        self._slow.append((rate, step_s))
-        self._slow_turn, self._slow_s = self._slow_turn + rate * step_s, self._slow_s + step_s
-        while self._slow_s > SLOW_S:
-            old, seconds = self._slow.popleft()
-            self._slow_turn, self._slow_s = self._slow_turn - old * seconds, self._slow_s - seconds
-
-    def _forget_slow(self) -> None:
-        self._slow.clear()
-        self._slow_turn, self._slow_s = np.zeros(3), 0.0
 
     def _look_at_window(self, step_s: float) -> tuple[bool, bool]:
         """Whether the rates are steady, and whether the gyroscope is at rest; what surely was rest gives its bias."""
@@ -161,11 +167,11 @@ class GyroModel:
         if not steady or quick:
             # a quick push begins in the newest alone: what lies before it was rest
             self._trust_rest(STEADY_S)
-            self._forget_slow()
+            self._slow = _Rates()
             return steady, False
-        noise = NOISE_DEG_RT_S / math.sqrt(self._slow_s)
+        noise = NOISE_DEG_RT_S / math.sqrt(self._slow.seconds)
         limit = SLOW_SIGMAS * math.hypot(noise, math.degrees(math.sqrt(self._rest_variance)))
-        if math.degrees(float(np.abs(self._slow_turn / self._slow_s - self._rest).max())) > limit:
+        if math.degrees(float(np.abs(self._slow.turn / self._slow.seconds - self._rest).max())) > limit:
             return True, False
         self._trust_rest(TRUSTED_S)
         return True, True
@@ -186,9 +192,8 @@ class GyroModel:
 
     def _trust_rest(self, but_s: float) -> None:
         """What was skipped before the newest ``but_s`` seconds was rest, and gives the bias."""
-        while self._skipped_s > but_s:
+        while self._skipped.seconds > but_s:
             rate, seconds = self._skipped.popleft()
-            self._skipped_s -= seconds
             if not math.isinf(self._rest_variance):
                 self._measure_rest(rate, math.radians(REST_SEEN_DEG_S) ** 2 * STEADY_S / seconds)
 
@@ -302,7 +307,7 @@ class GyroModel:
 
 def _slope(mounting: Floats, axes: Floats, felt: Floats) -> Floats:
     """Derivatives (3, 9) of a felt turn (3,), in camera axes, by small turns of the mounting and the terms of ``S``."""
-    by_turn = cross_product(np.eye(3), mounting @ axes @ felt).T
+    by_turn = -cross_matrix(mounting @ axes @ felt)
     return np.concatenate([by_turn, mounting @ (SHAPES @ felt).T], axis=1)
 
 
