@@ -62,26 +62,21 @@ def run_batch(work: Callable[[Item], Task[Json]], items: Sequence[Item], as_json
     """
     if len(items) > 1:
         gc.enable()  # a short command starts without
-    with closing(outcomes_of(work, items, workers, partial(_rendered, as_json=as_json))) as outcomes:
+    with closing(_each(work, items, workers, partial(_rendered, as_json=as_json))) as outcomes:
         return max((_print(**rendered) for rendered in outcomes), default=0)
 
 
 def outcomes_of(
-    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int = 1, then: Callable[[Json], Json] = dict
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int = 1
 ) -> Generator[Json, None, None]:
-    """The outcome of every item, in order; close it to stop. An item that failed gives ``{"file", "error"}``.
+    """The outcomes of all items, in order; close the generator to stop. A failed item yields ``{"file", "error"}``."""
+    return _each(work, items, workers, dict)
 
-    Parameters
-    ----------
-    work : Callable[[Item], Task[Json]]
-        A task that returns the outcome of one item; picklable where there are several workers.
-    items : Sequence[Item]
-        What to work on; picklable where there are several workers.
-    workers : int
-        Processes at most; with 1 the work is done in this one.
-    then : Callable[[Json], Json]
-        What is made of an outcome in the process that has it, by default nothing else; likewise picklable.
-    """
+
+def _each(
+    work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int, then: Callable[[Json], Json]
+) -> Generator[Json, None, None]:
+    """What ``then`` makes of every outcome, in the process that has it."""
     many = workers > 1 and len(items) > 1
     return _in_processes(work, items, workers, then) if many else _one_by_one(work, items, then)
 
@@ -141,7 +136,6 @@ def _one_by_one(
 def _in_processes(
     work: Callable[[Item], Task[Json]], items: Sequence[Item], workers: int, then: Callable[[Json], Json]
 ) -> Generator[Json, None, None]:
-    """As :func:`outcomes_of` where there are several workers."""
     from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
     root = logging.getLogger("kochab")
