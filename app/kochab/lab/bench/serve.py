@@ -32,7 +32,7 @@ from kochab.core.frame import Frame
 from kochab.core.values import frozen
 from kochab.frames import read_frame
 from kochab.frames.fits_write import write_fits
-from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, children_s
+from kochab.lab.bench import ALL_ROWS, BenchResult, Goal, Only, Report, Row, children_s, reported
 from kochab.simulate.star_images import RenderedStar, render
 from kochab.sky import open_catalogue
 
@@ -85,7 +85,7 @@ def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
     turns = QUICK_TURNS if quick else TURNS
     with tempfile.TemporaryDirectory(prefix="kochab-bench-") as name:
         folder = Path(name)
-        rows: list[dict[str, Any]] = []
+        rows: list[Row] = []
         with _worker(folder) as worker:
             for label, shape in FRAMES.items():
                 if not only(label):
@@ -95,7 +95,8 @@ def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
                 found = commands(file, shape[2], worker)
                 if quick and shape is LARGE:
                     found = {name: command for name, command in found.items() if name not in OTHERS}
-                rows += _reported(compared(label, found, turns if shape is not LARGE else min(turns, 7)), report)
+                measured = compared(label, found, turns if shape is not LARGE else min(turns, 7))
+                rows += [reported(row, report) for row in measured]
         for label, busy in BATCHES.items():
             if not only(label):
                 continue
@@ -103,15 +104,9 @@ def run(quick: bool, report: Report, only: Only = ALL_ROWS) -> BenchResult:
             file = folder / "1.5 MP.fits"
             if not file.exists():
                 rendered(file, *SMALL)
-            rows += _reported(batch([file] * (BATCH // 4 if quick or busy else BATCH), busy), report)
+            measured = batch([file] * (BATCH // 4 if quick or busy else BATCH), busy)
+            rows += [reported(row, report) for row in measured]
     return BenchResult("serve", rows, goals(rows))
-
-
-def _reported(rows: list[dict[str, Any]], report: Report) -> list[dict[str, Any]]:
-    """The same rows, told at once: what follows takes minutes."""
-    for row in rows:
-        report(f"{row['frame']}, {row['command']}: {row['wall_s']:.3f} s, of the processor {row['cpu_s']:.2f} s")
-    return rows
 
 
 def rendered(path: Path, width: int, height: int, fov_deg: float) -> Path:
