@@ -115,8 +115,9 @@ def pytest_xdist_auto_num_workers() -> int:
     """
     import psutil
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores + 8, int(psutil.virtual_memory().available / 0.7e9)))
+    from kochab.core.threads import processors
+
+    return max(1, min(processors() + 8, int(psutil.virtual_memory().available / 0.7e9)))
 
 
 @pytest.hookimpl(optionalhook=True)
