@@ -335,22 +335,20 @@ def _read_plain(file: BinaryIO, image: FitsImage, wanted: tuple[int, ...]) -> Ar
                 part ^= half
 
     ends = [count * k // readers for k in range(readers + 1)]
-    if readers > 1:
-        in_threads(read, ends[:-1], ends[1:])
-    else:
-        read(0, count)
+    in_turn = in_threads if readers > 1 else map
+    list(in_turn(read, ends[:-1], ends[1:]))
     if offset_type is None and (zero != 0.0 or scale != 1.0):
         return _scaled(out, image.header, zero, scale)
     return out
 
 
 def _has_places(file: BinaryIO) -> bool:
-    """Whether several threads may read a file at once, each at its own place: one of the disk, where systems can."""
+    """Whether several threads may read a file at once, each at its own position: a real file, where the system can."""
     return isinstance(file, io.BufferedReader) and hasattr(os, "preadv")
 
 
 def _read_at(descriptor: int, buffer: memoryview, place: int) -> int:
-    """Fill the buffer from a place of the file; how many bytes there were."""
+    """Fill the buffer from a position in the file; returns the number of bytes read."""
     filled = 0
     while more := os.preadv(descriptor, [buffer[filled:]], place + filled):
         filled += more
@@ -358,12 +356,12 @@ def _read_at(descriptor: int, buffer: memoryview, place: int) -> int:
 
 
 def _read_on(file: BinaryIO, buffer: memoryview, _: int) -> int:
-    """Fill the buffer from where the file stands; how many bytes there were."""
+    """Fill the buffer from the file's current position; returns the number of bytes read."""
     return int(file.readinto(buffer))  # type: ignore[attr-defined]
 
 
 def _make_native(found: Array, out: Array) -> None:
-    """Big-endian numbers as native ones in ``out``; what was found is overwritten. Shifts outrun numpy's byteswap."""
+    """Write big-endian numbers to ``out`` as native ones, overwriting ``found``: shifts are faster than byteswap."""
     if out.itemsize != 2 or sys.byteorder == "big":
         out[:] = found if out.itemsize == 1 or sys.byteorder == "big" else found.byteswap(inplace=True)
         return
