@@ -121,7 +121,7 @@ def test_indi_goes_home_with_an_am5_and_sees_it_there(mount):
     board, indi = mount
     indi.set("GO_HOME.GO=On")
     until(lambda: board.at_home, "not home")
-    indi.is_ok("GO_HOME", "INDI does not report the mount at home")
+    indi.is_ok("GO_HOME", "INDI does not report that the mount is home")
     assert board.radec_deg()[1] == pytest.approx(90.0)
 
 

@@ -185,7 +185,7 @@ def test_the_same_sources_give_the_same_bytes(sky, built, tmp_path):
 
 
 def test_the_inventory_counts_the_bright_stars_that_have_a_number_or_a_parallax(built):
-    """Of Vega alone a parallax is written, and SAO and HR; two components are one star of Hipparcos."""
+    """Only Vega has a parallax, an SAO and an HR number; two components share one Hipparcos number."""
     bright = run(inventory(built[2]))["bright"]
     assert bright == {"rows": 6, "hip": 5, "hd": 2, "hr": 1, "sao": 1, "with_parallax": 1}
 

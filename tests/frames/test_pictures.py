@@ -130,7 +130,7 @@ def test_a_picture_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path)
     ],
 )
 def test_the_largest_and_the_smallest_picture_that_opens(monkeypatch, width, height, opens):
-    """From 2 x 2 to 300 million pixels, and no side of more than 100,000."""
+    """From 2 x 2 pixels to 300 million, and no side longer than 100,000."""
     monkeypatch.setattr(samples, "free_bytes", lambda: None)
     with nullcontext() if opens else pytest.raises(FrameError, match=f"{width} x {height} pixels"):
         samples.check_size(width, height)

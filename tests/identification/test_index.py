@@ -83,7 +83,7 @@ def test_lookup_is_the_same_as_looking_at_every_quad(toy_volume):
     tree = cKDTree(codes.code)
 
     def within(reach):
-        """What comparing every quad finds, as ``got``."""
+        """The same as ``got``, found by comparing every quad."""
         near = tree.query_ball_point(asked, reach, p=np.inf)
         return np.concatenate([k * len(everything) + np.array(one, dtype=int) for k, one in enumerate(near)])
 

@@ -199,7 +199,7 @@ def test_points_near_a_place_are_no_frame_of_it(in_use, no_big_index, count):
 def test_every_search_before_is_one_more_chance_of_a_false_alarm(
     in_use, no_big_index, catalogue, monkeypatch, below, accepted
 ):
-    """The second search's answer is twice as likely to be one by chance as it would be alone: 0.301 in log10."""
+    """An answer of the second search is twice as likely to be a chance match as it would be alone: 0.301 in log10."""
     rng, identify, searches = np.random.default_rng(3), Patterns.identify, []
     field = random_field(catalogue, rng, FieldPlan(0.8))
     hint = hint_near(field.camera, field.attitude, rng, 1.0)

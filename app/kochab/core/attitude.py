@@ -170,7 +170,7 @@ def small_rotation(angles_rad: Floats) -> Floats:
 
 
 def small_rotations(angles_rad: Floats) -> Floats:
-    """Matrices (..., 3, 3) that turn by ``angles_rad`` (..., 3)."""
+    """Rotation matrices (..., 3, 3) for rotation vectors ``angles_rad`` (..., 3)."""
     return np.stack([small_rotation(each) for each in angles_rad.reshape(-1, 3)]).reshape(*angles_rad.shape, 3)
 
 

@@ -408,10 +408,10 @@ def warm(run: Run, samples: Sequence[Sequence[str]]) -> None:
 
 
 def make_room() -> None:
-    """Take memory and let it go, all of it written to: the frame that comes finds it in this process.
+    """Allocate memory, write to it and free it, so that the next frame finds it in this process.
 
-    A page that is asked from the system when it is first written to costs up to 8 us on a virtual machine, and a frame
-    of 1.5 MP writes to a thousand. glibc keeps what is let go, once it has seen a part as large as all of it go.
+    The first write to a page costs up to 8 us on a virtual machine, and a frame of 1.5 MP writes to a thousand pages.
+    glibc keeps freed memory once a block as large as all of it has been freed.
     """
     bytearray(ROOM_BYTES)
     parts = [bytearray(PART_BYTES) for _ in range(ROOM_BYTES // PART_BYTES - 1)]

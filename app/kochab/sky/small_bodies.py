@@ -160,7 +160,7 @@ class SmallBodies:
         return np.where(closer[:, None], self.recent, self.state), np.where(closer, self.recent_jd, self.epoch_jd)
 
     def on_night(self, rows: Indices, jd_tdb: float) -> Task[tuple[Floats, float]]:
-        """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; kept for some nights."""
+        """States (M, 6) of ``rows`` at a date within half a day of ``jd_tdb``, and that date; a few nights are kept."""
         night = round(jd_tdb)
         if (known := self._carried.get(night)) is None:  # other threads replace the nights: this one keeps its own
             others = list(self._carried.items())[1 - KEPT_NIGHTS :]

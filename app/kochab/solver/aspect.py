@@ -23,7 +23,7 @@ from kochab.core.progress import Progress, Task
 from kochab.core.solution import Identification, Matches, NoSolution, Reason, StarCatalogue
 from kochab.core.values import frozen
 from kochab.identification.verification import ACCEPT_LOG10
-from kochab.solver.matches import field_centre, fitted_anew, is_astray
+from kochab.solver.matches import field_centre, fitted_anew, has_diverged
 from kochab.solver.window_ladder import MOST_WINDOWS
 from kochab.text.translation import tr
 
@@ -43,7 +43,7 @@ CLOSER, SURE, KEPT = 2, 8, 0.5
 stay: of nine stars in whole pixels, seven lay so close by a ratio that was none."""
 ASPECT_ROUNDS, SETTLED = 4, 2e-5
 BESIDE = 1.04
-"""A pattern is found through so much of a stretch, so that the ratio may lie as far beside the one it was found by."""
+"""Patterns tolerate a stretch by this factor: the true ratio may differ as much from the one they were found with."""
 HIDDEN = 0.005
 """Where the residuals leave room for no larger stretch than this, no ratio is tried; and a smaller one is a lens's."""
 
@@ -120,7 +120,7 @@ def _unbent(matches: Matches, fit: Fit) -> Iterator[tuple[Camera, Attitude]]:
     """The camera without the distortion that may have bent to the stretch, then with its optical axis unmoved too."""
     camera = fit.camera
     yield replace(camera, k1=0.0, k2=0.0, p1=0.0, p2=0.0), fit.attitude
-    if is_astray(camera):
+    if has_diverged(camera):
         return
     centred = type(camera).centred(camera.width, camera.height, camera.focal_px, camera.mirrored)
     yield centred, wahba(centred.unproject(matches.xy), matches.vectors)
@@ -183,9 +183,9 @@ def fitted(
         return *_as_recorded(matches, fit, detections, ratio), None
     if aspect != 1.0:  # near enough to be seen by, but one of a few that were tried
         again, other, ratio = _settled_best(grow, detections, replace(found, matches=_recorded(matches, detections)))
-        stretched = Stretch(np.diag([ratio, 1.0]), again, sure=True)
         poor = other.rms_px > POORER_FIT * max(detections.width, detections.height)
-        return *_as_recorded(again, other, detections, ratio), stretched if poor else None
+        stretched = Stretch(np.diag([ratio, 1.0]), again, sure=True) if poor else None
+        return *_as_recorded(again, other, detections, ratio), stretched
     return matches, fit, left if left is not None and left.sure else None
 
 
@@ -244,7 +244,7 @@ def _settled(grow: Grow, detections: Detections, found: Identification, aspect: 
 
 
 def _settled_best(grow: Grow, detections: Detections, found: Identification) -> tuple[Matches, Fit, float]:
-    """The same from the ratio that the stars were found by, and from those beside it where its fit stays poor."""
+    """The same from the ratio that the stars were found with, and from its neighbours while the fit is poor."""
     side, best = max(detections.width, detections.height), None
     for beside in (1.0, BESIDE, 1.0 / BESIDE):
         trial = _settled(grow, detections, found, found.camera.aspect * beside)
@@ -257,8 +257,8 @@ def _settled_best(grow: Grow, detections: Detections, found: Identification) -> 
 
 
 def _ratio(matches: Matches, fit: Fit) -> float:
-    """How much the image is stretched along rows relative to columns: 1 for square pixels and a fit gone astray."""
-    if is_astray(fit.camera):
+    """How much the image is stretched along rows relative to columns: 1 for square pixels and a diverged fit."""
+    if has_diverged(fit.camera):
         return 1.0
     left = _linear(fit.camera.project(matches.vectors @ fit.attitude.matrix.T), matches.xy)
     across, down = np.hypot(*left[:2])

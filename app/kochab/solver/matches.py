@@ -141,7 +141,7 @@ def behind_its_lens(
     matches, fit = grow(found)
     camera, side = fit.camera, max(fit.camera.width, fit.camera.height)
     poor = fit.rms_px >= POOR_LENS * side
-    if isinstance(camera, FisheyeCamera) or is_astray(camera):
+    if isinstance(camera, FisheyeCamera) or has_diverged(camera):
         return matches, fit
     if poor and side > AXIS_SHOWS * camera.focal_px and len(found.matches) >= FEWEST_FOR_AXIS:
         crop, matrix = off_axis(found.matches, found.camera, found.attitude.matrix)
@@ -160,8 +160,8 @@ def behind_its_lens(
     return (more, other) if closer or fuller else (matches, fit)
 
 
-def is_astray(camera: Camera) -> bool:
-    """Whether a fit went so far astray that the frame's edge lies more than 180 deg off a fisheye's axis."""
+def has_diverged(camera: Camera) -> bool:
+    """Whether a fit has diverged: the frame's edge would lie more than 180 deg off a fisheye's axis."""
     return max(camera.width, camera.height) > 2.0 * np.pi * camera.focal_px
 
 

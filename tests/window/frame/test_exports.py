@@ -15,7 +15,7 @@ from tests.window.fakes import FakeEngine, close_windows, no_solution
 
 @pytest.fixture(scope="module")
 def commands(qapp, tmp_path_factory):
-    """One solved frame for all: an export leaves the window as it is, and each window takes a quarter of a second."""
+    """One solved frame for all tests: an export changes nothing in the window, and each window takes 0.25 s to open."""
     folder = tmp_path_factory.mktemp("exports")
     path = folder / "orion.fits"
     path.write_bytes(b"not read by the fake engine")
